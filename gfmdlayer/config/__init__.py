@@ -1,0 +1,54 @@
+"""What a user may write: YAML to plain validated data, in milliseconds and without any numerics.
+
+`load` reads a file into a `Config` or raises one `ConfigError` that lists everything wrong with it, each with
+its place, its key and what is allowed. `digest` names what determines a case's results.
+"""
+
+from gfmdlayer.config.model import Config, digest
+from gfmdlayer.config.problems import ConfigError
+from gfmdlayer.config.reader import load
+from gfmdlayer.config.sections import (
+    Branch,
+    Cylinder,
+    Flat,
+    Grid,
+    Halfspace,
+    Layer,
+    Material,
+    Output,
+    Parabola,
+    Profile,
+    Prony,
+    Punch,
+    Sinusoid,
+    Solver,
+    Time,
+    Trajectory,
+    Wedge,
+    Zener,
+)
+
+__all__ = [
+    "Branch",
+    "Config",
+    "ConfigError",
+    "Cylinder",
+    "Flat",
+    "Grid",
+    "Halfspace",
+    "Layer",
+    "Material",
+    "Output",
+    "Parabola",
+    "Profile",
+    "Prony",
+    "Punch",
+    "Sinusoid",
+    "Solver",
+    "Time",
+    "Trajectory",
+    "Wedge",
+    "Zener",
+    "digest",
+    "load",
+]

@@ -1,0 +1,262 @@
+"""Checks that need more than one value: what is possible in physics, and what contradicts itself.
+
+Each check yields a `Problem` that names every key it rests on, so that a value already refused for itself
+is not blamed a second time.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from gfmdlayer.config.problems import Location, Problem, shown, unknown_key
+
+if TYPE_CHECKING:
+    from gfmdlayer.config.model import Config
+
+MAX_CASES = 1_000_000
+MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
+
+Blame = tuple[str, object, str, tuple[str, ...]]
+Validate = Callable[[dict[str, object]], list[Problem]]
+
+
+def conflicts(config: Config) -> Iterator[Problem]:
+    """Yield what is wrong between the values of one case."""
+    for check in (_grid, _solid, _punch, _trajectory, _time, _solver, _output):
+        yield from check(config)
+
+
+def _problem(key: str, message: str, *others: str) -> Problem:
+    return Problem(tuple(key.split(".")), message, others)
+
+
+def _grid(config: Config) -> Iterator[Problem]:
+    points, period = config.grid.points, config.grid.period
+    if len(period) != len(points):
+        yield _problem(
+            "grid.period",
+            f"got {len(period)} lengths for {len(points)} direction{'s' * (len(points) > 1)} of points; "
+            "must be one number, or one for each direction",
+            "grid.points",
+        )
+
+
+def _solid(config: Config) -> Iterator[Problem]:
+    layer, bulk, material = config.layer, config.halfspace.shear_modulus, config.layer.material
+    if material.model == "zener" and material.Ginf < material.G0:
+        yield _problem(
+            "layer.material.Ginf",
+            f"got {material.Ginf!r}, below G0 = {material.G0!r}; must be a number >= G0 (relaxation softens)",
+            "layer.material.G0",
+        )
+    if layer.thickness == 0 and bulk in {0, math.inf}:
+        kind = (
+            "rigid halfspace: nothing is left to deform"
+            if bulk
+            else "halfspace without stiffness: nothing carries a load"
+        )
+        yield _problem(
+            "layer.thickness",
+            f"got 0 on a {kind}; must be > 0, or halfspace.shear_modulus a number > 0 and finite",
+            "halfspace.shear_modulus",
+        )
+
+
+def _punch(config: Config) -> Iterator[Problem]:
+    punch, length = config.punch, config.grid.period[0]
+    match punch.shape:
+        case "cylinder":
+            if punch.radius < length / 2:
+                yield _problem(
+                    "punch.radius",
+                    f"got {punch.radius!r}: the circle ends inside the cell and has no height beyond; must "
+                    f"be a number >= half the period in x, {length / 2!r} (a parabola takes any radius)",
+                    "grid.period",
+                    "punch.shape",
+                )
+        case "flat":
+            if punch.width + 2 * punch.edge_radius >= length:
+                yield _problem(
+                    "punch.width",
+                    f"got {punch.width!r} with edge_radius {punch.edge_radius!r}; "
+                    f"width + 2 edge_radius must be below the period in x, {length!r}",
+                    "punch.edge_radius",
+                    "grid.period",
+                    "punch.shape",
+                )
+        case "sinusoid":
+            waves = length / punch.wavelength
+            if waves < 1 - 1e-9 or abs(waves - round(waves)) > 1e-9 * waves:
+                yield _problem(
+                    "punch.wavelength",
+                    f"got {punch.wavelength!r}, which does not divide the period in x, {length!r}; "
+                    "must be the period divided by a whole number",
+                    "grid.period",
+                    "punch.shape",
+                )
+
+
+def _trajectory(config: Config) -> Iterator[Problem]:
+    given = config.trajectory
+    table, other = given.kind == "table", "load" if given.control == "depth" else "depth"
+    switches = ("trajectory.control", "trajectory.kind")
+    if table and given.file is None:
+        yield _problem("trajectory.file", "missing; kind: table must be given the name of a file", *switches)
+    if not table and given.file is not None:
+        yield _problem(
+            "trajectory.file", "given, but kind is ramp_hold; must be left out, or kind be table", *switches
+        )
+    if table and given.ramp_time is not None:
+        yield _problem(
+            "trajectory.ramp_time", "given, but the table sets the times; must be left out", *switches
+        )
+    if table and getattr(given, given.control) is not None:
+        yield _problem(
+            f"trajectory.{given.control}", "given, but the table sets it; must be left out", *switches
+        )
+    if getattr(given, other) is not None:
+        message = f"given, but control is {given.control}; must be left out, or control be {other}"
+        yield _problem(f"trajectory.{other}", message, *switches)
+    if not table and given.control == "load" and given.load is None:
+        yield _problem(
+            "trajectory.load",
+            "missing; control: load must be given a number >= 0, the mean pressure",
+            *switches,
+        )
+
+
+def _time(config: Config) -> Iterator[Problem]:
+    time = config.time
+    if time.step == "adaptive":
+        if time.integrator == "backward_euler":
+            yield _problem(
+                "time.integrator",
+                "got backward_euler with step: adaptive; must be exponential, which estimates its error",
+                "time.step",
+            )
+    elif time.step > time.end:
+        message = f"got {time.step!r}, beyond time.end = {time.end!r}; must be a number <= time.end"
+        yield _problem("time.step", message, "time.end")
+
+
+def _solver(config: Config) -> Iterator[Problem]:
+    solver = config.solver
+    if solver.inertia is not None and solver.method != "fire":
+        message = f"given, but method is {solver.method}; must be left out, or method be fire"
+        yield _problem("solver.inertia", message, "solver.method")
+
+
+def _output(config: Config) -> Iterator[Problem]:
+    end, output = config.time.end, config.output
+    yield from _sequence("output.snapshots", output.snapshots, end)
+    if isinstance(output.times, tuple):
+        yield from _sequence("output.times", output.times, end)
+    elif output.times is not None and not 0 < output.times <= end:
+        message = f"got a spacing of {output.times!r}; must be a number > 0 and <= time.end = {end!r}"
+        yield _problem("output.times", message, "time.end")
+    if output.times is not None and config.time.step != "adaptive":
+        message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
+        yield _problem("output.times", message, "time.step")
+
+
+def _sequence(key: str, times: tuple[float, ...], end: float) -> Iterator[Problem]:
+    for i, time in enumerate(times):
+        location: Location = (*key.split("."), i)
+        if time > end:
+            message = f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
+            yield Problem(location, message, ("time.end",))
+        if i and time <= times[i - 1]:
+            yield Problem(
+                location, f"got {time!r} after {times[i - 1]!r}; must be larger, times increase", (key,)
+            )
+
+
+def sweep_conflicts(config: Config, keys: list[str], validate: Validate) -> Iterator[Problem]:
+    """Yield what is wrong with a sweep: its keys, its values, and the cases that they make.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration whose `sweep` is looked at.
+    keys : list of str
+        Dotted keys that can be swept.
+    validate : callable
+        Dotted key -> value, to the problems of the case made with these values.
+    """
+    sound: dict[str, list[object]] = {}
+    for key, values in config.sweep.items():
+        if key not in keys:
+            yield Problem(("sweep", key), _not_swept(key, keys), at_key=True)
+            continue
+        faults = dict(_values(key, values))
+        yield from faults.values()
+        if kept := [value for i, value in enumerate(values) if i not in faults]:
+            sound[key] = kept
+    size = math.prod(map(len, sound.values()))
+    if size > MAX_CASES:
+        yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
+    elif sound:
+        everywhere = [p for p in conflicts(config) if sound.keys().isdisjoint({p.key, *p.others})]
+        yield from everywhere
+
+        def validate_rest(case: dict[str, object]) -> list[Problem]:
+            return [problem for problem in validate(case) if problem not in everywhere]
+
+        found = _sweep_cases(sound, validate_rest, product=size <= MAX_CHECKED_PRODUCT)
+        for key, value, message, others in found:
+            yield Problem(("sweep", key, config.sweep[key].index(value)), message, others)
+
+
+def _not_swept(key: str, keys: list[str]) -> str:
+    if key.partition(".")[0] in {"name", "sweep"}:
+        return "cannot be swept; allowed: a dotted key such as layer.thickness"
+    siblings = [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
+    return unknown_key(key, siblings or keys, keys)
+
+
+def _values(key: str, values: list[object]) -> Iterator[tuple[int, Problem]]:
+    """Yield what is wrong with a list of values before any is tried, with the index (-1: the list itself)."""
+    if not values:
+        yield -1, Problem(("sweep", key), "got an empty list; must be a list of at least one value")
+    seen: set[object] = set()
+    for i, value in enumerate(values):
+        wrong = None
+        if value is None or isinstance(value, (list, tuple, dict)):
+            wrong = f"got {shown(value)}; must be a single number or word, which labels the results"
+        elif value in seen:
+            wrong = f"got {shown(value)} a second time; must be different values"
+        else:
+            seen.add(value)
+        if wrong:
+            yield i, Problem(("sweep", key, i), wrong)
+
+
+def _sweep_cases(sweep: dict[str, list[object]], validate: Validate, *, product: bool) -> dict[Blame, None]:
+    """Return the swept values that cases fail on, in the order in which they were found.
+
+    First come the cases that differ from the first one in a single value, then their whole product. All of
+    them will run, so nothing is refused for a value of the configuration itself that no case has.
+    """
+    first = {key: values[0] for key, values in sweep.items()}
+    varied = next(iter(sweep))
+    known = validate(first)
+    found = dict.fromkeys(_blame(problem, first, varied) for problem in known)
+    for key, values in sweep.items():
+        for value in values[1:]:
+            case = first | {key: value}
+            found |= dict.fromkeys(_blame(new, case, key) for new in validate(case) if new not in known)
+    if not found and product:
+        for combination in itertools.product(*sweep.values()):
+            case = dict(zip(sweep, combination, strict=True))
+            found |= dict.fromkeys(_blame(problem, case, varied) for problem in validate(case))
+    return found
+
+
+def _blame(problem: Problem, case: dict[str, object], varied: str) -> Blame:
+    """Return the swept key and value a case's problem comes from, the message, and the keys it rests on."""
+    culprit = next((name for name in (problem.key, *problem.others) if name in case), varied)
+    message = problem.message if culprit == problem.key else f"with {shown(case[culprit])}, {problem}"
+    return culprit, case[culprit], message, (problem.key, *problem.others)

@@ -1,0 +1,188 @@
+"""From a file and the command line's overrides to a `Config`, or to a list of everything that is wrong.
+
+A value that is refused is set aside and the rest looked at again, so that what it hides comes to light in the
+same report; whatever rests on a value set aside is not blamed.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from gfmdlayer.config import text
+from gfmdlayer.config.model import Config, explained, problems
+from gfmdlayer.config.problems import ConfigError, Location, Problem
+from gfmdlayer.config.text import Document, Place
+
+FILES = ("punch.file", "trajectory.file")
+
+
+def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file. File names in it are relative to its folder.
+    overrides : iterable of str
+        ``dotted.key=value`` with the value in YAML, each replacing what the file says, in this order.
+
+    Returns
+    -------
+    Config
+        Validated, as are all cases of its sweep.
+
+    Raises
+    ------
+    ConfigError
+        With every problem found, each ``file:line:column: key: what was wrong; what is allowed``; those of
+        overrides begin with ``--set`` instead.
+    """
+    document = _document(Path(path), str(path))
+    if document.data is None or not isinstance(document.data, dict):
+        raise _error(document.problems)
+    for override in overrides:
+        _override(document, override)
+    if document.data.get("sweep") == {}:
+        message = "sweep: got an empty mapping; must hold a dotted key with a list of values, or be left out"
+        document.problems.append((document.values["sweep",], message))
+    _resolve(document.data, Path(path).absolute().parent)
+    try:
+        config = Config.model_validate(document.data)
+    except ValidationError as error:
+        # A value that could not be read has been reported as such; that it is missing now says nothing more.
+        unreadable = {place for place, _ in document.problems if place.line}
+        found = [(_place(document, p), str(p)) for p in _all_problems(document.data, error)]
+        raise _error(document.problems + [told for told in found if told[0] not in unreadable]) from None
+    if document.problems:
+        raise _error(document.problems)
+    return config
+
+
+def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
+    return ConfigError(dict.fromkeys(f"{place}: {message}" for place, message in sorted(problems)))
+
+
+def _document(path: Path, source: str) -> Document:
+    start = Place(source, 1, 1)
+    try:
+        content, wrong = text.decoded(path.read_bytes(), source)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        return Document(problems=[(start, f"cannot be read ({reason}); must be the name of a YAML file")])
+    if wrong:
+        return Document(problems=wrong)
+    document = text.read(content, source)
+    wanted = "must be a mapping of keys to values, with at least name: ..."
+    if document.data is None and not document.problems:
+        document.problems.append((start, f"is empty; {wanted}"))
+    elif not isinstance(document.data, dict) and not document.problems:
+        document.problems.append((document.values[()], f"holds no keys; {wanted}"))
+        document.data = None
+    return document
+
+
+def _override(document: Document, override: str) -> None:
+    """Put one ``dotted.key=value`` into the document."""
+    option = Place("--set")
+    key, equals, value = override.partition("=")
+    location: tuple[str, ...] = tuple(key.strip().split("."))
+    if location[0] == "sweep" and len(location) > 1:
+        location = ("sweep", ".".join(location[1:]))
+    if not equals or not all(location):
+        document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
+        return
+    new = text.read(value, "--set", location, option=True)
+    if new.problems:
+        document.problems += [(place, m if m.startswith(key) else f"{key}: {m}") for place, m in new.problems]
+        return
+    inner: Any = document.data
+    for i, part in enumerate(location[:-1]):
+        inner = inner.setdefault(part, {})
+        if not isinstance(inner, dict):
+            section = ".".join(location[: i + 1])
+            document.problems.append(
+                (option, f"{key}: {section} is not a mapping, so no key of it can be set")
+            )
+            return
+        document.keys.setdefault(location[: i + 1], option)
+    for places in (document.keys, document.values):
+        for old in [place for place in places if place[: len(location)] == location]:
+            del places[old]
+    inner[location[-1]] = new.data
+    document.keys.update(new.keys | {location: option})
+    document.values.update({location: option} | new.values)
+
+
+def _resolve(data: dict[str, Any], folder: Path) -> None:
+    """Make file names absolute, in the sections and in the sweep."""
+
+    def absolute(value: object) -> object:
+        return str(folder / value) if isinstance(value, str) and value else value
+
+    for name in FILES:
+        head, _, tail = name.partition(".")
+        if isinstance(section := data.get(head), dict) and tail in section:
+            section[tail] = absolute(section[tail])
+        if isinstance(sweep := data.get("sweep"), dict) and isinstance(values := sweep.get(name), list):
+            sweep[name] = [absolute(value) for value in values]
+
+
+def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
+    """Return the problems that pydantic found first, and those that they hide."""
+    rest = copy.deepcopy(data)
+    found = new = explained(error)
+    aside: list[str] = []
+    while new:
+        removed = [_set_aside(rest, problem.location) for problem in new]
+        aside += removed + [key.removeprefix("sweep.") for key in removed]
+        new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
+        found = found + new
+    return [_as_written(data, problem) for problem in found]
+
+
+def _set_aside(data: Any, location: Location) -> str:
+    """Remove what is at a location, or what should have held it; return its dotted key."""
+    keys = [part for part in location if isinstance(part, str)]
+    holder = data
+    for depth, key in enumerate(keys):
+        if key not in holder:
+            return _set_aside(data, location[:depth]) if depth else key
+        if depth == len(keys) - 1 or not isinstance(holder[key], dict):
+            del holder[key]
+            return ".".join(keys[: depth + 1])
+        holder = holder[key]
+    return ""
+
+
+def _rests_on(problem: Problem, key: str) -> bool:
+    own = problem.key if problem.at_key else problem.key.removeprefix("sweep.")
+    names = (own, problem.key, *problem.others)
+    return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
+
+
+def _as_written(data: Any, problem: Problem) -> Problem:
+    """Return the problem without the index that pydantic counts where the user wrote a single value."""
+    *path, last = problem.location
+    if isinstance(last, int):
+        for part in path:
+            data = data.get(part) if isinstance(data, dict) else data
+        if not isinstance(data, list):
+            return replace(problem, location=tuple(path))
+    return problem
+
+
+def _place(document: Document, problem: Problem) -> Place:
+    """Return the place of the value or key; where there is none, of what should have held it."""
+    location = problem.location
+    if problem.at_key and location in document.keys:
+        return document.keys[location]
+    while location and location not in document.values:
+        location = location[:-1]
+    exact = location == problem.location
+    return document.values[location] if exact else document.keys.get(location, document.values[location])

@@ -1,0 +1,293 @@
+"""The sections of a configuration: plain validated data, with the paper's values as defaults.
+
+Lengths are in units of the period, moduli in units of G0 and times in units of tau, unless a configuration
+gives all three in other units consistently. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.
+52 (2024), Eq. (5) for the Zener material and Eq. (30) for the punch and its trajectory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    FieldSerializationInfo,
+    Tag,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+)
+
+from gfmdlayer.config.problems import MustBe, one_of
+
+
+def _sequence(value: object) -> object:
+    return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
+
+def _readable(path: Path) -> Path:
+    """Refuse early what a run could only refuse late; what the file holds is looked at by its reader."""
+    path = path.absolute()
+    try:
+        if not path.exists():
+            wrong = "does not exist"
+        elif not path.is_file():
+            wrong = "is not a regular file"
+        else:
+            path.open("rb").close()
+            return path
+    except OSError as error:
+        wrong = f"cannot be read ({error.strerror})"
+    raise ValueError(
+        f"{path} {wrong}; must be the name of a readable file, relative to the configuration's folder"
+    )
+
+
+def _not_null(value: object) -> object:
+    # None says in the model that a key has no meaning here; a user says so by leaving the key out.
+    if value is None:
+        raise ValueError("got nothing (null); must have a value, or be left out")
+    return value
+
+
+_given = AfterValidator(_not_null)
+_strict = Field(strict=True, allow_inf_nan=False)
+Positive = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite")]
+NotNegative = Annotated[float, _strict, Field(ge=0), MustBe("a number >= 0, finite")]
+Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
+Poisson = Annotated[float, _strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
+Count = Annotated[int, Field(strict=True, ge=1), MustBe("a whole number >= 1")]
+Points = Annotated[int, Field(strict=True, ge=8), MustBe("a whole number >= 8, or two of them, [nx, ny]")]
+Length = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
+Spacing = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
+File = Annotated[Path, MustBe("the name of a file"), AfterValidator(_readable)]
+Name = Annotated[
+    str,
+    Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
+    MustBe("text of at most 128 letters, digits and . _ -, not beginning with . or - (it names a folder)"),
+]
+
+
+class Section(BaseModel):
+    """A part of the configuration: immutable, and without any key that is not listed."""
+
+    # Built when first used: the whole configuration holds a copy of most of them.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+
+
+class Grid(Section):
+    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly)."""
+
+    points: Annotated[tuple[Points, ...], BeforeValidator(_sequence)] = (16384,)
+    period: Annotated[tuple[Length, ...], BeforeValidator(_sequence), Field(validate_default=True)] = (1.0,)
+
+    @field_validator("points", "period")
+    @classmethod
+    def _one_or_two(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        if len(values) not in {1, 2}:
+            raise ValueError(f"got {len(values)} values; must be one, or two for a surface in two directions")
+        return values
+
+    @field_validator("period")
+    @classmethod
+    def _for_each_direction(cls, period: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        return period * len(info.data.get("points", period)) if len(period) == 1 else period
+
+    @field_serializer("points", "period")
+    def _number_where_one_will_do(self, values: tuple[float, ...], info: FieldSerializationInfo) -> object:
+        return (
+            values[0]
+            if len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
+            else values
+        )
+
+
+class Zener(Section):
+    """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau)."""
+
+    model: Literal["zener"] = "zener"
+    G0: Positive = 1.0
+    Ginf: Positive = 10.0
+    tau: Positive = 1.0
+
+
+class Branch(Section):
+    """One term G exp(-t/tau) of a Prony series."""
+
+    G: Positive
+    tau: Positive
+
+
+class Prony(Section):
+    """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus."""
+
+    model: Literal["prony"] = "prony"
+    G0: Positive = 1.0
+    branches: tuple[Branch, ...] = Field(description="a list of {G: ..., tau: ...}, each a number > 0")
+
+    @field_validator("branches")
+    @classmethod
+    def _at_least_one(cls, branches: tuple[Branch, ...]) -> tuple[Branch, ...]:
+        if not branches:
+            raise ValueError("got an empty list; must be at least one {G: ..., tau: ...}")
+        return branches
+
+
+class Parabola(Section):
+    """Height x^2/(2 radius) above the apex, Eq. (30)."""
+
+    shape: Literal["parabola"] = "parabola"
+    radius: Positive = 0.25
+
+
+class Cylinder(Section):
+    """Circular cylinder (a sphere on a surface in two directions); `radius` >= half the period."""
+
+    shape: Literal["cylinder"] = "cylinder"
+    radius: Positive
+
+
+class Wedge(Section):
+    """Height slope |x|."""
+
+    shape: Literal["wedge"] = "wedge"
+    slope: Positive
+
+
+class Flat(Section):
+    """Flat over `width`; outside it a parabola of radius `edge_radius` that begins with zero slope."""
+
+    shape: Literal["flat"] = "flat"
+    width: Positive
+    edge_radius: Positive
+
+
+class Sinusoid(Section):
+    """Height amplitude (1 - cos(2 pi x/wavelength)); a whole number of waves fills the period."""
+
+    shape: Literal["sinusoid"] = "sinusoid"
+    amplitude: Positive
+    wavelength: Positive
+
+
+class Profile(Section):
+    """Heights read from a file."""
+
+    shape: Literal["profile"] = "profile"
+    file: File
+
+
+def _tag(key: str, default: str) -> Discriminator:
+    """Return the rule that picks a member of a union by its `key`, which may be left out for the default."""
+
+    def tag(value: object) -> str:
+        if isinstance(value, Section):
+            return str(getattr(value, key))
+        return str(value.get(key, default)) if isinstance(value, Mapping) else default
+
+    return Discriminator(tag)
+
+
+Material = Annotated[
+    Annotated[Zener, Tag("zener")] | Annotated[Prony, Tag("prony")],
+    _tag("model", "zener"),
+]
+Punch = Annotated[
+    Annotated[Parabola, Tag("parabola")]
+    | Annotated[Cylinder, Tag("cylinder")]
+    | Annotated[Wedge, Tag("wedge")]
+    | Annotated[Flat, Tag("flat")]
+    | Annotated[Sinusoid, Tag("sinusoid")]
+    | Annotated[Profile, Tag("profile")],
+    _tag("shape", "parabola"),
+]
+
+
+class Layer(Section):
+    """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
+
+    thickness: Extended = 0.05
+    poisson: Poisson = 0.5
+    material: Material = Field(default_factory=Zener)
+
+
+class Halfspace(Section):
+    """The elastic halfspace below; shear modulus .inf is rigid, 0 is a free layer."""
+
+    shear_modulus: Extended = 1.0
+    poisson: Poisson = 0.5
+
+
+class Trajectory(Section):
+    """What is prescribed over time: the depth of Eq. (30), a mean pressure likewise, or either by a table.
+
+    Attributes
+    ----------
+    depth, load, ramp_time, file
+        None where `control` and `kind` give them no meaning.
+    """
+
+    control: Annotated[Literal["depth", "load"], one_of("depth", "load")] = "depth"
+    kind: Annotated[Literal["ramp_hold", "table"], one_of("ramp_hold", "table")] = "ramp_hold"
+    depth: Annotated[NotNegative | None, _given] = Field(
+        default_factory=lambda data: (
+            0.01 if (data.get("control"), data.get("kind")) == ("depth", "ramp_hold") else None
+        )
+    )
+    load: Annotated[NotNegative | None, _given] = None
+    ramp_time: Annotated[Positive | None, _given] = Field(
+        default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None
+    )
+    file: Annotated[File | None, _given] = None
+
+
+class Time(Section):
+    """The time axis from 0 to `end`; `tolerance` is the error allowed by adaptive steps."""
+
+    end: Positive = 8.0
+    step: Annotated[
+        Annotated[float, _strict, Field(gt=0)] | Literal["adaptive"],
+        MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
+    ] = 0.005
+    integrator: Annotated[
+        Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
+    ] = "backward_euler"
+    tolerance: Positive = 1e-4
+
+
+class Solver(Section):
+    """How one step's contact problem is solved; `inertia` is None for every method but fire."""
+
+    method: Annotated[
+        Literal["fire", "active_set", "conjugate_gradient"],
+        one_of("fire", "active_set", "conjugate_gradient"),
+    ] = "fire"
+    tolerance: Annotated[float, _strict, Field(gt=0, lt=1), MustBe("a number > 0 and < 1")] = 1e-6
+    inertia: Annotated[
+        Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, _given
+    ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
+    max_iterations: Count = 20000
+
+
+def _number_or_list(value: object) -> str:
+    return "list" if isinstance(value, (list, tuple)) else "number"
+
+
+Rows = Annotated[
+    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
+    Discriminator(_number_or_list),
+]
+
+
+class Output(Section):
+    """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps."""
+
+    snapshots: tuple[NotNegative, ...] = ()
+    times: Annotated[Rows | None, _given] = None

@@ -1,0 +1,199 @@
+"""YAML text to plain data that knows its places, and back.
+
+YAML 1.2: ``1e-3`` is a number and ``no`` is a word. Duplicate keys, anchors, aliases and tags are refused,
+and dates are words. Nothing here knows which keys a configuration has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import StringIO
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from gfmdlayer.config.problems import Location, dotted
+
+_TAG = "the tag {} is not used here; must be written without it"
+_COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
+_NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
+_WORDS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "timestamp", "merge", "value")}
+
+
+@dataclass(frozen=True, order=True)
+class Place:
+    """Where something was written: line and column of a file, counted from 1, or an option (line 0)."""
+
+    source: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line}:{self.column}" if self.line else self.source
+
+
+@dataclass
+class Document:
+    """Plain data with the places of its keys and values, and what was wrong with the text itself."""
+
+    data: Any = None
+    keys: dict[Location, Place] = field(default_factory=dict)
+    values: dict[Location, Place] = field(default_factory=dict)
+    problems: list[tuple[Place, str]] = field(default_factory=list)
+
+
+def read(content: str, source: str, at: Location = (), *, option: bool = False) -> Document:
+    """Return what a text holds; whatever the text, nothing is raised.
+
+    Parameters
+    ----------
+    content : str
+        YAML.
+    source : str
+        File or option, for the places.
+    at : tuple of str and int
+        Location of the text's value within the configuration.
+    option : bool
+        The text is an option's, in which line and column say nothing.
+    """
+    document = Document()
+    yaml = YAML(typ="safe", pure=True)
+    try:
+        node = yaml.compose(content)
+        if node is not None:
+            document.data = _Builder(document, source, option, yaml).build(node, at)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(source) if option or mark is None else Place(source, mark.line + 1, mark.column + 1)
+        wrong = " ".join(filter(None, (error.context, error.problem)))
+        document.problems.append((place, f"not YAML: {wrong}"))
+    except ReaderError as error:
+        before = content[: error.position]
+        place = _place(source, before, option)
+        document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
+    except RecursionError:
+        document.problems.append(
+            (Place(source, 0 if option else 1, 1), "nested too deeply to be a configuration")
+        )
+    except (
+        YAMLError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        AssertionError,
+    ) as error:
+        # The parser lets a few errors of its own through on odd escapes and directives.
+        document.problems.append(
+            (Place(source, 0 if option else 1, 1), f"not YAML: {error or type(error).__name__}")
+        )
+    return document
+
+
+def decoded(content: bytes, source: str) -> tuple[str, list[tuple[Place, str]]]:
+    """Return bytes as text, or the place of the first byte that is no UTF-8."""
+    try:
+        return content.decode("utf-8-sig"), []
+    except UnicodeDecodeError as error:
+        place = _place(source, content[: error.start].decode("utf-8", errors="replace"), option=False)
+        return "", [
+            (place, f"the byte 0x{content[error.start]:02x} is not UTF-8; must be a text file in UTF-8")
+        ]
+
+
+def _place(source: str, before: str, option: bool) -> Place:
+    if option:
+        return Place(source)
+    return Place(source, before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
+
+
+@dataclass
+class _Builder:
+    """Turns the parser's nodes into data, noting the places."""
+
+    document: Document
+    source: str
+    option: bool
+    yaml: YAML
+    seen: set[int] = field(default_factory=set)
+
+    def build(self, node: Node, at: Location) -> Any:
+        self.document.values[at] = self.place(node)
+        if id(node) in self.seen or node.anchor:
+            return self.complain(node, at, "anchors and aliases are not used here; must be written out")
+        self.seen.add(id(node))
+        if isinstance(node, ScalarNode):
+            return self.scalar(node, at)
+        if str(node.tag) not in _COLLECTIONS:
+            return self.complain(node, at, _TAG.format(node.tag))
+        if isinstance(node, SequenceNode):
+            return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
+        return self.mapping(node, at)
+
+    def mapping(self, node: Node, at: Location) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key, value in node.value:
+            if not isinstance(key, ScalarNode):
+                self.complain(key, at, "a key that is a list or a mapping; must be a word")
+            elif key.value in result:
+                first = self.document.keys[*at, key.value]
+                message = f"duplicate key, first given at line {first.line}; must be given once"
+                self.complain(key, (*at, key.value), message)
+            else:
+                self.document.keys[*at, key.value] = self.place(key)
+                result[key.value] = self.build(value, (*at, key.value))
+        return result
+
+    def scalar(self, node: Node, at: Location) -> Any:
+        tag = str(node.tag)
+        if tag in _WORDS:
+            return node.value
+        if tag == "tag:yaml.org,2002:null":
+            return None
+        if tag == "tag:yaml.org,2002:bool":
+            return node.value.lower() in {"true", "yes", "on"}
+        if tag not in _NUMBERS:
+            return self.complain(node, at, _TAG.format(tag))
+        try:
+            return self.yaml.constructor.construct_object(node)
+        except (ValueError, OverflowError):
+            return self.complain(node, at, f"{node.value[:40]!r} cannot be read as a number")
+
+    def place(self, node: Node) -> Place:
+        if self.option:
+            return Place(self.source)
+        return Place(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def complain(self, node: Node, at: Location, message: str) -> None:
+        self.document.problems.append((self.place(node), f"{dotted(at)}: {message}" if at else message))
+
+
+def written(data: Mapping[str, Any]) -> str:
+    """Return nested mappings as YAML: sections in block style, lists and what they hold in one line."""
+    yaml = YAML()
+    yaml.width = 110
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    stream = StringIO()
+    yaml.dump(_block(data), stream)
+    return stream.getvalue()
+
+
+def _block(value: object) -> object:
+    if isinstance(value, Mapping):
+        return CommentedMap((key, _block(item)) for key, item in value.items())
+    if isinstance(value, (list, tuple)):
+        items = CommentedSeq(_block(item) for item in value)
+        plain = not any(isinstance(item, CommentedMap) for item in items)
+        if plain:
+            items.fa.set_flow_style()
+        for item in items:
+            if isinstance(item, CommentedMap):
+                item.fa.set_flow_style()
+        return items
+    return value if isinstance(value, (bool, int, float)) else str(value)

@@ -1,0 +1,1 @@
+"""One step of the simulation: the contact problem on the grid and its solvers."""

@@ -1,0 +1,66 @@
+"""The periodic grid on which the surface lives, and its wavenumbers.
+
+Points sit at x_j = j L/n - L/2, j = 0 ... n-1, along each of one or two axes.  Fields are real arrays of the
+grid's shape; their transforms are real-to-complex, so the last axis of a spectrum has n//2 + 1 entries.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A periodic grid in one or two dimensions.
+
+    Parameters
+    ----------
+    points : tuple of int
+        Number of points along each axis.
+    period : tuple of float
+        Period L along each axis, as many as there are axes.
+    """
+
+    points: tuple[int, ...]
+    period: tuple[float, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of a field on the grid."""
+        return self.points
+
+    @property
+    def size(self) -> int:
+        """Number of grid points."""
+        return prod(self.points)
+
+    @property
+    def spectral_shape(self) -> tuple[int, ...]:
+        """Shape of the real-to-complex transform of a field."""
+        return (*self.points[:-1], self.points[-1] // 2 + 1)
+
+    @property
+    def coordinates(self) -> tuple[FloatArray, ...]:
+        """Coordinates x_j = j L/n - L/2 along each axis, one 1-D array an axis."""
+        return tuple(
+            np.arange(n, dtype=np.float64) * (length / n) - length / 2
+            for n, length in zip(self.points, self.period, strict=True)
+        )
+
+    @cached_property
+    def wavenumbers(self) -> FloatArray:
+        """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
+        axes = [
+            2 * np.pi * np.fft.fftfreq(n, length / n)
+            for n, length in zip(self.points[:-1], self.period[:-1], strict=True)
+        ]
+        axes.append(2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1]))
+        squares = sum(np.square(axis) for axis in np.meshgrid(*axes, indexing="ij", sparse=True))
+        return np.asarray(np.sqrt(squares), dtype=np.float64)

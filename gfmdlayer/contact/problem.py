@@ -1,0 +1,164 @@
+"""The contact problem of one time step: what every solver is given, what it returns, and when it may stop.
+
+Find the displacement u of the surface (positive upward, under the punch's surface h) that minimises the
+energy whose force is f = IFFT(-kappa FFT(u) + b), with u <= h, and either
+
+* a mean displacement of zero (a body that does not yield in the mean, kappa = 0 at q = 0), or
+* a given mean pressure (the mean of u, and so the depth of the punch, is found), or
+* neither (kappa > 0 at q = 0: a compressible layer on a rigid base carries its own mean).
+
+The contact pressure is p = f + lambda >= 0 with p = 0 wherever the gap h - u is open.  lambda is the
+multiplier of the first constraint, the given pressure in the second case and zero in the third.  The mean
+pressure is mean(f) + lambda in each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numba as nb
+import numpy as np
+
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.transforms import ComplexArray
+
+# Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
+FASTMATH = {"reassoc", "contract"}
+
+# A pressure below this part of what the softest mode carries at the depth of the surface is no contact:
+# without it, a surface that nothing touches would measure rounding errors against rounding errors.
+_NO_PRESSURE = 1e-6
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The minimisation of one time step, in flat arrays.
+
+    Parameters
+    ----------
+    stiffness : ndarray, one value a mode
+        kappa >= 0, minus the slopes of the paper's line 5, in pressure per length.
+    intercept : ndarray of complex, one value a mode
+        b, the intercepts of the paper's line 6, as an unnormalised transform.
+    obstacle : ndarray, one value a point
+        h, the surface of the punch.
+    mean_pressure : float, optional
+        The mean pressure that is to be reached; without it the depth is the given quantity.
+    """
+
+    stiffness: FloatArray
+    intercept: ComplexArray
+    obstacle: FloatArray
+    mean_pressure: float | None = None
+
+    @property
+    def mean_is_fixed(self) -> bool:
+        """Whether the mean displacement is prescribed (as zero) and lambda is to be found."""
+        return self.mean_pressure is None and self.stiffness[0] == 0
+
+    @property
+    def applied_pressure(self) -> float:
+        """The part of lambda that is known beforehand."""
+        return self.mean_pressure or 0.0
+
+    @property
+    def softest(self) -> float:
+        """kappa_1, the smallest stiffness of a mode that is not the mean."""
+        return float(self.stiffness[1:].min())
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver found.
+
+    Attributes
+    ----------
+    displacement, pressure : ndarray, one value a point
+        u, with u <= h and the mean constraint satisfied to rounding, and p = f + lambda at every point.
+    spectrum : ndarray of complex
+        Unnormalised transform of the displacement, which the history is carried on with.
+    mean_pressure : float
+        pbar, the mean normal stress.
+    contact_area : float
+        Fraction of the points in contact.
+    residual : float
+        See `violation`.
+    transforms, iterations : int
+        FFT pairs (a forward and a backward transform) and iterations that it took.
+    converged : bool
+        Whether the residual is within the tolerance.
+    """
+
+    displacement: FloatArray
+    pressure: FloatArray
+    spectrum: ComplexArray
+    mean_pressure: float
+    contact_area: float
+    residual: float
+    transforms: int
+    iterations: int
+    converged: bool
+
+
+class Solver(Protocol):
+    """A method for `Problem`; one object serves all steps of a run."""
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from a first guess of the displacement; a solution that did not converge says so."""
+        ...
+
+
+@nb.njit(inline="always")
+def violation(pressure: float, gap: float, per_pressure: float, per_gap: float) -> float:
+    """How far one point is from p >= 0, gap >= 0, p gap = 0: |min(p/p_max, gap/depth)|.
+
+    The residual of a state is the largest of these over the points, zero exactly at the solution.  Each
+    solver stops on it.
+    """
+    pressure *= per_pressure
+    gap *= per_gap
+    return abs(pressure if pressure < gap else gap)
+
+
+@nb.njit(inline="always")
+def scales(largest_pressure: float, deepest: float, softest: float) -> tuple[float, float]:
+    """Scales (p_max, depth) of the residual: the largest pressure and the deepest point of the surface."""
+    depth = max(deepest, 1e-300)
+    return max(largest_pressure, _NO_PRESSURE * softest * depth, 1e-300), depth
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def residual(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> float:
+    """Residual of a state: the largest `violation` over its points."""
+    largest, deepest = 0.0, 0.0
+    for i in range(u.size):
+        largest = max(largest, pressure[i])
+        deepest = max(deepest, -u[i])
+    pressure_scale, depth = scales(largest, deepest, softest)
+    worst = 0.0
+    for i in range(u.size):
+        worst = max(worst, violation(pressure[i], h[i] - u[i], 1 / pressure_scale, 1 / depth))
+    return worst
+
+
+@nb.njit(nogil=True, cache=True)
+def contact_fraction(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> float:
+    """Fraction of the points where the pressure, and not the gap.
+
+    Is the larger of the two in the residual's scales.
+    """
+    largest, deepest = 0.0, 0.0
+    for i in range(u.size):
+        largest = max(largest, pressure[i])
+        deepest = max(deepest, -u[i])
+    pressure_scale, depth = scales(largest, deepest, softest)
+    count = 0
+    for i in range(u.size):
+        count += pressure[i] / pressure_scale > (h[i] - u[i]) / depth
+    return count / u.size
+
+
+def mean_of(field: FloatArray) -> float:
+    """Mean over the points, summed pairwise."""
+    return float(np.mean(field))

@@ -1,0 +1,181 @@
+"""FFTW transforms that nopython code can call, with plans that come out the same every time.
+
+Convention, stated here once: ``forward`` is the unnormalised real-to-complex transform U_k = sum_j u_j exp(-i
+q_k x_j) (counted from the first grid point), ``backward`` its unnormalised inverse, so that
+backward(forward(u)) = n u. Whoever multiplies in between carries the factor 1/n.  ``backward`` destroys its
+input.
+
+pyfftw brings FFTW itself but no way into it from nopython code.  Its extension module resolves the C
+functions of the very library that it loaded, so plans are made and wisdom is shared through those (FFTW
+manual, "Guru" and "Wisdom" chapters), and the addresses travel as plain integers, which compiled and cached
+kernels accept.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, NamedTuple
+
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+import pyfftw
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from gfmdlayer.contact.grid import FloatArray
+
+ComplexArray = npt.NDArray[np.complex128]
+
+_MEASURE, _DESTROY_INPUT, _WISDOM_ONLY = 0, 1 << 0, 1 << 21  # fftw3.h
+
+_fftw = ctypes.CDLL(pyfftw.pyfftw.__file__)
+for _planner in (_fftw.fftw_plan_dft_r2c, _fftw.fftw_plan_dft_c2r):
+    _planner.restype = ctypes.c_void_p
+    _planner.argtypes = [
+        ctypes.c_int,
+        ctypes.POINTER(ctypes.c_int),
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.c_uint,
+    ]
+_fftw.fftw_destroy_plan.restype = None
+_fftw.fftw_destroy_plan.argtypes = [ctypes.c_void_p]
+_fftw.fftw_set_timelimit.restype = None
+_fftw.fftw_set_timelimit.argtypes = [ctypes.c_double]
+
+
+class Plans(NamedTuple):
+    """Addresses of FFTW's plans and of the functions that execute them, as nopython code wants them."""
+
+    forward_plan: int
+    backward_plan: int
+    execute_forward: int
+    execute_backward: int
+
+
+@intrinsic
+def _execute(
+    _context: Any, _function: Any, _plan: Any, source: Any, target: Any
+) -> tuple[Any, Any]:  # numba's own types, which carry no annotations
+    """Call ``void function(plan, source, target)`` by address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = cgutils.voidptr_t
+        function_type = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer])
+        callee = builder.inttoptr(arguments[0], function_type.as_pointer())
+        data = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(signature.args[2:], arguments[2:], strict=True)
+        ]
+        builder.call(
+            callee,
+            [builder.inttoptr(arguments[1], pointer), *(builder.bitcast(each, pointer) for each in data)],
+        )
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, source, target), codegen
+
+
+@nb.njit(inline="always")
+def forward(plans: Plans, field: FloatArray, spectrum: ComplexArray) -> None:
+    """Transform ``field`` into ``spectrum``, real-to-complex, both flat and from `Transforms`."""
+    _execute(plans.execute_forward, plans.forward_plan, field, spectrum)  # type: ignore[call-arg]
+
+
+@nb.njit(inline="always")
+def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
+    """Unnormalised complex-to-real transform of ``spectrum``, which is destroyed, into ``field``."""
+    _execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
+
+
+class Transforms:
+    """Forward and backward plans for one shape, and the aligned arrays that they accept.
+
+    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate. Two measured
+    plans may round differently; plans made from the same wisdom do not. So the wisdom is kept (`wisdom`) and
+    handed to whoever must reproduce the bits.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the fields, one or two axes.
+    wisdom : str, optional
+        What an earlier `Transforms.wisdom` returned. Wisdom that does not fit this FFTW is passed over, and the
+        plan is measured.
+    time_limit : float
+        Seconds that measuring may take before FFTW settles for the best plan so far.
+    """
+
+    def __init__(self, shape: tuple[int, ...], wisdom: str | None = None, time_limit: float = 10.0) -> None:
+        self.shape = shape
+        self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
+        if wisdom:
+            pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+        field, spectrum = self.empty_field(), self.empty_spectrum()
+        dimensions = (ctypes.c_int * len(shape))(*shape)
+        _fftw.fftw_set_timelimit(time_limit)
+        self._forward = _fftw.fftw_plan_dft_r2c(
+            len(shape), dimensions, field.ctypes.data, spectrum.ctypes.data, _MEASURE
+        )
+        self._backward = _fftw.fftw_plan_dft_c2r(
+            len(shape), dimensions, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
+        )
+        if not (self._forward and self._backward):
+            raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
+        self.plans = Plans(
+            self._forward,
+            self._backward,
+            _address(_fftw.fftw_execute_dft_r2c),
+            _address(_fftw.fftw_execute_dft_c2r),
+        )
+
+    def __del__(self) -> None:
+        for plan in (getattr(self, "_forward", None), getattr(self, "_backward", None)):
+            if plan:
+                _fftw.fftw_destroy_plan(plan)
+
+    @property
+    def wisdom(self) -> str:
+        """FFTW's accumulated wisdom in double precision; equal wisdom gives equal plans and equal bits."""
+        return str(pyfftw.export_wisdom()[0].decode())
+
+    def empty_field(self) -> FloatArray:
+        """Uninitialised flat field, aligned as the plans need it."""
+        return np.asarray(pyfftw.empty_aligned(int(np.prod(self.shape)), np.float64, n=64))
+
+    def empty_spectrum(self) -> ComplexArray:
+        """Uninitialised flat spectrum, aligned as the plans need it."""
+        return np.asarray(pyfftw.empty_aligned(int(np.prod(self.spectral_shape)), np.complex128, n=64))
+
+    def forward(self, field: npt.ArrayLike) -> ComplexArray:
+        """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
+        aligned, spectrum = self.empty_field(), self.empty_spectrum()
+        aligned[:] = np.ravel(field)
+        _execute_forward(self.plans, aligned, spectrum)
+        return spectrum
+
+    def backward(self, spectrum: npt.ArrayLike) -> FloatArray:
+        """Return the unnormalised inverse transform of a spectrum of any layout, as a new flat field."""
+        aligned, field = self.empty_spectrum(), self.empty_field()
+        aligned[:] = np.ravel(spectrum)
+        _execute_backward(self.plans, aligned, field)
+        return field
+
+
+def _address(function: Any) -> int:
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    if address is None:
+        raise RuntimeError("pyfftw's FFTW does not export its C interface")
+    return address
+
+
+@nb.njit(nogil=True, cache=True)
+def _execute_forward(plans: Plans, field: FloatArray, spectrum: ComplexArray) -> None:
+    forward(plans, field, spectrum)
+
+
+@nb.njit(nogil=True, cache=True)
+def _execute_backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
+    backward(plans, spectrum, field)

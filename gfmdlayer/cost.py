@@ -1,0 +1,73 @@
+"""What a case will take, told before it is run: steps, FFT pairs, memory, disk.
+
+The unit of work is the FFT pair, one forward and one backward transform of the grid, since nearly all of
+the time goes there.  How many pairs a step needs depends on the solver and, for some, on the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gfmdlayer.config import Config
+
+ADAPTIVE_STEPS = 100  # typical for a ramp and a hold at the default tolerance
+# FFT pairs a step at a residual of 1e-6, at n = 4096 and as a power of n; measured on the default case.
+PAIRS = {
+    ("fire", "mass_weighted"): (128, 0.05),
+    ("fire", "uniform"): (284, 0.6),
+    ("conjugate_gradient", None): (101, 0.1),
+    ("active_set", None): (12, 0.2),
+}
+REAL = 8  # bytes
+FIELDS = 40  # real fields alive at once: history, solver, kernels, plans, snapshot being written
+COLUMNS = 7  # of a row
+PROGRAM = 200e6  # bytes of a process with its libraries
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Estimated cost of one case.
+
+    Attributes
+    ----------
+    steps : int
+        Time steps.
+    pairs : float
+        FFT pairs.
+    memory, storage : float
+        Bytes in memory (with the program) and in the result file.
+    """
+
+    steps: int
+    pairs: float
+    memory: float
+    storage: float
+
+
+def estimate(config: Config) -> Cost:
+    """Estimate what a case costs."""
+    size = math.prod(config.grid.points)
+    step = config.time.step
+    steps = ADAPTIVE_STEPS if isinstance(step, str) else math.ceil(config.time.end / step - 1e-9)
+    solver = config.solver
+    inertia = solver.inertia if solver.method == "fire" else None
+    at_4096, power = PAIRS[solver.method, inertia]
+    return Cost(
+        steps=steps,
+        pairs=steps * at_4096 * (size / 4096) ** power,
+        memory=PROGRAM + FIELDS * REAL * size,
+        storage=REAL * (COLUMNS * (steps + 1) + 2 * size * len(config.output.snapshots)),
+    )
+
+
+def total(costs: Iterable[Cost]) -> Cost:
+    """Add up cases; the memory is that of the largest, as they run one after the other."""
+    every = list(costs)
+    return Cost(
+        steps=sum(cost.steps for cost in every),
+        pairs=sum(cost.pairs for cost in every),
+        memory=max(cost.memory for cost in every),
+        storage=sum(cost.storage for cost in every),
+    )

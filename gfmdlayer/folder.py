@@ -1,0 +1,236 @@
+"""A results folder: what lies where, whose it is, and when it may be written.
+
+    DIR/config.yaml        the configuration with every default written out; its first line marks the folder
+    DIR/cases/NNNN.h5      a complete case
+    DIR/cases/NNNN.failed  why a case failed (JSON)
+    DIR/cases/NNNN.running how far a case is (JSON)
+    DIR/cases/stop         asks every process of the run to stop
+    DIR/sweep.h5           all cases, labelled
+
+Small files are written under another name and renamed, so that a reader never sees half of one.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gfmdlayer.config import Config, ConfigError, load
+
+MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
+PARTIAL = ".part"
+WAYS_OUT = "choose another folder with --out, or --restart to start over"
+
+
+class FolderError(Exception):
+    """A folder cannot be used for these results; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The results folder at `path`."""
+
+    path: Path
+
+    @property
+    def config(self) -> Path:
+        """The configuration of the results."""
+        return self.path / "config.yaml"
+
+    @property
+    def cases(self) -> Path:
+        """Where the cases are."""
+        return self.path / "cases"
+
+    @property
+    def sweep(self) -> Path:
+        """All cases in one file."""
+        return self.path / "sweep.h5"
+
+    @property
+    def stop(self) -> Path:
+        """A file that asks every process of the run to stop, whatever host it is on."""
+        return self.cases / "stop"
+
+    def case(self, index: int, kind: str = "h5") -> Path:
+        """Return the file of a case; `kind` is h5, failed or running."""
+        return self.cases / f"{index:04d}.{kind}"
+
+    def is_results(self) -> bool:
+        """Whether the folder was made by gfmdlayer."""
+        try:
+            with self.config.open(encoding="utf-8") as file:
+                return file.readline() == MARK
+        except (OSError, UnicodeDecodeError):
+            return False
+
+    def stored_config(self) -> Config:
+        """Return the configuration of the results.
+
+        Raises
+        ------
+        FolderError
+            Where this is not a results folder, or its configuration cannot be read.
+        """
+        if not self.path.is_dir():
+            raise FolderError(f"{self.path}: no such folder")
+        if not self.is_results():
+            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
+        try:
+            return load(self.config)
+        except ConfigError as error:
+            reasons = "; ".join(error.problems)
+            raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
+
+    @contextmanager
+    def claimed(self, config: Config, restart: bool = False) -> Iterator[None]:
+        """Hold the folder for a run of `config`.
+
+        Parameters
+        ----------
+        config : Config
+            What will be run.
+        restart : bool
+            Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
+
+        Raises
+        ------
+        FolderError
+            Where the folder holds something else or results of another configuration, is in use, or cannot be
+            written.
+        """
+        with self._refusing():
+            self._refuse_strangers()
+        if self.is_results() and not restart:
+            self._refuse_another(config)
+        with self._locked():
+            with self._refusing():
+                self._make_ready(config, restart)
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    self.stop.unlink(missing_ok=True)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """Turn what the file system refuses into a word to the user."""
+        try:
+            yield
+        except OSError as error:
+            raise FolderError(
+                f"{self.path}: cannot be written ({error.strerror}: {error.filename}); "
+                "choose another with --out"
+            ) from None
+
+    def _make_ready(self, config: Config, restart: bool) -> None:
+        if restart:
+            self._remove_results()
+        self._remove_remains()
+        if not self.is_results():
+            write_whole(self.config, MARK + config.dump())
+
+    def _refuse_strangers(self) -> None:
+        if self.path.exists() and not self.path.is_dir():
+            raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
+        ours = {"cases", self.config.name + PARTIAL}  # what a run leaves that ended in its first instant
+        if (
+            self.path.is_dir()
+            and not self.is_results()
+            and {entry.name for entry in self.path.iterdir()} - ours
+        ):
+            raise FolderError(
+                f"{self.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
+            )
+
+    def _refuse_another(self, config: Config) -> None:
+        try:
+            difference = changed_keys(self.stored_config(), config)
+        except FolderError as error:
+            raise FolderError(
+                f"{error}; choose another folder with --out, or --restart to start over"
+            ) from None
+        if difference:
+            raise FolderError(
+                f"{self.path}: holds results of another configuration ({'; '.join(difference)}); {WAYS_OUT}"
+            )
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        with self._refusing():
+            self.cases.mkdir(parents=True, exist_ok=True)
+            file = (self.cases / ".lock").open("a")
+        with file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                if error.errno in (errno.EAGAIN, errno.EACCES):
+                    raise FolderError(
+                        f"{self.path}: another run is writing here; wait for it to end"
+                    ) from None
+                # A file system without locks: the user's care has to do.
+            yield
+
+    def _remove_results(self) -> None:
+        for path in (self.sweep, *self.cases.glob("*.h5"), self.config):
+            path.unlink(missing_ok=True)
+        for path in self.cases.glob("*.failed"):
+            path.unlink()
+
+    def _remove_remains(self) -> None:
+        """Remove what a run left that was killed: nobody else is alive here while the lock is held."""
+        remains = (
+            *self.cases.glob("*.running"),
+            *self.cases.glob(f"*{PARTIAL}"),
+            *self.path.glob(f"*{PARTIAL}"),
+        )
+        for path in (self.stop, *remains):
+            path.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str, to_disk: bool = True) -> None:
+    """Write a small file that readers see whole or not at all; `to_disk` also waits for the disk."""
+    partial = path.with_name(path.name + PARTIAL)
+    with partial.open("w", encoding="utf-8") as file:
+        file.write(text)
+        if to_disk:
+            file.flush()
+            os.fsync(file.fileno())
+    partial.replace(path)
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Read a small JSON file; None where it has gone or is not one."""
+    with suppress(OSError, ValueError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(content, dict):
+            return content
+    return None
+
+
+def changed_keys(before: Config, after: Config) -> list[str]:
+    """Say which keys (but the name) differ between two configurations, as ``key: before -> after``."""
+    old, new = _flat(before.model_dump()), _flat(after.model_dump())
+    absent = "(absent)"
+    return [
+        f"{key}: {old.get(key, absent)} -> {new.get(key, absent)}"
+        for key in dict.fromkeys((*old, *new))
+        if key != "name" and old.get(key, absent) != new.get(key, absent)
+    ]
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat

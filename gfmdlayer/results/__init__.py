@@ -1,0 +1,1 @@
+"""What a run leaves behind: HDF5 files, xarray datasets, figures."""

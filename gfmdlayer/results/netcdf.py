@@ -1,0 +1,163 @@
+"""HDF5 files with netCDF4 dimension scales that have their name only when they are complete.
+
+A file is written under another name in the same folder, NAME.HOST-PID-RANDOM.part, so that two processes
+that write the same case, even on hosts that share a name, never touch each other's file. When all is written
+it is flushed, closed, synchronised with the disk and renamed, and then the folder is synchronised. Whatever
+is found under a final name was therefore complete when it got the name.
+
+HDF5 cannot recover from a write that fails, as on a full disk: the file can then not be closed, and the
+process dies at exit with a segmentation fault. So HDF5 writes here through a stream that remembers the first
+failure, pretends success until the file is closed, and has the failure raised by the caller. The stream takes
+no lock; the name that nobody else has makes one unnecessary.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import secrets
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gfmdlayer.results.schema import ResultsError, variable
+
+UNFINISHED = ".part"
+
+
+class _Stream(io.FileIO):
+    """A new file that keeps its first failed write in `failure` and takes the later ones without writing."""
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data).cast("B")
+        try:
+            while rest and self.failure is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self.failure = error
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size) if self.failure is None else size or 0
+        except OSError as error:
+            self.failure = error
+            return size or 0
+
+
+class NewFile:
+    """A file being written; `h5` is its HDF5 root, `check` raises what the disk refused so far."""
+
+    def __init__(self, path: Path) -> None:
+        writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+        self.path = path
+        self.unfinished = path.with_name(f"{path.name}.{writer}{UNFINISHED}")
+        with naming(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream = _Stream(self.unfinished, "x+")
+        try:
+            self.h5 = h5py.File(self._stream, "w")
+            self.check()
+        except BaseException:
+            self.discard()
+            raise
+
+    def check(self) -> None:
+        """Raise ResultsError if anything could not be written."""
+        if self._stream.failure is not None:
+            with naming(self.path):
+                raise self._stream.failure
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system."""
+        self.h5.flush()
+        self.check()
+
+    def complete(self) -> None:
+        """Close the file, bring it to the disk and give it its final name."""
+        self.h5.close()
+        self.check()
+        with naming(self.path):
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+            self.unfinished.replace(self.path)
+        # Some network file systems refuse to synchronise a folder; the file is whole all the same.
+        with suppress(OSError):
+            _synchronise_folder(self.path.parent)
+
+    def discard(self) -> None:
+        """Close and remove the unfinished file; the final name is left as it was."""
+        with suppress(Exception):
+            self.h5.close()
+        with suppress(OSError):
+            self._stream.close()
+        with suppress(OSError):
+            self.unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[NewFile]:
+    """Write a file that appears under `path` if the block ends well, and not at all if it raises."""
+    file = NewFile(path)
+    try:
+        yield file
+        file.complete()
+    except BaseException:
+        file.discard()
+        raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Turn an OSError of the block into a ResultsError that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _synchronise_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def add_variable(
+    h5: h5py.File,
+    name: str,
+    dimensions: Sequence[str],
+    described: Mapping[str, str] | None = None,
+    **options: Any,
+) -> h5py.Dataset:
+    """Create a variable on existing dimensions; options are those of h5py's create_dataset.
+
+    A variable of one dimension that bears its name is that dimension's coordinate. long_name and units come
+    from the table of variables unless `described` gives the attributes.
+    """
+    if described is None:
+        entry = variable(name)
+        described = {"long_name": entry.long_name, "units": entry.units}
+        options.setdefault("dtype", entry.dtype)
+    dataset = h5.create_dataset(name, **options)
+    if tuple(dimensions) == (name,):
+        dataset.make_scale(name)
+    else:
+        for axis, dimension in zip(dataset.dims, dimensions, strict=True):
+            axis.attach_scale(h5[dimension])
+    dataset.attrs.update(described)
+    return dataset
+
+
+def add_values(h5: h5py.File, name: str, dimensions: Sequence[str], values: ArrayLike) -> h5py.Dataset:
+    """Create a variable of the table of variables from values that are known already."""
+    return add_variable(h5, name, dimensions, data=np.asarray(values))

@@ -1,0 +1,58 @@
+"""Where a result comes from: versions, commit and host, as attributes of the files."""
+
+from __future__ import annotations
+
+import platform
+import socket
+import subprocess
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
+
+
+def now() -> str:
+    """Return the present moment in UTC, ISO 8601, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def provenance() -> dict[str, str]:
+    """Return the attributes that tell with what, and where, a file was made."""
+    return {**_software(), "hostname": socket.gethostname()}
+
+
+@cache
+def _software() -> dict[str, str]:
+    versions = {f"{library}_version": _version(library) for library in LIBRARIES}
+    return {
+        "gfmdlayer_version": _version("gfmdlayer"),
+        "git_commit": git_commit(Path(__file__).parents[2]),
+        "python_version": platform.python_version(),
+        **versions,
+    }
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def git_commit(checkout: Path) -> str:
+    """Return the commit checked out in a folder, with "-dirty" where files differ from it, or "unknown".
+
+    The folder itself must be the checkout: a package installed somewhere below an unrelated repository
+    has no commit. Nothing is written to the repository, not even git's index.
+    """
+    if not (checkout / ".git").exists():
+        return "unknown"
+    describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
+    command = ["git", "--no-optional-locks", "-C", str(checkout), *describe]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return answer.stdout.strip() or "unknown"

@@ -1,0 +1,138 @@
+"""Read results: one case, or a whole folder, as labelled xarray datasets.
+
+A folder of results holds config.yaml, cases/NNNN.h5 (one file a case) and sweep.h5 (all of them, labelled).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import h5py
+
+from gfmdlayer.results.schema import ResultsError
+
+if TYPE_CHECKING:
+    import xarray
+
+SWEEP_FILE = "sweep.h5"
+
+
+def case_path(directory: str | Path, index: int) -> Path:
+    """Return the path of a case's file in a folder of results."""
+    return Path(directory) / "cases" / f"{index:04d}.h5"
+
+
+def sweep_path(directory: str | Path) -> Path:
+    """Return the path of the sweep file in a folder of results."""
+    return Path(directory) / SWEEP_FILE
+
+
+def is_complete(path: str | Path, digest: str | None = None) -> bool:
+    """Tell whether a file holds a complete case, judged by its contents.
+
+    The mark of completeness, the number of rows and snapshots, and the checksums of the rows must be right,
+    and the attribute `digest` must equal the one given, if any. Missing, truncated, unfinished and foreign
+    files are not complete; no contents make this raise.
+    """
+    try:
+        with h5py.File(path, locking="best-effort") as h5:
+            return _is_whole(h5) and (digest is None or h5.attrs.get("digest") == digest)
+    except Exception:
+        # A damaged file can fail anywhere in HDF5, with any exception.
+        return False
+
+
+def _is_whole(h5: h5py.File) -> bool:
+    rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
+    growing = [dataset for name, dataset in h5.items() if name != "snapshot" and dataset.maxshape == (None,)]
+    return bool(
+        h5.attrs["complete"] == 1
+        and all(len(dataset[()]) == rows for dataset in growing)
+        and all(len(h5[name]) == snapshots for name in ("snapshot", "displacement", "pressure"))
+    )
+
+
+def attributes(path: str | Path) -> dict[str, object]:
+    """Return the attributes of a result file.
+
+    Raises
+    ------
+    ResultsError
+        If the file is missing or is not HDF5.
+    """
+    try:
+        with h5py.File(path, locking="best-effort") as h5:
+            return dict(h5.attrs)
+    except OSError as error:
+        raise ResultsError(f"{path}: {_reason(Path(path))}") from error
+
+
+def open_case(path: str | Path) -> xarray.Dataset:
+    """Open the file of one case; values are read when they are used.
+
+    Returns
+    -------
+    xarray.Dataset
+        Rows along `time`, displacement and pressure along (snapshot, x[, y]).
+
+    Raises
+    ------
+    ResultsError
+        If there is no complete case under this name.
+    """
+    if not is_complete(path):
+        raise ResultsError(f"{path}: {_reason(Path(path))}")
+    return _open(Path(path))
+
+
+def open_results(directory: str | Path) -> xarray.Dataset:
+    """Open a folder of results: the labelled sweep, or the case itself where there is only one.
+
+    Returns
+    -------
+    xarray.Dataset
+        For a sweep, contact_area and mean_pressure along the swept keys and time; the coordinate `case` tells
+        the number of each case's file.
+
+    Raises
+    ------
+    ResultsError
+        If the folder is missing, holds no results, or no complete case.
+    """
+    directory = Path(directory)
+    if not directory.is_dir():
+        raise ResultsError(f"{directory}: no such folder")
+    sweep = sweep_path(directory)
+    files = sorted((directory / "cases").glob("*.h5"))
+    if not sweep.exists() and not (directory / "cases").is_dir():
+        raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
+    if sweep.exists() and attributes(sweep).get("swept"):
+        return _open(sweep)
+    complete = [path for path in files if is_complete(path)]
+    if len(complete) == 1:
+        return _open(complete[0])
+    if complete:
+        raise ResultsError(
+            f"{directory}: {len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
+        )
+    raise ResultsError(f"{directory}: no complete case")
+
+
+def _open(path: Path) -> xarray.Dataset:
+    import xarray
+
+    try:
+        return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": "best-effort"})
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: {_reason(path)}") from error
+
+
+def _reason(path: Path) -> str:
+    if not path.exists():
+        return "no such file"
+    if path.is_dir():
+        return "is a folder, not a result file"
+    if not h5py.is_hdf5(path):
+        return "not a result file (no HDF5)"
+    return "not a complete result file"

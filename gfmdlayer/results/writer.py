@@ -1,0 +1,209 @@
+"""The file of one case: rows in time, snapshots of the surface, and where they come from.
+
+    time(time), one column for each name given with the rows      x(x)[, y(y)]
+    snapshot(snapshot), displacement and pressure (snapshot, x[, y])
+
+Rows are gathered in memory and appended when ROWS_HELD of them wait or FLUSH_INTERVAL has passed, so that a
+run of any length needs the same memory. Chunks carry checksums: what a disk has spoiled is refused when it is
+read. Measured on 2^20 points, byte shuffling and gzip (level 1) bring the pressure, mostly zeros, to 7 to
+22 % for 25 to 50 ns a point, and level 4 gains nothing; the displacement only halves for twice the time. So
+the pressure is compressed and the displacement is not.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gfmdlayer.results.netcdf import NewFile, add_values, add_variable, new_file
+from gfmdlayer.results.provenance import now, provenance
+from gfmdlayer.results.schema import variable
+
+ROWS_HELD = 512
+FLUSH_INTERVAL = 60.0  # seconds
+
+Attribute = str | int | float
+
+
+class CaseWriter:
+    """Write one case; a context manager.
+
+    Left without an exception, the file is complete under its name. Left with one, nothing is there and the
+    unfinished file is removed.
+
+    Parameters
+    ----------
+    path
+        The final name.
+    coordinates
+        The grid's coordinates, {"x": x} or {"x": x, "y": y}, in the order of the arrays' axes.
+    attributes
+        Attributes of the file, such as `config`, `digest`, `name` and `tau`. They take precedence over the
+        provenance that is added (versions, commit, host, started, finished, wall_seconds), so that a
+        resumed case can tell its first start.
+    flush_interval
+        Seconds after which what has been recorded is handed to the operating system.
+
+    Raises
+    ------
+    ResultsError
+        Here and in every method, when the disk refuses; it names the file.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        coordinates: Mapping[str, ArrayLike],
+        attributes: Mapping[str, Attribute] | None = None,
+        flush_interval: float = FLUSH_INTERVAL,
+    ) -> None:
+        self.path = Path(path)
+        self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
+        self._shape = tuple(len(values) for values in self._coordinates.values())
+        self._attributes = dict(attributes or {})
+        self._flush_interval = flush_interval
+        self._columns: tuple[str, ...] | None = None
+        self._growing: dict[str, h5py.Dataset] = {}
+        self._held: list[tuple[float, ...]] = []
+        self._rows = 0
+        self._last_time = -math.inf
+
+    def __enter__(self) -> Self:
+        self._begun = self._flushed = time.monotonic()
+        with ExitStack() as stack:
+            self._file: NewFile = stack.enter_context(new_file(self.path))
+            self._h5 = self._file.h5
+            self._h5.attrs.update({**provenance(), "started": now(), **self._attributes})
+            self._add_series("time", "time")
+            for name, values in self._coordinates.items():
+                add_values(self._h5, name, (name,), values)
+            self._add_snapshots()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is not None:
+            self._stack.__exit__(kind, error, trace)
+            return
+        with self._stack:
+            self._finish()
+
+    def row(self, **values: float) -> None:
+        """Record one accepted step.
+
+        Parameters
+        ----------
+        values
+            `time`, later than the row before, and the columns. The first row decides which there are.
+
+        Raises
+        ------
+        KeyError
+            For a name that the table of variables does not have.
+        ValueError
+            For columns other than the first row's, no time, or a time that does not grow.
+        """
+        if self._columns is None:
+            self._begin_columns(tuple(values))
+        elif values.keys() != set(self._columns):
+            raise ValueError(
+                f"{self.path}: row has columns {sorted(values)}, the first had {sorted(self._columns)}"
+            )
+        if not values["time"] > self._last_time:
+            raise ValueError(f"{self.path}: row at time {values['time']} follows one at {self._last_time}")
+        self._last_time = values["time"]
+        self._held.append(tuple(values[name] for name in self._columns or ()))
+        due = time.monotonic() - self._flushed > self._flush_interval
+        if due or len(self._held) == ROWS_HELD:
+            self._append_rows()
+        if due:
+            self._flush()
+
+    def snapshot(self, time: float, displacement: NDArray[np.float64], pressure: NDArray[np.float64]) -> None:
+        """Record the surface at a time: displacement and contact pressure, arrays of the grid's shape.
+
+        Raises
+        ------
+        ValueError
+            For arrays of another shape.
+        """
+        fields = {"displacement": displacement, "pressure": pressure}
+        for name, field in fields.items():
+            if np.shape(field) != self._shape:
+                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
+        for name, values in {"snapshot": time, **fields}.items():
+            dataset = self._growing[name]
+            dataset.resize(len(dataset) + 1, axis=0)
+            dataset[-1] = values
+        self._file.check()
+
+    def _begin_columns(self, names: tuple[str, ...]) -> None:
+        if "time" not in names:
+            raise ValueError(f"{self.path}: a row needs its time")
+        for name in names:
+            variable(name)
+        for name in names:
+            if name != "time":
+                self._add_series(name, "time")
+        self._columns = names
+
+    def _add_series(self, name: str, dimension: str) -> None:
+        growing: dict[str, Any] = {
+            "shape": (0,),
+            "maxshape": (None,),
+            "chunks": (ROWS_HELD,),
+            "fletcher32": True,
+        }
+        self._growing[name] = add_variable(self._h5, name, (dimension,), **growing)
+
+    def _add_snapshots(self) -> None:
+        self._add_series("snapshot", "snapshot")
+        growing: dict[str, Any] = {
+            "shape": (0, *self._shape),
+            "maxshape": (None, *self._shape),
+            "chunks": (1, *self._shape),
+        }
+        dimensions = ("snapshot", *self._coordinates)
+        self._growing["displacement"] = add_variable(
+            self._h5, "displacement", dimensions, **growing, fletcher32=True
+        )
+        packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+        self._growing["pressure"] = add_variable(
+            self._h5, "pressure", dimensions, **growing, **packed, fletcher32=True
+        )
+
+    def _append_rows(self) -> None:
+        if not self._held:
+            return
+        end = self._rows + len(self._held)
+        for name, values in zip(self._columns or (), zip(*self._held, strict=True), strict=True):
+            dataset = self._growing[name]
+            dataset.resize(end, axis=0)
+            dataset[self._rows :] = np.asarray(values, dtype=dataset.dtype)
+        self._rows = end
+        self._held.clear()
+        self._file.check()
+
+    def _flush(self) -> None:
+        self._file.flush()
+        self._flushed = time.monotonic()
+
+    def _finish(self) -> None:
+        self._append_rows()
+        ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": time.monotonic() - self._begun}
+        counts = {"rows": self._rows, "snapshots": len(self._growing["snapshot"])}
+        self._h5.attrs.update({**ended, **self._attributes, **counts, "complete": 1})

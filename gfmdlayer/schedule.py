@@ -1,0 +1,123 @@
+"""Which case runs when, and by whom: the order, the hand-over, the stop.
+
+The cases are given to a team's executor.  A member with hands free takes pending ones over by cancelling
+their futures and running them itself.  A request to stop, to whichever process it came, reaches all of them
+through the folder's stop file.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import Generic, Literal, Protocol, TypeVar
+
+from gfmdlayer.executors import Team
+from gfmdlayer.folder import Folder
+from gfmdlayer.interrupts import request_stop, stop_requested
+
+POLL = 0.2  # seconds between two looks at the request to stop while others compute
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a case.
+
+    Attributes
+    ----------
+    index : int
+        The case.
+    state : str
+        complete, failed (tried again by the next run), or stopped (waiting for the next run).
+    reason : str
+        Why it failed.
+    seconds : float
+        How long it took.
+    """
+
+    index: int
+    state: Literal["complete", "failed", "stopped"]
+    reason: str = ""
+    seconds: float = 0.0
+
+
+class Numbered(Protocol):
+    """What can be scheduled."""
+
+    @property
+    def index(self) -> int:
+        """Its number."""
+
+
+Item = TypeVar("Item", bound=Numbered)
+
+
+class Schedule(Generic[Item]):
+    """Runs cases by a team.
+
+    Parameters
+    ----------
+    team : Team
+        Who runs them.
+    task : callable
+        Runs one case and returns its outcome; never raises, and returns at once after a request to stop.
+    folder : Folder
+        The results folder, through which processes elsewhere are told to stop.
+    ended : callable
+        Told each outcome at once, possibly from another thread.
+    """
+
+    def __init__(
+        self, team: Team, task: Callable[[Item], Outcome], folder: Folder, ended: Callable[[Outcome], None]
+    ) -> None:
+        self._team, self._task, self._folder, self._ended = team, task, folder, ended
+        self._pending: deque[tuple[Item, Future[Outcome]]] = deque()
+        self._settled: SimpleQueue[Outcome] = SimpleQueue()
+
+    def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
+        """Run cases; yields their outcomes in the order in which they end."""
+        with self._team.starting():
+            futures = [(item, self._team.executor.submit(self._task, item)) for item in items]
+        for item, future in futures:
+            future.add_done_callback(partial(self._when_done, item))
+        self._pending.extend(futures)
+        if self._team.joins:
+            self._take_over()
+        for _ in items:
+            yield self._next()
+
+    def _take_over(self) -> None:
+        """Take what is pending: in order when alone, off the tail beside others, who take it off the head."""
+        while self._pending:
+            item, future = self._pending.popleft() if self._team.alone else self._pending.pop()
+            if future.cancel():
+                self._settle(self._task(item))
+
+    def _next(self) -> Outcome:
+        while True:
+            if stop_requested():
+                with suppress(OSError):  # signals alone must do then
+                    self._folder.stop.touch()
+                self._take_over()  # no case is begun after a request to stop: this only settles them
+            with suppress(Empty):
+                return self._settled.get(timeout=POLL)
+
+    def _when_done(self, item: Item, future: Future[Outcome]) -> None:
+        if future.cancelled():
+            return  # whoever cancelled it runs it
+        error = future.exception()
+        if error is None:
+            self._settle(future.result())
+        else:
+            reason = f"the process that ran it ended: {type(error).__name__}: {error}"
+            self._settle(Outcome(item.index, "failed", reason))
+
+    def _settle(self, outcome: Outcome) -> None:
+        if outcome.state == "stopped":
+            request_stop()  # a signal may reach one process of many
+        self._ended(outcome)
+        self._settled.put(outcome)

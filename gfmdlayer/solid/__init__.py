@@ -1,0 +1,1 @@
+"""What the body is: materials, the elastic layered halfspace, its relaxation spectrum."""

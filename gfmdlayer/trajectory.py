@@ -1,0 +1,75 @@
+"""What is prescribed over time: the depth of the punch, or the mean pressure on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gfmdlayer.tables import TableError, read_columns
+
+
+class Trajectory(Protocol):
+    """A piecewise smooth function of time, t >= 0."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times t > 0 at which its slope jumps; an integrator of second order must step onto them."""
+        ...
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        ...
+
+
+@dataclass(frozen=True)
+class RampHold:
+    """Eq. (30): grows linearly to ``target`` over ``ramp_time``, then rests."""
+
+    target: float
+    ramp_time: float
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The end of the ramp."""
+        return (self.ramp_time,)
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        return self.target * min(time / self.ramp_time, 1.0)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Linear between the rows of a table, constant after the last."""
+
+    times: npt.NDArray[np.float64]
+    values: npt.NDArray[np.float64]
+
+    @classmethod
+    def read(cls, file: Path, quantity: str) -> Table:
+        """Read the columns time and ``quantity``; the times start at 0 and increase.
+
+        Raises
+        ------
+        TableError
+            Naming file and line.
+        """
+        times, values = read_columns(file, ("time", quantity), increasing=True).T
+        if times[0] != 0:
+            raise TableError(
+                f"{file}: the first time is {times[0]:g}; must be 0, where the simulation starts"
+            )
+        return cls(times, values)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The times of the rows but the first."""
+        return tuple(self.times[1:].tolist())
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        return float(np.interp(time, self.times, self.values))

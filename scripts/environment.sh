@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# Makes the clone's own environment, .venv, with the given extras; does nothing where it is up to date.
+# usage: bash scripts/environment.sh EXTRAS        for example: mpich,test
+set -euo pipefail
+
+extras=$1
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+python=$root/.venv/bin/python
+marker=$root/.venv/gfmdlayer-$extras
+
+# The clone's own place counts too: the environment's scripts do not survive a move.
+state=$({ echo "$root"; cat "$root/pyproject.toml" "$root/constraints.txt"; } | sha256sum)
+if [[ -x $python && -f $marker && $(<"$marker") == "$state" ]]; then
+    exit 0
+fi
+
+if [[ ! -x $python ]]; then
+    echo "making $root/.venv"
+    python3 -m venv "$root/.venv"
+fi
+echo "installing gfmdlayer[$extras] into $root/.venv"
+(cd "$root" && "$python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$extras]")
+echo "$state" >"$marker"

@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# Runs the tests in the clone's own environment; arguments go to pytest.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+bash scripts/environment.sh mpich,test
+
+export PATH="$root/.venv/bin:$PATH"
+python -m pytest -n 2 "$@"

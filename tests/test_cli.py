@@ -1,0 +1,235 @@
+"""The command line: what it answers, how fast, with which exit status, and what a signal does to it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import resource
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+HEAVY = ("numba", "pyfftw", "h5py", "matplotlib", "xarray", "mpi4py", "numpy", "scipy")
+TINY = """\
+name: tiny
+grid: {points: 32}
+time: {end: 0.03, step: 0.01}
+trajectory: {ramp_time: 0.03}
+sweep: {layer.thickness: [0.02, 0.1, .inf]}
+"""
+TERMINAL = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120"}
+LAST_FAILS = TINY.replace(
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {solver.max_iterations: [20000, 1]}"
+)
+# The first case is complete at once; the second takes seconds, long enough to be caught at work.
+SECOND_TAKES_LONG = TINY.replace(
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 60]}"
+)
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text(TINY)
+
+
+def gfmdlayer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line and send it a signal while case 1 is at work."""
+    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 60
+        while not Path("out/cases/0000.h5").exists() or not Path("out/cases/0001.running").exists():
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(signum)
+        output, errors = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def assert_same_bits(one: Path, other: Path) -> None:
+    names = sorted(path.relative_to(one) for path in one.rglob("*.h5"))
+    assert names == sorted(path.relative_to(other) for path in other.rglob("*.h5"))
+    for name in names:
+        with h5py.File(one / name) as a, h5py.File(other / name) as b:
+            assert set(a) == set(b)
+            for key in a:
+                assert np.asarray(a[key]).tobytes() == np.asarray(b[key]).tobytes(), f"{name}: {key}"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["check", "configs/figure2.yaml"]])
+def test_help_and_check_import_nothing_heavy(arguments: list[str]) -> None:
+    script = f"""
+import contextlib, sys
+from gfmdlayer.cli import main
+with contextlib.suppress(SystemExit):
+    assert main({arguments!r}) == 0
+print([name for name in {HEAVY!r} if name in sys.modules])
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert process.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "configs/figure2.yaml"]])
+def test_help_and_check_answer_at_once(arguments: list[str]) -> None:
+    """The best of several, in seconds of the processor: on an idle machine, those of the clock."""
+
+    def seconds() -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [sys.executable, "-m", "gfmdlayer", *arguments]
+        subprocess.run(command, stdout=subprocess.DEVNULL, cwd=ROOT, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    assert min(seconds() for _ in range(5)) < 0.3
+
+
+def test_version_is_that_of_the_distribution() -> None:
+    assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
+
+
+@pytest.mark.parametrize("verb", [[], ["run"], ["check"], ["status"], ["plot"]])
+def test_examples_in_help_name_things_that_exist(verb: list[str]) -> None:
+    shown = gfmdlayer(*verb, "--help").stdout
+    example = shown.partition("example:\n")[2].splitlines()[0]
+    words = shlex.split(example)
+    assert words[0] == "gfmdlayer"
+    assert words[1] == (verb or ["run"])[0]
+    for config in (word for word in words if word.endswith(".yaml")):
+        assert (ROOT / config).is_file()
+        assert gfmdlayer("check", str(ROOT / config)).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["rum", "tiny.yaml"], ["run"], ["run", "tiny.yaml", "--jobs", "x"]]
+)
+def test_bad_usage_is_explained(arguments: list[str]) -> None:
+    process = gfmdlayer(*arguments)
+    assert process.returncode == 2
+    assert process.stderr.startswith("usage: gfmdlayer")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "absent.yaml"], "absent.yaml"),
+        (["check", "absent.yaml"], "absent.yaml"),
+        (["run", "tiny.yaml", "--set", "time.ende=2"], "time.ende"),
+        (["run", "tiny.yaml", "--jobs", "0"], "--jobs 0: must be 1 or more"),
+        (["run", "tiny.yaml", "--out", "tiny.yaml"], "is a file"),
+        (["status", "absent"], "absent: no such folder"),
+        (["status", "."], "not a results folder"),
+        (["plot", "absent"], "absent: no such folder"),
+    ],
+)
+def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str], message: str) -> None:
+    process = gfmdlayer(*arguments)
+    assert process.returncode == 2
+    assert message in process.stderr
+    assert process.stderr.startswith("gfmdlayer: ")
+    assert len(process.stderr.splitlines()) == 1
+    assert not Path("results").exists()
+
+
+def test_check_tells_cases_and_work_and_runs_nothing() -> None:
+    shown = gfmdlayer("check", "tiny.yaml").stdout
+    assert "tiny: 3 cases" in shown
+    assert "0002  thickness = inf" in shown
+    assert re.search(r"steps +9\n", shown)
+    assert [path.name for path in Path().iterdir()] == ["tiny.yaml"]
+
+
+def test_run_status_and_plot_follow_each_other() -> None:
+    process = gfmdlayer("run", "tiny.yaml")
+    assert (process.returncode, process.stdout) == (0, "complete: results/tiny/sweep.h5\n")
+    assert (
+        gfmdlayer("status", "results/tiny").stdout == "3 cases: 3 complete, 0 running, 0 failed, 0 waiting\n"
+    )
+    process = gfmdlayer("plot", "results/tiny", "--out", "tiny.png")
+    assert process.returncode == 0, process.stderr
+    assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_processes_give_the_same_bits_as_one() -> None:
+    assert gfmdlayer("run", "tiny.yaml", "--out", "serial").returncode == 0
+    assert gfmdlayer("run", "tiny.yaml", "--out", "jobs", "--jobs", "2").returncode == 0
+    assert_same_bits(Path("serial"), Path("jobs"))
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_failing_case_makes_the_status_1_and_is_told(jobs: str) -> None:
+    Path("tiny.yaml").write_text(LAST_FAILS)
+    process = gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
+    assert process.returncode == 1
+    assert "1 of 2 cases failed" in process.stdout
+    assert "0001: ConvergenceError" in process.stdout
+    shown = gfmdlayer("status", "out").stdout
+    assert "1 complete, 0 running, 1 failed, 0 waiting" in shown
+    assert "0001 failed: ConvergenceError" in shown
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_a_run_that_the_next_takes_up(signum: signal.Signals, jobs: str) -> None:
+    Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
+    command = ("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
+    process = interrupted(signum, *command)
+    assert process.returncode == 75, process.stderr
+    assert "Traceback" not in process.stderr
+    assert sorted(path.name for path in Path("out/cases").iterdir()) == [".lock", "0000.h5"]
+    assert "1 complete, 0 running, 0 failed, 1 waiting" in gfmdlayer("status", "out").stdout
+    before = Path("out/cases/0000.h5").read_bytes()
+    process = gfmdlayer(*command)
+    assert process.returncode == 0, process.stderr
+    assert "1 complete already" in process.stderr
+    assert Path("out/cases/0000.h5").read_bytes() == before
+
+
+def test_workers_do_not_outlive_a_killed_run() -> None:
+    Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
+    interrupted(signal.SIGKILL, "run", "tiny.yaml", "--out", "out", "--jobs", "2")
+    deadline = time.monotonic() + 10
+    while "0 running" not in gfmdlayer("status", "out").stdout:
+        assert time.monotonic() < deadline
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", "2").returncode == 0
+
+
+def test_a_terminal_shows_a_bar_and_a_log_does_not_load_it() -> None:
+    script = "import sys; from gfmdlayer.cli import main; main(sys.argv[1:]); print('rich' in sys.modules)"
+    command = [sys.executable, "-c", script, "run", "tiny.yaml", "--out"]
+    process = subprocess.run([*command, "log"], capture_output=True, text=True, check=True)
+    assert process.stdout.splitlines()[-1] == "False"
+    keyboard, screen = pty.openpty()
+    with open(keyboard, "rb", buffering=0) as terminal:  # noqa: PTH123 - a descriptor
+        process = subprocess.run(
+            [*command, "bar"], stdout=subprocess.PIPE, stderr=screen, text=True, check=True, env=TERMINAL
+        )
+        os.close(screen)
+        shown = terminal.read(65536).decode()
+    assert process.stdout.splitlines()[-1] == "True"
+    assert "100%" in shown
+    assert "3 of 3 complete" in shown
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = f"{shlex.quote(sys.executable)} -m gfmdlayer check tiny.yaml; echo $? >&2"
+    process = subprocess.run(
+        ["bash", "-c", f"({command}) | true"], capture_output=True, text=True, check=True
+    )
+    assert process.stderr == "0\n"

@@ -1,0 +1,86 @@
+"""The house stays as it was drawn: who may import whom, and how long a file may be."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "gfmdlayer"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+NUMERICS = {"solid", "contact", "stepping"}
+RUNNING = {"sweep", "schedule", "executors", "folder", "progress", "interrupts", "cost", "cli", "__main__"}
+ABOVE = {"simulation"} | RUNNING  # what no room may know
+OF_THE_RUN = NUMERICS | {"results", "simulation", "sweep", "cli", "__main__"}  # what a run is not made of
+FORBIDDEN = {
+    "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
+    "solid": {"contact", "stepping", "results"} | ABOVE,
+    "contact": {"solid", "stepping", "results"} | ABOVE,
+    "stepping": {"contact", "results"} | ABOVE,
+    "results": NUMERICS | ABOVE,
+    "inputs": {"solid", "stepping", "results"} | ABOVE,
+    "tables": NUMERICS | {"results"} | ABOVE,
+    "trajectory": NUMERICS | {"results"} | ABOVE,
+    "simulation": {"results"} | RUNNING,
+    **dict.fromkeys(("schedule", "executors", "folder", "progress", "interrupts", "cost"), OF_THE_RUN),
+    "sweep": {"solid", "stepping", "cli", "__main__"},
+    "cli": NUMERICS | {"simulation", "__main__"},
+    "__main__": (NUMERICS | ABOVE | {"results"}) - {"cli"},
+    "__init__": set[str](),
+}
+
+
+def room(path: Path) -> str:
+    """Return the room, or the module of the hall, to which a file belongs."""
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imported(tree: ast.AST, package: str) -> Iterator[str]:
+    """Yield the dotted names of everything imported anywhere in a module, inside functions too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+            base = (
+                ".".join([*parents, *([node.module] if node.module else [])]) if node.level else node.module
+            )
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def rooms_imported(path: Path) -> set[str]:
+    """Return the rooms of the package that a file imports, its own left out."""
+    package = ".".join(("gfmdlayer", *path.relative_to(PACKAGE).parts[:-1]))
+    names = [name.split(".") for name in imported(ast.parse(path.read_text(encoding="utf-8")), package)]
+    return {name[1] for name in names if name[0] == "gfmdlayer" and len(name) > 1} - {room(path)}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_follow_the_arrows(path: Path) -> None:
+    assert room(path) in FORBIDDEN, "a new room needs its arrows"
+    assert not rooms_imported(path) & FORBIDDEN[room(path)]
+
+
+def test_only_the_simulation_knows_all_of_the_numerics() -> None:
+    assert [path.name for path in FILES if rooms_imported(path) >= NUMERICS] == ["simulation.py"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_files_are_short(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 300
+
+
+@pytest.mark.parametrize(
+    ("source", "names"),
+    [
+        ("import gfmdlayer.results.writer", {"gfmdlayer.results.writer"}),
+        ("def f():\n    from gfmdlayer import contact", {"gfmdlayer.contact"}),
+        ("from ..contact import grid", {"gfmdlayer.contact.grid"}),
+        ("from . import layer", {"gfmdlayer.solid.layer"}),
+    ],
+)
+def test_no_way_of_importing_escapes_the_search(source: str, names: set[str]) -> None:
+    assert set(imported(ast.parse(source), "gfmdlayer.solid")) == names
