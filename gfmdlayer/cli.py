@@ -41,12 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer import executors, interrupts
+    from gfmdlayer import executors, interrupts, sweep
 
     executors.one_thread_each(os.environ)
     interrupts.listen()
     try:
-        with executors.assemble(options.jobs) as team:
+        with executors.assemble(options.jobs, sweep.prepare) as team:
             return COMPLETE if team is None else _run(options, team)
     except executors.LauncherError as error:
         return _refuse(str(error))
@@ -76,7 +76,7 @@ def _run(options: argparse.Namespace, team: Team) -> int:
     if summary.failures:
         print(f"{len(summary.failures)} of {len(summary.outcomes)} cases failed:")
         _print_some(f"  {outcome.index:04d}: {outcome.reason}" for outcome in summary.failures)
-        print(f"the others are complete in {directory}; the same command tries the failed ones again")
+        print(f"what is complete is in {directory}; the same command tries the failed ones again")
         return FAILED
     print(f"complete: {Path(directory) / 'sweep.h5'}")
     return COMPLETE

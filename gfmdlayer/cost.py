@@ -15,8 +15,8 @@ from gfmdlayer.config import Config
 ADAPTIVE_STEPS = 100  # typical for a ramp and a hold at the default tolerance
 # FFT pairs a step at a residual of 1e-6, at n = 4096 and as a power of n; measured on the default case.
 PAIRS = {
-    ("fire", "mass_weighted"): (128, 0.05),
-    ("fire", "uniform"): (284, 0.6),
+    ("fire", "mass_weighted"): (93, 0.03),
+    ("fire", "uniform"): (238, 0.3),
     ("conjugate_gradient", None): (101, 0.1),
     ("active_set", None): (12, 0.2),
 }

@@ -101,13 +101,15 @@ def one_thread_each(environment: MutableMapping[str, str]) -> None:
 
 
 @contextmanager
-def assemble(jobs: int = 1) -> Iterator[Team | None]:
+def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterator[Team | None]:
     """Assemble the team: MPI's ranks under a launcher, else `jobs` processes, else this process alone.
 
     Parameters
     ----------
     jobs : int
         Number of processes, where there is no MPI.
+    prepare : callable, optional
+        What MPI's other ranks do while rank 0 makes ready, such as imports.
 
     Yields
     ------
@@ -126,7 +128,7 @@ def assemble(jobs: int = 1) -> Iterator[Team | None]:
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        with _ranks(comm) as team:
+        with _ranks(comm, prepare) as team:
             yield team
     elif jobs > 1:
         with _processes(jobs) as team:
@@ -172,7 +174,7 @@ def _world(size: int) -> Any:
 
 
 @contextmanager
-def _ranks(comm: Any) -> Iterator[Team | None]:
+def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[Team | None]:
     from mpi4py.futures import MPICommExecutor
 
     def abort(*details: Any) -> NoReturn:
@@ -183,6 +185,8 @@ def _ranks(comm: Any) -> Iterator[Team | None]:
 
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
+    if comm.Get_rank() != 0 and prepare is not None:
+        prepare()
     executor: Any
     with MPICommExecutor(comm, root=0) as executor:
         if executor is not None:

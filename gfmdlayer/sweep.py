@@ -163,6 +163,12 @@ def _opening(total: int, todo: int, team: Team) -> str:
     return f"{cases}{before}; {team.size} {team.kind}, one thread each"
 
 
+def prepare() -> None:
+    """Import what a case needs; compiles nothing."""
+    import gfmdlayer.results.writer
+    import gfmdlayer.simulation  # noqa: F401
+
+
 def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcome:
     """Run one case into its file; whatever goes wrong with it becomes its outcome.
 

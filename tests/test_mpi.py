@@ -43,7 +43,7 @@ def gfmdlayer(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def contents(directory: str) -> dict[str, bytes]:
     """Return the bits of every variable of every file in a results folder."""
-    found = {}
+    found: dict[str, bytes] = {}
     for path in sorted(Path(directory).rglob("*.h5")):
         with h5py.File(path) as h5:
             found |= {f"{path.relative_to(directory)}:{key}": np.asarray(h5[key]).tobytes() for key in h5}
