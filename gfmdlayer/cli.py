@@ -60,7 +60,7 @@ def _run(options: argparse.Namespace, team: Team) -> int:
     from gfmdlayer.sweep import run_sweep
 
     try:
-        config = load(options.config, options.set)
+        config = load(options.config, options.set, _inspect)
         directory = options.out or _default_directory(config)
         summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr))
     except ConfigError as error:
@@ -89,7 +89,7 @@ def check(options: argparse.Namespace) -> int:
     from gfmdlayer.sweep import cases, label
 
     try:
-        config = load(options.config, options.set)
+        config = load(options.config, options.set, _inspect)
         every = cases(config)
     except ConfigError as error:
         return _refuse(*error.problems)
@@ -102,6 +102,13 @@ def check(options: argparse.Namespace) -> int:
     print(f"memory     about {_bytes(cost.memory)} a process")
     print(f"disk       about {_bytes(cost.storage)} in {_default_directory(config)}")
     return COMPLETE
+
+
+def _inspect(config: Config) -> Iterable[tuple[str, str]]:
+    from gfmdlayer.inputs import objections
+    from gfmdlayer.sweep import cases
+
+    return objections(case.config for case in cases(config))
 
 
 def status(options: argparse.Namespace) -> int:
@@ -148,6 +155,31 @@ def plot(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
+def fit_material(options: argparse.Namespace) -> int:
+    """Fit a Prony series to a measured curve."""
+    from gfmdlayer import fitting
+    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.tables import TableError
+
+    shift = (options.temperature, options.reference, options.wlf)
+    if None in shift and any(value is not None for value in shift):
+        return _refuse("--temperature, --reference and --wlf: must be given together")
+    try:
+        report = fitting.fit_material(
+            Path(options.data),
+            None if options.out is None else Path(options.out),
+            branches=options.branches,
+            relaxed=options.relaxed_modulus,
+            wlf=None if options.wlf is None else fitting.WLF(*shift[:2], *options.wlf),
+            normalise=options.normalise,
+            force=options.force,
+        )
+    except (TableError, fitting.FitError, ResultsError) as error:
+        return _refuse(str(error))
+    print(report)
+    return COMPLETE
+
+
 class _Version(argparse.Action):
     """Print the version; it is looked up only when asked for."""
 
@@ -173,7 +205,11 @@ def _parser() -> argparse.ArgumentParser:
     def verb(function: Any, summary: str, example: str) -> argparse.ArgumentParser:
         epilog = f"example:\n  {example}"
         added = verbs.add_parser(
-            function.__name__, help=summary, description=summary, epilog=epilog, formatter_class=raw
+            function.__name__.replace("_", "-"),
+            help=summary,
+            description=summary,
+            epilog=epilog,
+            formatter_class=raw,
         )
         added.set_defaults(verb=function)
         return added
@@ -206,6 +242,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     added.add_argument("directory", metavar="DIR", help="results folder")
     added.add_argument("--out", metavar="PNG", help="the figure (default: in DIR)")
+    added = verb(
+        fit_material,
+        "fit a Prony series to a master curve (omega, G', G'') or a relaxation curve (t, G)",
+        "gfmdlayer fit-material polymer.csv --normalise --temperature 60 --reference 25 --wlf 17.4 51.6",
+    )
+    added.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
+    added.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
+    added.add_argument("--branches", metavar="N", type=int, help="(default: the fewest that are enough)")
+    added.add_argument("--relaxed-modulus", metavar="G0", type=float, help="(default: fitted)")
+    added.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
+    added.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
+    added.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
+    added.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="constants of the shift")
+    added.add_argument("--force", action="store_true", help="overwrite files")
     return parser
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,16 @@ class TableError(ValueError):
 
 
 def read_columns(
-    path: Path, names: tuple[str, ...], *, increasing: bool = False, at_least: int = 2
+    path: Path,
+    names: tuple[str, ...],
+    *,
+    increasing: bool = False,
+    at_least: int = 2,
+    objection: Callable[[Sequence[float]], str | None] = lambda _: None,
 ) -> npt.NDArray[np.float64]:
     """Read columns of numbers separated by commas, semicolons or white space.
 
-    Lines that are empty or start with ``#`` are passed over, and so is a first line of column names.
+    Lines that are empty or start with ``#`` are passed over, and so are lines of words before the numbers.
 
     Parameters
     ----------
@@ -33,6 +39,8 @@ def read_columns(
         Whether the first column must grow from row to row.
     at_least : int
         The fewest rows that will do.
+    objection : callable
+        Says what is wrong with the numbers of a row, and what is allowed; nothing if they will do.
 
     Returns
     -------
@@ -43,21 +51,14 @@ def read_columns(
     TableError
         Naming file and line.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TableError(f"{path}: cannot be read as text ({error})") from error
+    number = 1
     wanted = f"{len(names)} numbers ({', '.join(names)})"
     rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
-        text = line.partition("#")[0].strip()
-        if not text:
-            continue
-        words = [word for word in re.split(r"[,;\s]+", text) if word]
+    for number, text, words in read_lines(path):
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows and not any(_is_number(word) for word in words):
+            if not rows and not any(is_number(word) for word in words):
                 continue  # the names of the columns
             raise TableError(f"{path}:{number}: cannot read {text!r}; must be {wanted}") from None
         if len(row) != len(names):
@@ -67,13 +68,36 @@ def read_columns(
         if increasing and rows and row[0] <= rows[-1][0]:
             found = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
             raise TableError(f"{path}:{number}: {found}; must increase from row to row")
+        if wrong := objection(row):
+            raise TableError(f"{path}:{number}: {wrong}")
         rows.append(row)
     if len(rows) < at_least:
-        raise TableError(f"{path}: holds {len(rows)} rows of numbers; must be at least {at_least}")
+        raise TableError(f"{path}:{number}: holds {len(rows)} rows of numbers; must be at least {at_least}")
     return np.array(rows)
 
 
-def _is_number(word: str) -> bool:
+def read_lines(path: Path) -> list[tuple[int, str, list[str]]]:
+    """Return number, text and words of the lines of a file that hold more than a comment.
+
+    Raises
+    ------
+    TableError
+        If the file cannot be read as text.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TableError(f"{path}: cannot be read as text ({error})") from error
+    texts = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1))
+    return [
+        (number, text, [word for word in re.split(r"[,;\s]+", text) if word])
+        for number, text in texts
+        if text
+    ]
+
+
+def is_number(word: str) -> bool:
+    """Whether a word can be read as a number."""
     try:
         float(word)
     except ValueError:

@@ -1,0 +1,224 @@
+"""The Prony series of fewest branches that fits a measured curve as well as any series can.
+
+    G(t) = G0 + sum_k G_k exp(-t/tau_k),     G0 > 0, G_k > 0                Eq. (5) for many branches
+
+of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68, is fitted in the relative error: every
+residual is divided by what was measured there, and every row counts the same.
+
+What any series can reach is known beforehand. With the relaxation times on a dense grid the moduli are a
+problem of non-negative least squares, convex, with one least error. From there on branches are added one at a
+time, each where it lessens the error fastest, and after each all times are moved to where the error is least:
+the alternating descent conditional gradient method of Boyd, Schiebinger & Recht, SIAM J. Optim. 27 (2017)
+616-639. The moduli follow the times by non-negative least squares (variable projection, Golub & Pereyra, SIAM
+J. Numer. Anal. 10 (1973) 413-432, with the Jacobian of Kaufman, BIT 15 (1975) 49-57).
+
+Branches are enough when the error is within `MARGIN` of the least, or below `ACCURACY`, better than moduli
+are measured. What the margin forgoes is sqrt(1.05^2 - 1), a third, of the noise; the Bayesian information
+criterion draws its line at 3 % for 80 rows of a master curve.
+
+Times are sought over the measured range and half a decade to either side. A slower branch could not be told
+from the relaxed modulus, a faster one from a dashpot. Where the fitted G0 is a small part of the lowest
+measured modulus, the material is a liquid, or the curve ends far too early, and there is no fit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import least_squares, nnls
+
+from gfmdlayer.fitting.measurement import FitError, FloatArray, Measurement
+from gfmdlayer.solid.materials import Prony
+
+MARGIN = 1.05
+ACCURACY = 2e-3
+EXACT = 1e-6  # digits are written no further
+FLOWING = 0.1  # of the lowest measured modulus
+STALLED = 0.9999  # of the error before, and another branch is of no use
+MOST_BRANCHES = 50
+BEYOND = math.log(10) / 2  # of the measured range, in the logarithm of time
+SPACING = math.log(10) / 20  # of the dense grid
+# Two branches this close answer as one, but for (log(1.1)/2)^2/2 = 0.1 %, half the accuracy.
+NEIGHBOURS = math.log(1.1)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted series.
+
+    Parameters
+    ----------
+    measurement
+        What it was fitted to.
+    material
+        The series, from its fastest branch to its slowest.
+    least
+        The least root mean square error that any series with such times can have.
+    """
+
+    measurement: Measurement
+    material: Prony
+    least: float
+
+    @property
+    def errors(self) -> FloatArray:
+        """Fitted over measured, minus one, in the shape of the measured moduli."""
+        predicted = self.measurement.predicted(self.material, self.measurement.abscissa)
+        return predicted / self.measurement.moduli - 1
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the relative errors."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of the relative errors."""
+        return float(np.abs(self.errors).max())
+
+    def normalised(self) -> Fit:
+        """The same fit with all moduli in units of G0."""
+        G0 = self.material.G0
+        branches = tuple((modulus / G0, time) for modulus, time in self.material.branches)
+        return Fit(self.measurement.in_units_of(G0), Prony(1.0, branches), self.least)
+
+
+def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> Fit:
+    """Fit a Prony series to a measured curve.
+
+    Parameters
+    ----------
+    measurement
+        The curve.
+    branches
+        Their number; the fewest that are enough by default. There will be fewer if more would not lessen the
+        error.
+    relaxed
+        G0, where it is known from elsewhere; fitted by default.
+
+    Raises
+    ------
+    FitError
+        If the curve is that of a liquid and no relaxed modulus is given, nothing relaxes, or the number of
+        branches or the relaxed modulus is not possible.
+    """
+    most = min(MOST_BRANCHES, (measurement.moduli.size - 1) // 2)
+    if branches is not None and not 1 <= branches <= most:
+        raise FitError(f"{branches} branches: must be 1 to {most} for {measurement.abscissa.size} rows")
+    lowest, highest = measurement.moduli[0].min(), measurement.moduli[0].max()
+    if relaxed is not None and not 0 < relaxed < highest:
+        raise FitError(
+            f"relaxed modulus {relaxed:g}: must be > 0 and below the highest measured modulus, {highest:.6g}"
+        )
+    problem = _Problem(measurement, relaxed)
+    least = problem.error(problem.grid)
+    enough = max(MARGIN * least, ACCURACY)
+    times = problem.grown(branches or most, EXACT if branches else enough)
+    if not times.size:
+        raise FitError(
+            f"{measurement.source}: nothing relaxes within the measured range; the layer is elastic"
+        )
+    moduli = problem.moduli(times)
+    if relaxed is None and moduli[0] < FLOWING * lowest:
+        raise FitError(
+            f"{measurement.source}: flows like a liquid, the fitted G0 = {moduli[0]:.3g} is nothing beside "
+            f"the lowest measured modulus, {lowest:.3g}; a layer needs G0 > 0: the data must reach "
+            f"{measurement.slower}, or --relaxed-modulus give it"
+        )
+    series = zip(moduli[1:].tolist(), np.exp(times).tolist(), strict=True)
+    return Fit(measurement, Prony(float(moduli[0]), tuple(series)), least)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Moduli and logarithms of times that make the relative error small; G0 is the first modulus."""
+
+    measurement: Measurement
+    relaxed: float | None
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        shortest, longest = self.measurement.reach
+        return math.log(shortest) - BEYOND, math.log(longest) + BEYOND
+
+    @cached_property
+    def grid(self) -> FloatArray:
+        first, last = self.bounds
+        return np.linspace(first, last, math.ceil((last - first) / SPACING) + 1)
+
+    @cached_property
+    def directions(self) -> FloatArray:
+        """Responses of the branches on the grid, of unit length."""
+        columns = self.columns(self.grid)[:, 1:]
+        return np.asarray(columns / np.linalg.norm(columns, axis=0))
+
+    def columns(self, times: FloatArray) -> FloatArray:
+        """Responses over what was measured, of the relaxed spring and the branches."""
+        responses = np.column_stack([self.measurement.constant(), self.measurement.response(np.exp(times))])
+        return responses / self.measurement.moduli.reshape(-1, 1)
+
+    def moduli(self, times: FloatArray) -> FloatArray:
+        """The moduli of least error."""
+        columns = self.columns(times)
+        if self.relaxed is None:
+            return _non_negative(columns, np.ones(len(columns)))
+        rest = _non_negative(columns[:, 1:], 1 - self.relaxed * columns[:, 0])
+        return np.append(self.relaxed, rest)
+
+    def residual(self, times: FloatArray) -> FloatArray:
+        """Relative errors of the fit with these times."""
+        return np.asarray(self.columns(times) @ self.moduli(times) - 1)
+
+    def error(self, times: FloatArray) -> float:
+        """Root mean square of the relative errors."""
+        return float(np.sqrt(np.mean(self.residual(times) ** 2)))
+
+    def jacobian(self, times: FloatArray) -> FloatArray:
+        """How the residual changes with the times, less what the moduli make good."""
+        moduli = self.moduli(times)
+        free = moduli > 0
+        free[0] &= self.relaxed is None
+        slopes = self.measurement.sensitivity(np.exp(times)) * moduli[1:]
+        slopes /= self.measurement.moduli.reshape(-1, 1)
+        basis = np.linalg.qr(self.columns(times)[:, free]).Q
+        return np.asarray(slopes - basis @ (basis.T @ slopes))
+
+    def polished(self, times: FloatArray) -> FloatArray:
+        """The times of least error nearby, in order; branches that do nothing or nearly coincide are gone."""
+        found = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
+        kept = self._distinct(np.sort(found.x))
+        return kept if kept.size == times.size else self.polished(kept)
+
+    def _distinct(self, times: FloatArray) -> FloatArray:
+        moduli = self.moduli(times)[1:]
+        times, moduli = times[moduli > 0], moduli[moduli > 0]
+        close = np.flatnonzero(np.diff(times) < NEIGHBOURS)
+        if not close.size:
+            return times
+        first = close[0]
+        pair = slice(first, first + 2)
+        merged = np.average(times[pair], weights=moduli[pair])
+        return self._distinct(np.concatenate([times[:first], [merged], times[first + 2 :]]))
+
+    def grown(self, most: int, enough: float) -> FloatArray:
+        """The times of as many branches as are allowed, enough or of any use, one after the other."""
+        times, error = np.empty(0), self.error(np.empty(0))
+        while times.size < most and error > enough:
+            descent = -self.directions.T @ self.residual(times)
+            more = self.polished(np.append(times, self.grid[descent.argmax()]))
+            lessened = self.error(more)
+            if lessened > STALLED * error:
+                break
+            times, error = more, lessened  # a new branch may have made another superfluous
+        return times
+
+
+def _non_negative(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Coefficients >= 0 of least squares; columns of any size are treated alike."""
+    if not columns.size:
+        return np.zeros(columns.shape[1])
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(nnls(columns / size, target, maxiter=100 * len(size))[0] / size)

@@ -1,0 +1,164 @@
+"""What is left of a fit: the material for a configuration, a figure, and what to be told about them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gfmdlayer.fitting.figure import fit_figure
+from gfmdlayer.fitting.measurement import read
+from gfmdlayer.fitting.prony import Fit, fit
+from gfmdlayer.fitting.wlf import WLF
+from gfmdlayer.results.plot_style import save
+from gfmdlayer.results.schema import ResultsError
+
+PLATEAU = 1.2  # a modulus further than this from all that was measured is an extrapolation
+
+
+def fit_material(
+    data: Path,
+    out: Path | None = None,
+    *,
+    branches: int | None = None,
+    relaxed: float | None = None,
+    wlf: WLF | None = None,
+    normalise: bool = False,
+    force: bool = False,
+) -> str:
+    """Fit a Prony series to a file of measurements, and write the material and a figure.
+
+    Parameters
+    ----------
+    data
+        A master curve or a relaxation curve, see `gfmdlayer.fitting.read`.
+    out
+        The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
+        beside it, to NAME.png.
+    branches, relaxed
+        Number of branches and relaxed modulus where they are not to be found, see `gfmdlayer.fitting.fit`.
+    wlf
+        Change of temperature between the measurement and the material.
+    normalise
+        Whether moduli are written in units of G0.
+    force
+        Whether files that exist may be overwritten; never `data` itself.
+
+    Returns
+    -------
+    str
+        The branches, the error, what to beware of and where the files are.
+
+    Raises
+    ------
+    TableError
+        The data cannot be used.
+    FitError
+        No series can be fitted to them.
+    ResultsError
+        A file exists or cannot be written.
+    """
+    material, picture = _targets(data, out, force)
+    curve = read(data)
+    fitted = fit(curve.slowed(wlf.factor) if wlf else curve, branches, relaxed)
+    G0 = fitted.material.G0
+    if normalise:
+        fitted = fitted.normalised()
+    remarks = list(_origin(fitted, wlf, G0 if normalise else None))
+    try:
+        material.parent.mkdir(parents=True, exist_ok=True)
+        with material.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(material_yaml(fitted, material.stem, remarks))
+    except OSError as error:
+        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    save(fit_figure(fitted), picture)
+    warnings = [f"warning: {text}" for text in _warnings(fitted, branches, relaxed)]
+    return "\n".join([*remarks, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
+
+
+def material_yaml(fitted: Fit, name: str, remarks: list[str]) -> str:
+    """Write the series as a small configuration, with remarks above it."""
+    material = fitted.material
+    lines = [f"# {remark}" for remark in remarks]
+    lines += [f"name: {re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')[:128] or 'material'}"]
+    lines += ["layer:", "  material:", "    model: prony", f"    G0: {material.G0:.6e}", "    branches:"]
+    lines += [f"      - {{G: {modulus:.6e}, tau: {time:.6e}}}" for modulus, time in material.branches]
+    return "\n".join(lines) + "\n"
+
+
+def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
+    """Return where material and figure go; neither may be in the way of anything."""
+    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
+    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
+    targets = material, material.with_suffix(".png")
+    for target in targets:
+        if target.exists() and data.exists() and target.samefile(data):
+            raise ResultsError(f"{target}: holds the data; must be another file")
+        if target.exists() and not force:
+            raise ResultsError(f"{target}: exists; must be another file, or --force be given to overwrite it")
+    return targets
+
+
+def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
+    """Tell where the series comes from and how good it is."""
+    curve, count = fitted.measurement, len(fitted.material.branches)
+    rows = curve.abscissa.size
+    yield f"Prony series of {_branches(count)}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
+    yield (
+        f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
+        f"the least that any series reaches is {_percent(fitted.least)} rms."
+    )
+    if wlf:
+        yield (
+            f"WLF: at temperature {wlf.temperature:g}, from reference {wlf.reference:g} with "
+            f"C1 = {wlf.C1:g}, C2 = {wlf.C2:g}; times multiplied by aT = {wlf.factor:.6g}."
+        )
+    if unit:
+        yield f"Moduli are in units of G0 = {unit:.6g} of the data, times in the unit of the data."
+    else:
+        yield "Moduli and times are in the units of the data."
+
+
+def _table(fitted: Fit) -> Iterator[str]:
+    yield f"{'':>6}  {'G':>13}  {'tau':>13}"
+    yield f"{'G0':>6}  {fitted.material.G0:13.6e}"
+    for number, (modulus, time) in enumerate(fitted.material.branches, start=1):
+        yield f"{number:6d}  {modulus:13.6e}  {time:13.6e}"
+    yield f"{'Ginf':>6}  {fitted.material.glassy:13.6e}"
+
+
+def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator[str]:
+    material, elastic = fitted.material, fitted.measurement.moduli[0]
+    if asked is not None and len(material.branches) < asked:
+        yield f"{_branches(len(material.branches))} instead of {asked}: more do not lessen the error"
+    if relaxed is None and elastic.min() > PLATEAU * material.G0:
+        yield (
+            f"G0 = {material.G0:.4g} is extrapolated: the lowest measured modulus is {elastic.min():.4g}; "
+            f"the data should reach {fitted.measurement.slower}, or --relaxed-modulus give it"
+        )
+    decades = np.log(fitted.measurement.abscissa)
+    if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
+        yield (
+            f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]}, "
+            "and the fit follows these; rows spread evenly over the decades determine all of it"
+        )
+    if elastic.max() * PLATEAU < material.glassy:
+        yield (
+            f"Ginf = {material.glassy:.4g} is extrapolated: the highest measured modulus is "
+            f"{elastic.max():.4g}"
+        )
+    if abs(material.G0 - 1) > 1e-6:
+        yield (
+            f"G0 = {material.G0:.6g} is not 1: halfspace.shear_modulus must be in the same unit; "
+            "--normalise divides the moduli by G0"
+        )
+
+
+def _branches(count: int) -> str:
+    return "1 branch" if count == 1 else f"{count} branches"
+
+
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.2g} %"
