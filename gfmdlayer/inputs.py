@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -46,29 +47,48 @@ def make_trajectory(config: Config) -> Trajectory:
     return RampHold(target, given.ramp_time)
 
 
-def check_inputs(config: Config) -> None:
-    """Read what a case reads, and see that it can be done.
+def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
+    """Read what the cases read, and see that they can be done.
 
-    Raises
-    ------
-    TableError
-        If a file cannot be used, or an incompressible body would have to leave the cell: with a mean
-        displacement of zero the punch cannot go deeper than the mean height of its surface.
+    Yields ------ The key that cannot be used and why: a file that does not hold what it should, a negative
+    load, or a depth for which an incompressible body would have to leave the cell. With a mean displacement
+    of zero the punch cannot go deeper than the mean height of its surface.
     """
-    trajectory = make_trajectory(config)
-    if config.trajectory.control == "load":
-        if isinstance(trajectory, Table) and (trajectory.values < 0).any():
-            raise TableError(
-                f"{config.trajectory.file}: holds a negative load; must be >= 0, there is no adhesion"
+    seen = set()
+    for config in configs:
+        matter = (config.grid, config.punch, config.trajectory, mean_is_fixed(config))
+        if matter not in seen:
+            seen.add(matter)
+            yield from _objections(config)
+
+
+def _objections(config: Config) -> Iterator[tuple[str, str]]:
+    given = config.trajectory
+    try:
+        heights = make_punch(config, make_grid(config))
+    except TableError as error:
+        yield "punch.file", str(error)
+        return
+    try:
+        trajectory = make_trajectory(config)
+    except TableError as error:
+        yield "trajectory.file", str(error)
+        return
+    table = trajectory if isinstance(trajectory, Table) else None
+    if given.control == "load":
+        if table is not None and (table.values < 0).any():
+            yield (
+                "trajectory.file",
+                f"{given.file}: holds a negative load; must be >= 0, there is no adhesion",
             )
         return
-    room = float(make_punch(config, make_grid(config)).mean())
-    deepest = float(trajectory.values.max()) if isinstance(trajectory, Table) else trajectory(math.inf)
+    room = float(heights.mean())
+    deepest = float(table.values.max()) if table is not None else trajectory(math.inf)
     if mean_is_fixed(config) and deepest >= room:
-        where = f"{config.trajectory.file}" if config.trajectory.file else "trajectory.depth"
-        raise TableError(
-            f"{where}: the depth reaches {deepest:.6g}, but a body whose mean height cannot change has room for less "
-            f"than {room:.6g}, the mean height of this punch; must be less deep, or the punch be steeper"
+        yield (
+            "trajectory.depth" if table is None else "trajectory.file",
+            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; must be below the mean height "
+            f"of the punch, {room:.6g}",
         )
 
 

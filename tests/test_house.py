@@ -13,7 +13,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 NUMERICS = {"solid", "contact", "stepping"}
 RUNNING = {"sweep", "schedule", "executors", "folder", "progress", "interrupts", "cost", "cli", "__main__"}
-ABOVE = {"simulation"} | RUNNING  # what no room may know
+ABOVE = {"simulation", "fitting"} | RUNNING  # what no room may know
 OF_THE_RUN = NUMERICS | {"results", "simulation", "sweep", "cli", "__main__"}  # what a run is not made of
 FORBIDDEN = {
     "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
@@ -21,6 +21,7 @@ FORBIDDEN = {
     "contact": {"solid", "stepping", "results"} | ABOVE,
     "stepping": {"contact", "results"} | ABOVE,
     "results": NUMERICS | ABOVE,
+    "fitting": {"contact", "stepping", "simulation"} | RUNNING,
     "inputs": {"solid", "stepping", "results"} | ABOVE,
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,

@@ -7,7 +7,7 @@ same report; whatever rests on a value set aside is not blamed.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,10 @@ from gfmdlayer.config.text import Document, Place
 FILES = ("punch.file", "trajectory.file")
 
 
-def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+Inspection = Callable[[Config], Iterable[tuple[str, str]]]
+
+
+def load(path: str | Path, overrides: Iterable[str] = (), inspect: Inspection | None = None) -> Config:
     """Read a configuration.
 
     Parameters
@@ -31,6 +34,9 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
         YAML file. File names in it are relative to its folder.
     overrides : iterable of str
         ``dotted.key=value`` with the value in YAML, each replacing what the file says, in this order.
+    inspect : callable, optional
+        Looks further into a sound configuration, for what numbers and files can show: yields dotted keys and
+        what is wrong with them.
 
     Returns
     -------
@@ -59,6 +65,11 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
         unreadable = {place for place, _ in document.problems if place.line}
         found = [(_place(document, p), str(p)) for p in _all_problems(document.data, error)]
         raise _error(document.problems + [told for told in found if told[0] not in unreadable]) from None
+    if not document.problems and inspect is not None:
+        for key, message in inspect(config):
+            location = ("sweep", key) if key in config.sweep else tuple(key.split("."))
+            problem = Problem(location, message)
+            document.problems.append((_place(document, problem), str(problem)))
     if document.problems:
         raise _error(document.problems)
     return config

@@ -249,7 +249,15 @@ class Trajectory(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`; `tolerance` is the error allowed by adaptive steps."""
+    """The time axis from 0 to `end`.
+
+    Attributes
+    ----------
+    integrator
+        `backward_euler` is the paper's.
+    tolerance
+        Error allowed by adaptive steps, of mean pressure and displacement relative to their largest values.
+    """
 
     end: Positive = 8.0
     step: Annotated[
@@ -258,7 +266,7 @@ class Time(Section):
     ] = 0.005
     integrator: Annotated[
         Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
-    ] = "backward_euler"
+    ] = "exponential"
     tolerance: Positive = 1e-4
 
 
@@ -287,7 +295,16 @@ Rows = Annotated[
 
 
 class Output(Section):
-    """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps."""
+    """What is kept besides the curves.
+
+    Attributes
+    ----------
+    snapshots
+        Times at which the surface is kept.
+    times
+        Times (or their spacing) that adaptive steps must have among their rows. None leaves them free but
+        for the kinks of the trajectory, the snapshots and the end.
+    """
 
     snapshots: tuple[NotNegative, ...] = ()
     times: Annotated[Rows | None, _given] = None

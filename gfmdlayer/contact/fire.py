@@ -26,7 +26,7 @@ import numpy as np
 
 from gfmdlayer.contact.fire_loop import Constants, Fields, State, iterate
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, contact_fraction, residual
+from gfmdlayer.contact.problem import Problem, Solution, assess
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import Transforms
 
@@ -105,16 +105,17 @@ class Fire:
             state, _, _, more = self._iterate(problem, constants, state, np.inf, 1)
             pairs += more
         pressure = fields.stress + state.multiplier
+        residual, contact_area, mean_pressure = assess(pressure, fields.u, problem.obstacle, problem.softest)
         return Solution(
             displacement=fields.u.copy(),
             pressure=pressure,
             spectrum=self._transforms.forward(fields.u),
-            mean_pressure=float(pressure.mean()),
-            contact_area=contact_fraction(pressure, fields.u, problem.obstacle, problem.softest),
-            residual=residual(pressure, fields.u, problem.obstacle, problem.softest),
+            mean_pressure=mean_pressure,
+            contact_area=contact_area,
+            residual=residual,
             transforms=pairs + 1,
             iterations=iterations,
-            converged=accepted,
+            converged=accepted and not np.isnan(residual),
         )
 
     def _iterate(

@@ -26,9 +26,10 @@ from gfmdlayer.contact.transforms import ComplexArray
 # Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
 FASTMATH = {"reassoc", "contract"}
 
-# A pressure below this part of what the softest mode carries at the depth of the surface is no contact:
-# without it, a surface that nothing touches would measure rounding errors against rounding errors.
-_NO_PRESSURE = 1e-6
+# Pressures count against at least this part of what the softest mode carries at the depth of the surface.
+# Without it a surface that nothing touches would measure rounding errors against rounding errors: those reach
+# 1e-16 n/2 of that pressure, 1e-10 at n = 2^20, which a tolerance of 1e-6 then still tells from contact.
+_NO_PRESSURE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -128,37 +129,35 @@ def scales(largest_pressure: float, deepest: float, softest: float) -> tuple[flo
     return max(largest_pressure, _NO_PRESSURE * softest * depth, 1e-300), depth
 
 
+@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
+def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
+    """Largest pressure and deepest point of a state without NaN."""
+    largest, deepest = 0.0, 0.0
+    for i in range(u.size):
+        largest = pressure[i] if pressure[i] > largest else largest
+        deepest = -u[i] if -u[i] > deepest else deepest
+    return largest, deepest
+
+
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def residual(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> float:
-    """Residual of a state: the largest `violation` over its points."""
-    largest, deepest = 0.0, 0.0
-    for i in range(u.size):
-        largest = max(largest, pressure[i])
-        deepest = max(deepest, -u[i])
-    pressure_scale, depth = scales(largest, deepest, softest)
-    worst = 0.0
-    for i in range(u.size):
-        worst = max(worst, violation(pressure[i], h[i] - u[i], 1 / pressure_scale, 1 / depth))
-    return worst
+def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> tuple[float, float, float]:
+    """Judge a state.
 
-
-@nb.njit(nogil=True, cache=True)
-def contact_fraction(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> float:
-    """Fraction of the points where the pressure, and not the gap.
-
-    Is the larger of the two in the residual's scales.
+    Returns
+    -------
+    residual, contact_area, mean_pressure : float
+        The largest `violation` over the points (NaN if anything is); the fraction of the points where the pressure, and
+        not the gap, is the larger of the two in the residual's scales; the mean of the pressure.
     """
-    largest, deepest = 0.0, 0.0
-    for i in range(u.size):
-        largest = max(largest, pressure[i])
-        deepest = max(deepest, -u[i])
+    largest, deepest = extent(pressure, u)
     pressure_scale, depth = scales(largest, deepest, softest)
-    count = 0
+    per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
+    worst, touching, total = 0.0, 0.0, 0.0
     for i in range(u.size):
-        count += pressure[i] / pressure_scale > (h[i] - u[i]) / depth
-    return count / u.size
-
-
-def mean_of(field: FloatArray) -> float:
-    """Mean over the points, summed pairwise."""
-    return float(np.mean(field))
+        gap = h[i] - u[i]
+        worst = max(worst, violation(pressure[i], gap, per_pressure, per_gap))
+        touching += 1.0 if pressure[i] * per_pressure > gap * per_gap else 0.0
+        total += pressure[i] + 0.0 * gap
+    if np.isnan(total):
+        worst = np.nan
+    return worst, touching / u.size, total / u.size

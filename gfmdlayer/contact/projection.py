@@ -30,9 +30,10 @@ def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
     """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero.
 
     Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
-    error of the mean; only where every point is at h they all move.  The sum of min(u + m, h) is concave and
+    error of the mean; only where every point is at h they all move. The sum of min(u + m, h) is concave and
     piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
-    root comes from the left and ends after finitely many rounds.
+    root comes from the left and ends after finitely many rounds. Each round moves u itself, so that its
+    rounding is seen by the next.
 
     Returns
     -------
@@ -43,27 +44,22 @@ def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
     for i in range(u.size):
         touching += u[i] >= h[i]
     all_move = touching == u.size
-    shift, first = 0.0, True
     while True:
-        # Neumaier's compensated sum: the mean is zero to rounding whatever the number of points.
         total, carry, free, largest = 0.0, 0.0, 0, 0.0
         for i in range(u.size):
-            value = h[i]
-            if (u[i] < h[i] or all_move) and (first or u[i] + shift < h[i]):
-                value = u[i] + shift
-                free += 1
+            value = u[i]
+            free += value < h[i] or all_move
             largest = max(largest, abs(value))
             summed = total + value
             carry += (total - summed) + value if abs(total) >= abs(value) else (value - summed) + total
             total = summed
         total += carry
-        if not first and total >= -_ROUNDING * largest * u.size:
-            break
+        if abs(total) <= _ROUNDING * largest * u.size:
+            return True
         if free == 0 or not np.isfinite(total):
             return False
-        shift -= total / free
-        first = False
-    for i in range(u.size):
-        if u[i] < h[i] or all_move:
-            u[i] = min(u[i] + shift, h[i])
-    return True
+        shift = -total / free
+        for i in range(u.size):
+            if u[i] < h[i] or all_move:
+                u[i] = min(u[i] + shift, h[i])
+        all_move = False

@@ -28,7 +28,7 @@ from gfmdlayer.contact.grid import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
 
-_MEASURE, _DESTROY_INPUT, _WISDOM_ONLY = 0, 1 << 0, 1 << 21  # fftw3.h
+_MEASURE, _DESTROY_INPUT = 0, 1 << 0  # fftw3.h
 
 _fftw = ctypes.CDLL(pyfftw.pyfftw.__file__)
 for _planner in (_fftw.fftw_plan_dft_r2c, _fftw.fftw_plan_dft_c2r):

@@ -1,0 +1,113 @@
+"""What a prescribed depth or load makes of the contact problem of a step, and of its solution.
+
+A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch, whose
+mean is the depth but for how far the body yields as a whole: by u_0, the displacement at q = 0, which is zero
+unless a compressible layer lies on a rigid base. There kappa_0 u_0 = b_0/n - p, and
+
+    u = w - mean(w) + u_0,        depth = mean(w) - u_0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.transforms import ComplexArray
+from gfmdlayer.trajectory import Trajectory
+
+Values = TypeVar("Values", FloatArray, ComplexArray)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Where the surface and the punch are.
+
+    Attributes
+    ----------
+    displacement : ndarray
+        u, one value a point.
+    spectrum : ndarray of complex
+        Its unnormalised transform.
+    depth : float
+        Of the punch, below the height at which it touches the surface at rest.
+    found : float
+        What was not prescribed: the mean pressure, or the depth.
+    """
+
+    displacement: FloatArray
+    spectrum: ComplexArray
+    depth: float
+    found: float
+
+
+class Loading(Protocol):
+    """What is prescribed over time."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The prescribed quantity as a function of time."""
+        ...
+
+    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+        """Contact problem of a step, from its slopes and intercepts."""
+        ...
+
+    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
+        """Surface and depth that a solution stands for."""
+        ...
+
+
+@dataclass(frozen=True)
+class DepthControl:
+    """The depth of the punch is prescribed; `punch` is its height above its lowest point."""
+
+    punch: FloatArray
+    trajectory: Trajectory
+
+    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+        """Contact problem of a step."""
+        return Problem(kappa, b, self.punch - self.trajectory(time))
+
+    def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
+        """Surface as it was found."""
+        depth = self.trajectory(time)
+        return Surface(solution.displacement, solution.spectrum, depth, solution.mean_pressure)
+
+
+@dataclass(frozen=True)
+class LoadControl:
+    """The mean pressure is prescribed."""
+
+    punch: FloatArray
+    trajectory: Trajectory
+
+    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+        """Contact problem of a step, without the mean."""
+        return Problem(_without_mean(kappa), _without_mean(b), self.punch, self.trajectory(time))
+
+    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
+        """Surface with the mean that the load gives it."""
+        size, yielding = self.punch.size, 0.0
+        if kappa[0] > 0:
+            yielding = (float(b[0].real) / size - self.trajectory(time)) / float(kappa[0])
+        depth = float(np.mean(solution.displacement)) - yielding
+        spectrum = _without_mean(solution.spectrum)
+        spectrum[0] = yielding * size
+        return Surface(solution.displacement - depth, spectrum, depth, depth)
+
+
+def _without_mean(values: Values) -> Values:
+    rest = values.copy()
+    rest[0] = 0.0
+    return rest
+
+
+CONTROLS: dict[str, Callable[[FloatArray, Trajectory], Loading]] = {
+    "depth": DepthControl,
+    "load": LoadControl,
+}

@@ -1,0 +1,268 @@
+"""Indentation over time against what theory says of it.
+
+Where the stiffness is G(s) f(q) (a layer alone, d = inf, or one on a rigid base) and the contact does not
+shrink, the contact is the elastic one of the same depth, and with F(depth) the elastic mean pressure at unit
+modulus
+
+    pbar(t) = int G(t - s) dF(depth(s)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from gfmdlayer.contact.grid import Grid
+from gfmdlayer.contact.punch import parabola
+
+Floats = NDArray[np.float64]
+Run = Callable[[dict[str, object]], Any]
+ClosedForm = Callable[[ArrayLike], tuple[Floats, Floats]]
+
+ALONE: dict[str, object] = {"layer.thickness": math.inf}
+RIGID: dict[str, object] = {"halfspace.shear_modulus": math.inf}
+ELASTIC: dict[str, object] = {"layer.material": {"model": "zener", "G0": 1.0, "Ginf": 1.0}}
+
+STEPS = [0.1, 0.05, 0.025]
+TIMES = [0.2, 0.5, 1.0, 2.0, 3.0]
+
+
+def over_the_ramp(time: float, kernel: Callable[[Floats], Floats], F: Callable[[Floats], Floats]) -> float:
+    """Integrate kernel(t - s) dF(depth(s)) over the ramp, by the midpoint rule."""
+    s = np.linspace(0, min(time, 1.0), 8001)
+    return float(kernel(time - (s[1:] + s[:-1]) / 2) @ np.diff(F(s)))
+
+
+def relaxing(lag: Floats) -> Floats:
+    """G(t) of the default material."""
+    return 1 + 9 * np.exp(-lag)
+
+
+def order(errors: list[float], steps: list[float] = STEPS) -> float:
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture(scope="module")
+def elastic_pressure(run: Run) -> dict[str, CubicSpline]:
+    """Mean pressure over the ramp at G = 1, on the grid of the tests, for each of the bodies."""
+    found = {}
+    for name, body in (("alone", ALONE), ("rigid", RIGID)):
+        elastic = run(body | ELASTIC | {"time.end": 1.0, "time.step": 0.01, "solver.tolerance": 1e-9})
+        found[name] = CubicSpline(elastic["time"], elastic["mean_pressure"])
+    return found
+
+
+def test_a_layer_alone_follows_the_hereditary_integral(run: Run, parabola_on_halfspace: ClosedForm) -> None:
+    times = [0.1, 0.5, 1.0, 2.0]
+    s = np.linspace(0, 1, 401)
+    closed_form = CubicSpline(s, parabola_on_halfspace(0.01 * s)[1])
+    exact = [over_the_ramp(t, relaxing, closed_form) for t in times]
+    # The same integral computed elsewhere; a spline costs some 1e-5 where the depth begins.
+    np.testing.assert_allclose(exact, [0.00787468, 0.04488576, 0.08909619, 0.04086158], rtol=3e-5)
+    found = run(ALONE | {"grid.points": 4096, "time.end": 2.0, "time.step": 0.0125})
+    # The scheme is off by 1.2e-7 (dt = 0.0125, early on 1e-4), the grid by some 1e-5 when few points touch.
+    np.testing.assert_allclose(found.at("mean_pressure", times), exact, rtol=2e-4)
+    np.testing.assert_allclose(found.at("mean_pressure", times[1:]), exact[1:], rtol=4e-5)
+
+
+@pytest.mark.parametrize(("name", "body"), [("alone", ALONE), ("rigid", RIGID)])
+def test_backward_euler_is_of_first_order_with_the_constant_of_theory(
+    name: str, body: dict[str, object], run: Run, elastic_pressure: dict[str, CubicSpline]
+) -> None:
+    F = elastic_pressure[name]
+    exact = np.array([over_the_ramp(t, relaxing, F) for t in TIMES])
+    # A backward difference is d/dt - (dt/2) d2/dt2: G(s) becomes G - (dt/2) s^2 G'(s), and what is added,
+    # -(dt/2) (Ginf - G0) (s/(1 + s))^2, is this kernel over dF.
+    slope = np.array([over_the_ramp(t, lambda lag: -4.5 * (1 - lag) * np.exp(-lag), F) for t in TIMES])
+    errors = []
+    for step in STEPS:
+        values = {"time.integrator": "backward_euler", "time.end": 3.0, "time.step": step}
+        found = run(body | values | {"solver.tolerance": 1e-8})
+        error = found.at("mean_pressure", TIMES) - exact
+        errors.append(float(np.abs(error / exact).max()))
+        # What is left is of second order, s^3 G'/6 + s^4 G''/8 and on: less than the glassy pressure.
+        glassy = 10 * F(np.minimum(TIMES, 1.0))
+        assert (np.abs(error - step * slope) < step**2 * glassy).all()
+    assert order(errors) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize(("name", "body"), [("alone", ALONE), ("rigid", RIGID)])
+def test_the_papers_step_is_off_by_no_more_than_half_of_it(
+    name: str, body: dict[str, object], run: Run, elastic_pressure: dict[str, CubicSpline]
+) -> None:
+    found = run(body | {"time.integrator": "backward_euler", "time.end": 3.0, "time.step": 0.005})
+    times = np.linspace(0.1, 3.0, 30)
+    exact = np.array([over_the_ramp(t, relaxing, elastic_pressure[name]) for t in times])
+    # |4.5 dt (1 - lag) exp(-lag)| is less than G(lag) dt/2, that is 0.0025 of it, at every lag.
+    assert (np.abs(found.at("mean_pressure", times) / exact - 1) < 0.0025).all()
+
+
+def test_the_papers_own_case_is_good_to_a_thousandth(run: Run) -> None:
+    paper = run({"time.integrator": "backward_euler", "time.end": 3.0, "time.step": 0.005})
+    fine = run({"time.end": 3.0, "time.step": 0.01})  # off by some 4e-6
+    times = np.linspace(0.1, 3.0, 30)
+    np.testing.assert_allclose(
+        paper.at("mean_pressure", times), fine.at("mean_pressure", times), rtol=1e-3 - 1e-5
+    )
+
+
+@pytest.mark.parametrize("body", [ALONE, RIGID], ids=["alone", "rigid"])
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+def test_the_contact_is_the_elastic_one_of_the_same_depth(
+    body: dict[str, object], integrator: str, run: Run
+) -> None:
+    values = body | {"time.end": 2.0, "time.integrator": integrator, "solver.tolerance": 1e-8}
+    np.testing.assert_array_equal(run(values)["contact_area"], run(values | ELASTIC)["contact_area"])
+
+
+@pytest.mark.parametrize("body", [{}, RIGID], ids=["default", "rigid"])
+def test_the_exponential_integrator_is_of_second_order(body: dict[str, object], run: Run) -> None:
+    # With more points, the edge of contact passes them more evenly in time, and the errors scatter less.
+    values = body | {"grid.points": 4096, "time.end": 3.0, "solver.tolerance": 1e-9}
+    times = np.linspace(0.1, 3.0, 30)
+    fine = run(values | {"time.step": 0.1 / 32}).at("mean_pressure", times)
+    errors = []
+    for step in STEPS:
+        error = run(values | {"time.step": step}).at("mean_pressure", times) - fine
+        errors.append(float(np.linalg.norm(error)))
+    assert order(errors) == pytest.approx(2, abs=0.1)
+
+
+def test_the_default_case_against_another_code(run: Run) -> None:
+    # ptilde(tau) of the paper's own steps by another solver, seven digits; on a grid four times finer, which
+    # changes the fifth.
+    values = {"grid.points": 4096, "time.integrator": "backward_euler", "time.step": 0.005, "time.end": 1.0}
+    assert run(ALONE | values)["mean_pressure"][-1] == pytest.approx(0.0889770, rel=2e-5)
+    assert run(RIGID | values)["mean_pressure"][-1] == pytest.approx(1.085422, rel=2e-5)
+
+
+def test_a_punch_that_leaves_lets_the_surface_relax(run: Run, tmp_path: Path) -> None:
+    # Without load every mode of a layer alone relaxes by its retardation time, tau Ginf/G0.
+    (tmp_path / "path.csv").write_text("time,depth\n0,0\n1,0.01\n1.5,-0.01\n6,-0.01\n")
+    times = [2.0, 4.0, 6.0]
+    table = {"kind": "table", "file": str(tmp_path / "path.csv")}
+    values: dict[str, object] = {"trajectory": table, "time.end": 6.0, "output.snapshots": times}
+    for points in (1024, 16384):
+        found = run(ALONE | values | {"grid.points": points})
+        gone = found["time"] >= 1.5
+        assert (found["contact_area"][gone] == 0).all()
+        np.testing.assert_allclose(found["mean_pressure"][gone], 0, atol=1e-6 * found["mean_pressure"].max())
+        dents = [-displacement.min() for _, displacement, _ in found.snapshots]
+        assert dents[0] > 1e-4
+        # Stray pressures of the tolerance leave as much of the depth.
+        np.testing.assert_allclose(
+            np.divide(dents, dents[0]), np.exp((2.0 - np.array(times)) / 10), rtol=1e-3
+        )
+
+
+def test_poissons_ratio_of_a_halfspace_scales_its_stiffness(run: Run) -> None:
+    # K = 2 q G/(2 (1 - nu)).
+    values = ALONE | {"time.end": 2.0, "solver.tolerance": 1e-8}
+    rubber, glass = run(values), run(values | {"layer.poisson": 0.3})
+    np.testing.assert_array_equal(rubber["contact_area"], glass["contact_area"])
+    expected = rubber["mean_pressure"] * 0.5 / 0.7
+    np.testing.assert_allclose(glass["mean_pressure"], expected, rtol=1e-6, atol=1e-12)
+
+
+def test_one_prony_branch_is_a_zener_solid(run: Run) -> None:
+    prony = {"model": "prony", "G0": 1.0, "branches": [{"G": 9.0, "tau": 1.0}]}
+    values = {"time.end": 2.0, "solver.tolerance": 1e-8}
+    for integrator in ("exponential", "backward_euler"):
+        zener = run(values | {"time.integrator": integrator})
+        other = run(values | {"time.integrator": integrator, "layer.material": prony})
+        np.testing.assert_allclose(other["mean_pressure"], zener["mean_pressure"], rtol=1e-6, atol=1e-12)
+
+
+SMALL: dict[str, object] = {
+    "grid.points": 256,
+    "time.end": 1.5,
+    "time.step": 0.125,
+    "output.snapshots": [1.5],
+}
+
+
+def scaled(lengths: float = 1.0, moduli: float = 1.0, times: float = 1.0) -> dict[str, object]:
+    """The default case in other units."""
+    return SMALL | {
+        "grid.period": lengths,
+        "layer.thickness": 0.05 * lengths,
+        "punch.radius": 0.25 * lengths,
+        "trajectory.depth": 0.01 * lengths,
+        "layer.material": {"model": "zener", "G0": moduli, "Ginf": 10 * moduli, "tau": times},
+        "halfspace.shear_modulus": moduli,
+        "trajectory.ramp_time": times,
+        "time.step": 0.125 * times,
+        "time.end": 1.5 * times,
+        "output.snapshots": [1.5 * times],
+    }
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+@pytest.mark.parametrize("units", [{"lengths": 4.0}, {"moduli": 8.0}, {"times": 0.25}], ids=str)
+def test_units_do_not_matter(units: dict[str, float], integrator: str, run: Run) -> None:
+    # By powers of two, which round nothing: every bit is the same.
+    one = run(scaled() | {"time.integrator": integrator})
+    other = run(scaled(**units) | {"time.integrator": integrator})
+    for column in ("contact_area", "mean_pressure", "transforms", "residual"):
+        np.testing.assert_array_equal(other[column], one[column])
+    np.testing.assert_array_equal(other["time"], one["time"] * units.get("times", 1.0))
+    (_, u, p), (_, other_u, other_p) = one.snapshots[0], other.snapshots[0]
+    np.testing.assert_array_equal(other_u, u * units.get("lengths", 1.0))
+    np.testing.assert_array_equal(other_p, p * units.get("moduli", 1.0))
+
+
+# Two solutions within 1e-10 of the exact one: a pressure left over is a displacement by the softest mode and
+# again a pressure by the stiffest, 128 times as stiff; and as much for the norm over the points.
+CLOSE = 128 * 128 * 1e-10
+
+
+def test_a_symmetric_punch_leaves_a_symmetric_surface(run: Run) -> None:
+    for _, u, p in run(SMALL | {"solver.tolerance": 1e-10}).snapshots:
+        np.testing.assert_allclose(u[1:], u[:0:-1], atol=CLOSE * 0.01)
+        np.testing.assert_allclose(p[1:], p[:0:-1], atol=CLOSE * p.max())
+
+
+def test_where_the_punch_stands_does_not_matter(run: Run, tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    rough = np.cumsum(rng.normal(0, 1e-3, 256))
+    rough -= np.linspace(0, rough[-1], 256)
+    answers = []
+    for shift in (0, 37):
+        np.save(tmp_path / f"{shift}.npy", np.roll(rough, shift))
+        punch = {"shape": "profile", "file": str(tmp_path / f"{shift}.npy")}
+        found = run(SMALL | {"punch": punch, "trajectory.depth": 0.002, "solver.tolerance": 1e-10})
+        answers.append([np.roll(values, -shift) for values in found.snapshots[0][1:]])
+    (u, p), (moved_u, moved_p) = answers
+    np.testing.assert_allclose(moved_u, u, atol=CLOSE * np.ptp(u))
+    np.testing.assert_allclose(moved_p, p, atol=CLOSE * p.max())
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+def test_a_ridge_on_a_surface_in_two_directions_is_a_line_contact(
+    integrator: str, run: Run, tmp_path: Path
+) -> None:
+    heights = parabola(0.25)(Grid((256,), (1.0,)))
+    np.save(tmp_path / "ridge.npy", np.tile(heights, (8, 1)).T)
+    plane: dict[str, object] = {"grid.points": [256, 8], "grid.period": [1.0, 0.5]}
+    punch = {"shape": "profile", "file": str(tmp_path / "ridge.npy")}
+    values = SMALL | {"time.integrator": integrator, "solver.tolerance": 1e-10}
+    line, ridge = run(values), run(values | plane | {"punch": punch})
+    np.testing.assert_allclose(ridge["mean_pressure"], line["mean_pressure"], rtol=CLOSE, atol=1e-12)
+    np.testing.assert_array_equal(ridge["contact_area"], line["contact_area"])
+    (_, _, p), (_, _, wide) = line.snapshots[0], ridge.snapshots[0]
+    np.testing.assert_allclose(wide, np.tile(p, (8, 1)).T, atol=CLOSE * p.max())
+
+
+def test_a_round_punch_leaves_a_round_dent(run: Run) -> None:
+    plane = {"grid.points": [64, 64], "grid.period": [1.0, 1.0], "solver.tolerance": 1e-9}
+    _, u, p = run(SMALL | plane).snapshots[0]
+    for mirrored in (u.T, np.roll(u[::-1], 1, axis=0), np.roll(u[:, ::-1], 1, axis=1)):
+        np.testing.assert_allclose(mirrored, u, atol=64 * 64 * 1e-9 * 0.01)
+    assert p[32, 32] > 0.9 * p.max() > 0
