@@ -141,14 +141,15 @@ def _time(config: Config) -> Iterator[Problem]:
         message = f"got {time.step!r}, beyond time.end = {time.end!r}; must be a number <= time.end"
         yield _problem("time.step", message, "time.end")
     elif time.integrator == "backward_euler":
-        # Its steps are equal, as the paper's; the exponential integrator shortens a step to land where it must.
+        # Its steps are equal, as the paper's; the exponential integrator shortens a step to land.
         allowed = f"must be a whole number of steps of {time.step!r}, or time.integrator be exponential"
         if not whole_steps(time.end, time.step):
             yield _problem("time.end", f"got {time.end!r}; {allowed}", "time.step", "time.integrator")
         for i, snapshot in enumerate(config.output.snapshots):
             if not whole_steps(snapshot, time.step):
                 location: Location = ("output", "snapshots", i)
-                yield Problem(location, f"got {snapshot!r}; {allowed}", ("time.step", "time.integrator"))
+                others = ("time.step", "time.integrator")
+                yield Problem(location, f"got {snapshot!r}; {allowed}", others)
 
 
 def whole_steps(time: float, step: float) -> bool:

@@ -1,4 +1,4 @@
-"""The sections of a configuration: plain validated data, with the paper's values as defaults.
+"""The sections of a configuration: plain validated data, with the paper's case as defaults.
 
 Lengths are in units of the period, moduli in units of G0 and times in units of tau, unless a configuration
 gives all three in other units consistently. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.

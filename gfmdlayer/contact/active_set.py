@@ -1,27 +1,30 @@
 """Primal-dual active set with preconditioned conjugate gradients on the contact points.
 
-In pressures the problem of `problem` reads p >= 0, gap = gap0 + A p >= 0, p gap = 0, with the compliance A = 1/kappa
-mode by mode and gap0 the gap of the surface without pressure. (A is 0 at q = 0 where the mean of u is fixed; where
-the load is given the mean of p is fixed, and the gap is known up to a shift, the depth.) On a given contact set C the
-pressure solves the linear system A_CC p = -gap0_C.
+In pressures the problem of `problem` reads p >= 0, gap = gap0 + A p >= 0, p gap = 0, with the compliance A =
+1/kappa mode by mode and gap0 the gap of the surface without pressure. (A is 0 at q = 0 where the mean of u is
+fixed; where the load is given the mean of p is fixed, and the gap is known up to a shift, the depth.) On a
+given contact set C the pressure solves the linear system A_CC p = -gap0_C.
 
 Inner
-    Conjugate gradients on C, preconditioned by kappa restricted to C, nearly the inverse of A_CC: a few iterations
-    of two FFT pairs each on any grid. They run conjugate to the pressure itself, whose scaling is what the
-    preconditioner serves worst, and, as long as kappa stays the same, to the directions of the last steps.
+    Conjugate gradients on C, preconditioned by kappa restricted to C, nearly the inverse of A_CC: a few
+    iterations of two FFT pairs each on any grid. They run conjugate to the pressure itself, whose scaling is
+    what the preconditioner serves worst, and, as long as kappa stays the same, to the directions of the last
+    steps.
 Outer
     Points that pull leave C, points that overlap join it (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
     (2002) 865), the latter as soon as they show.
 Start
     `prediction` extrapolates the pressure in time; C is where it is positive.
 
-Pressure and displacement are at each moment an exact pair, so that p = 0 to rounding where there is no contact, and
-the residual of an accepted state is the gap left open under the punch. That no point overlaps costs no further solve:
-the smallest factor 1 + eta on the pressure, eta of the order of the tolerance, that lifts the surface nowhere above the
-punch; or, where scaling the pressure does not do that, a gap of a quarter of the tolerance that is aimed at.
+Pressure and displacement are at each moment an exact pair, so that p = 0 to rounding where there is no
+contact, and the residual of an accepted state is the gap left open under the punch. That no point overlaps
+costs no further solve: the smallest factor 1 + eta on the pressure, eta of the order of the tolerance, that
+lifts the surface nowhere above the punch; or, where scaling the pressure does not do that, a gap of a quarter
+of the tolerance that is aimed at.
 
-Why it ends: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the problem is
-handed to `descent`, which decreases the energy monotonically and converges for every convex problem.
+Why it ends: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
+problem is handed to `descent`, which decreases the energy monotonically and converges for every convex
+problem.
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ import numpy as np
 import numpy.typing as npt
 import pyfftw
 
-from gfmdlayer.contact.active_set_loop import Bank, Iterate, System, Work, begin_set, iterate, list_points, raise_clear
+from gfmdlayer.contact.active_set_loop import begin_set, iterate, list_points, raise_clear
+from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, assess
@@ -138,7 +142,7 @@ class ActiveSet:
         if system.load:
             if not at.p.any():
                 at.p[np.argmin(system.gap0)] = 1.0
-            at.p *= problem.applied_pressure / at.p.mean()
+            np.multiply(at.p, problem.applied_pressure / at.p.mean(), out=at.p)
         touching = at.p > 0
         gone = np.flatnonzero((at.contact > 0) & ~touching)
         if gone.size:
@@ -157,7 +161,9 @@ class ActiveSet:
         spectrum = n * (free - (1 + lift) * system.compliance * at.spectrum)
         if system.load:
             spectrum[0] = displacement.sum()
-        residual, contact_area, mean_pressure = assess(pressure, displacement, problem.obstacle, problem.softest)
+        residual, contact_area, mean_pressure = assess(
+            pressure, displacement, problem.obstacle, problem.softest
+        )
         return Solution(
             displacement=displacement,
             pressure=pressure,

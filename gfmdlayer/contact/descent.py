@@ -1,9 +1,10 @@
 """Projected gradient descent in the pressures: slow, but it ends on every convex problem.
 
-The energy E(p) = p.A p/2 + gap0.p over p >= 0, under a given load over those of the given mean, has the gap as its gradient, and
-no eigenvalue of A exceeds 1/kappa_1. A projected step of length kappa_1 therefore never raises E, and converges linearly (Beck,
-First-Order Methods in Optimization, 2017, Theorems 10.15 and 10.29). Steps are extrapolated (Nesterov), and an extrapolation that raised
-the energy is taken back and followed by a plain step, which keeps the descent monotone. One FFT pair an iteration.
+The energy E(p) = p.A p/2 + gap0.p over p >= 0, under a given load over those of the given mean, has the gap
+as its gradient, and no eigenvalue of A exceeds 1/kappa_1. A projected step of length kappa_1 therefore never
+raises E, and converges linearly (Beck, First-Order Methods in Optimization, 2017, Theorems 10.15 and 10.29).
+Steps are extrapolated (Nesterov), and an extrapolation that raised the energy is taken back and followed by a
+plain step, which keeps the descent monotone. One FFT pair an iteration.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_loop import Iterate, System
+from gfmdlayer.contact.active_set_state import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, scales, violation
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
@@ -29,7 +30,9 @@ def descend(
     tolerance: float,
     limit: int,
 ) -> tuple[bool, int]:
-    """Improve the iterate until no point violates the conditions for a gap of ``shift`` by more than the tolerance.
+    """Improve the iterate until no point violates the conditions by more than the tolerance.
+
+    They are those for a gap of ``shift`` in the contact.
 
     Parameters
     ----------
@@ -107,7 +110,7 @@ def _met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance
 
 @nb.njit(nogil=True)
 def _project(p: FloatArray, mean: float, load: bool) -> None:
-    """Onto p >= 0, and under a given load onto its mean: max(p - m, 0) with the m that gives it, by Newton from the left."""
+    """Onto p >= 0, and under a given load onto its mean: max(p - m, 0), m by Newton from the left."""
     shift = 0.0
     if load:
         shift = p.mean() - mean

@@ -1,13 +1,15 @@
-"""The pressure of the next step, extrapolated from the accepted ones, as a first guess and a first contact set.
+"""The pressure of the next step, extrapolated from the accepted ones.
 
-Where a smooth surface leaves the punch, the pressure falls to zero like xi^(1/2) and the gap opens like xi^(3/2) with the
-distance xi from the edge (Johnson, Contact Mechanics, 1985, ch. 4). Neither can be extrapolated at a point that the edge
-passes, but
+As a first guess and a first contact set.
+
+Where a smooth surface leaves the punch, the pressure falls to zero like xi^(1/2) and the gap opens like
+xi^(3/2) with the distance xi from the edge (Johnson, Contact Mechanics, 1985, ch. 4). Neither can be
+extrapolated at a point that the edge passes, but
 
     s = p^2 inside,    s = -mu gap^(2/3) outside
 
-is smooth across the edge, and so along time. mu is learned from the points that the edge has just passed. Where the edge
-does not move, the pressure itself is extrapolated, which carries less noise.
+is smooth across the edge, and so along time. mu is learned from the points that the edge has just passed.
+Where the edge does not move, the pressure itself is extrapolated, which carries less noise.
 """
 
 from __future__ import annotations
@@ -43,10 +45,13 @@ class PressurePrediction:
         self._moves = 0
 
     def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
-        """Add an accepted step; at a kink of the trajectory what came before says nothing about what follows."""
+        """Add an accepted step.
+
+        At a kink of the trajectory what came before says nothing about what follows.
+        """
         if self._past:
             last = self._past[-1]
-            weights, pressures, gaps = self._stacked(time)
+            weights, _, gaps = self._stacked(time)
             self._mu, moved = _learn(weights, gaps, last.pressure, pressure, self._mu)
             self._moves = self._moves + 1 if moved else 0
         if kink:
@@ -61,7 +66,10 @@ class PressurePrediction:
         return _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1)
 
     def _stacked(self, time: float) -> tuple[FloatArray, tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        """Lagrange's weights for the time, and three steps, the oldest repeated with no weight where there are fewer."""
+        """Lagrange's weights for the time, and three steps.
+
+        The oldest repeated with no weight where there are fewer.
+        """
         times = [past.time for past in self._past]
         weights = [np.prod([(time - s) / (t - s) for s in times if s != t]) for t in times]
         missing = 3 - len(times)
@@ -77,13 +85,17 @@ class PressurePrediction:
 def _learn(
     w: FloatArray, gaps: tuple[FloatArray, ...], last: FloatArray, now: FloatArray, mu: float
 ) -> tuple[float, bool]:
-    """mu from the points that came into contact, and whether the contact changed at all."""
+    """Mu from the points that came into contact, and whether the contact changed at all."""
     squares, predicted, moved = 0.0, 0.0, False
     for i in range(now.size):
         if (now[i] > 0.0) != (last[i] > 0.0):
             moved = True
             if now[i] > 0.0:
-                s = -(w[0] * _two_thirds(gaps[0][i]) + w[1] * _two_thirds(gaps[1][i]) + w[2] * _two_thirds(gaps[2][i]))
+                s = -(
+                    w[0] * _two_thirds(gaps[0][i])
+                    + w[1] * _two_thirds(gaps[1][i])
+                    + w[2] * _two_thirds(gaps[2][i])
+                )
                 if s > 0.0:
                     squares += now[i] ** 2
                     predicted += s

@@ -146,8 +146,9 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
     Returns
     -------
     residual, contact_area, mean_pressure : float
-        The largest `violation` over the points (NaN if anything is); the fraction of the points where the pressure, and
-        not the gap, is the larger of the two in the residual's scales; the mean of the pressure.
+        The largest `violation` over the points (NaN if anything is); the fraction of the points where the
+        pressure, and not the gap, is the larger of the two in the residual's scales; the mean of the
+        pressure.
     """
     largest, deepest = extent(pressure, u)
     pressure_scale, depth = scales(largest, deepest, softest)

@@ -93,17 +93,17 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
 class Transforms:
     """Forward and backward plans for one shape, and the aligned arrays that they accept.
 
-    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate. Two measured
-    plans may round differently; plans made from the same wisdom do not. So the wisdom is kept (`wisdom`) and
-    handed to whoever must reproduce the bits.
+    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate. Two
+    measured plans may round differently; plans made from the same wisdom do not. So the wisdom is kept
+    (`wisdom`) and handed to whoever must reproduce the bits.
 
     Parameters
     ----------
     shape : tuple of int
         Shape of the fields, one or two axes.
     wisdom : str, optional
-        What an earlier `Transforms.wisdom` returned. Wisdom that does not fit this FFTW is passed over, and the
-        plan is measured.
+        What an earlier `Transforms.wisdom` returned. Wisdom that does not fit this FFTW is passed over, and
+        the plan is measured.
     time_limit : float
         Seconds that measuring may take before FFTW settles for the best plan so far.
     """
