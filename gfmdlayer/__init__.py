@@ -1,1 +1,51 @@
-"""Contact of a rigid punch with a viscoelastic layer on an elastic halfspace, by GFMD."""
+"""Contact of a rigid punch with a viscoelastic layer on an elastic halfspace, by GFMD.
+
+The public names; each is imported when it is first used, so that ``import gfmdlayer`` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.results.reader import open_case, open_results
+    from gfmdlayer.simulation import ConvergenceError, simulate
+    from gfmdlayer.solid.layer import LayeredHalfspace
+    from gfmdlayer.solid.materials import Prony, Zener
+    from gfmdlayer.solid.relaxation import relaxation_spectrum
+
+__all__ = [
+    "Config",
+    "ConfigError",
+    "ConvergenceError",
+    "LayeredHalfspace",
+    "Prony",
+    "Zener",
+    "load",
+    "open_case",
+    "open_results",
+    "relaxation_spectrum",
+    "simulate",
+]
+
+_MODULES = {
+    "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
+    "gfmdlayer.solid.layer": ("LayeredHalfspace",),
+    "gfmdlayer.solid.materials": ("Prony", "Zener"),
+    "gfmdlayer.solid.relaxation": ("relaxation_spectrum",),
+}
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module 'gfmdlayer' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -29,7 +29,7 @@ problem.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -61,7 +61,7 @@ class ActiveSet:
         Iterations after which the step counts as not converged.
     """
 
-    starts_from = "pressure"
+    starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms = transforms

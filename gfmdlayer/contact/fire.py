@@ -22,6 +22,8 @@ mass-weighted
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 import numpy as np
 
 from gfmdlayer.contact.fire_loop import Constants, Fields, State, iterate
@@ -53,6 +55,8 @@ class Fire:
     mass_weighted : bool
         Inertia by mode, or one for all.
     """
+
+    starts_from: ClassVar[Literal["displacement", "pressure"]] = "displacement"
 
     def __init__(
         self,

@@ -23,6 +23,38 @@ import numpy as np
 from gfmdlayer.contact.grid import FloatArray
 
 
+class DisplacementPrediction:
+    """The parabola in time through the last three accepted displacements (fewer where there are fewer).
+
+    Parameters
+    ----------
+    size : int
+        Number of grid points; before anything is remembered the guess is zero.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._past: deque[tuple[float, FloatArray]] = deque(maxlen=3)
+        self._nothing = np.zeros(size)
+
+    def remember(self, time: float, displacement: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:  # noqa: ARG002
+        """Add an accepted step; at a kink of the trajectory what came before says nothing about what follows."""
+        if kink:
+            self._past.clear()
+        self._past.append((time, displacement))
+
+    def at(self, time: float) -> FloatArray:
+        """Return the guess for a later time, as a new array."""
+        guess = self._nothing.copy()
+        for weight, (_, field) in zip(_lagrange([t for t, _ in self._past], time), self._past, strict=True):
+            guess += weight * field
+        return guess
+
+
+def _lagrange(times: list[float], time: float) -> list[float]:
+    """Weights of the polynomial through values at some times, at another time."""
+    return [float(np.prod([(time - s) / (t - s) for s in times if s != t])) for t in times]
+
+
 class _Past(NamedTuple):
     time: float
     pressure: FloatArray
@@ -71,11 +103,10 @@ class PressurePrediction:
         The oldest repeated with no weight where there are fewer.
         """
         times = [past.time for past in self._past]
-        weights = [np.prod([(time - s) / (t - s) for s in times if s != t]) for t in times]
         missing = 3 - len(times)
         past = [self._past[0]] * missing + list(self._past)
         return (
-            np.array([0.0] * missing + weights),
+            np.array([0.0] * missing + _lagrange(times, time)),
             tuple(each.pressure for each in past),
             tuple(each.gap for each in past),
         )
@@ -133,3 +164,6 @@ def _combine(w: FloatArray, fields: tuple[FloatArray, ...], i: int) -> float:
 @nb.njit(nogil=True)
 def _two_thirds(gap: float) -> float:
     return float(np.cbrt(gap * gap))
+
+
+PREDICTIONS = {"displacement": DisplacementPrediction, "pressure": PressurePrediction}

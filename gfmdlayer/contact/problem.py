@@ -15,7 +15,7 @@ pressure is mean(f) + lambda in each.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numba as nb
 import numpy as np
@@ -105,8 +105,10 @@ class Solution:
 class Solver(Protocol):
     """A method for `Problem`; one object serves all steps of a run."""
 
+    starts_from: ClassVar[Literal["displacement", "pressure"]]
+
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the displacement; a solution that did not converge says so."""
+        """Solve from a first guess of what the method starts from; a solution that did not converge says so."""
         ...
 
 

@@ -1,0 +1,48 @@
+"""A whole iteration of FIRE over the bare FFT pairs in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from benchmarks.common import STEP, bare_pairs, default_case, ratio
+from benchmarks.tables import Effort, Table
+
+from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.inputs import make_grid, make_punch
+from gfmdlayer.simulation import make_integrator, warm_up
+
+EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
+QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)
+
+_POINTS_MOVED = 1 << 23  # in one measured run: some 40 ms of it, so that setting up does not count
+_TARGETS = {1024: "≤ 1.35", 16384: "≤ 1.25"}
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Iterate without an end on one step's problem, in turns with as many bare pairs."""
+    rows = [
+        {
+            "inertia": "mass-weighted" if mass_weighted else "uniform",
+            "n": points,
+            "iteration / bare pairs": _overhead(points, mass_weighted, effort.repetitions),
+            "target": _TARGETS.get(points),
+        }
+        for mass_weighted in (True, False)
+        for points in effort.points
+    ]
+    note = f"Median of {effort.repetitions} repetitions, iterations and bare pairs in turns."
+    return [Table("iteration", "FIRE: whole iteration / the bare FFT pairs in it", rows, note)]
+
+
+def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
+    config = default_case(grid__points=points)
+    transforms = Transforms((points,), warm_up(config))
+    grid = make_grid(config)
+    kappa, b = make_integrator(config, grid).terms(STEP)
+    problem = Problem(kappa, b, make_punch(config, grid) - 0.01)
+    iterations = max(1, _POINTS_MOVED // points)
+    solver = Fire(transforms, tolerance=-1.0, max_iterations=iterations, mass_weighted=mass_weighted)
+    start = np.zeros(points)
+    pairs = solver.solve(problem, start).transforms
+    return ratio(lambda: solver.solve(problem, start), bare_pairs(transforms, pairs), repetitions)

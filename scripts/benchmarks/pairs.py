@@ -1,0 +1,98 @@
+"""FFT pairs per time step: of each solver, on growing grids, and what each ingredient of FIRE brings."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from benchmarks.common import METHODS, STEP, FloatArray, Trace, default_case, run
+from benchmarks.tables import Cell, Effort, Table
+
+from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.inputs import make_grid
+from gfmdlayer.simulation import make_integrator, make_loading, make_steps, warm_up
+from gfmdlayer.stepping.extrapolation import Extrapolation
+
+EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
+QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
+LARGE = 1 << 20  # for the active set alone
+
+_INGREDIENTS_AT = 1 << 14
+_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps that make it
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Count over the steps after the first, at t = 0."""
+    rows = [
+        _row(method, points, effort.steps)
+        for method in METHODS
+        for points in effort.points
+        if points < LARGE or method == "active_set"
+    ]
+    title = f"FFT pairs per step, {effort.steps} steps of {STEP} tau, residual 1e-6"
+    note = (
+        "Targets at n = 16384: active_set ≤ 8 in the ramp and ≤ 5 in the hold; "
+        "fire ≤ 120 in all, at n = 65536 no more than 1.5 times that.  FIRE is mass-weighted here."
+    )
+    at = max((points for points in effort.points if points <= _INGREDIENTS_AT), default=effort.points[0])
+    ingredients: list[dict[str, Cell]] = [
+        {"inertia": inertia, "start": start, **_counts(_fire(at, effort.steps, inertia, past))}
+        for inertia in ("uniform", "mass_weighted")
+        for past, start in _STARTS.items()
+    ]
+    return [
+        Table("pairs", title, rows, note),
+        Table(
+            "ingredients", f"What the ingredients of FIRE bring: FFT pairs per step, n = {at}", ingredients
+        ),
+    ]
+
+
+def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
+    config = default_case(
+        grid__points=points, time__end=steps * STEP, solver={"method": method, "tolerance": 1e-6}
+    )
+    trace = run(config)
+    return {
+        "solver": method,
+        "n": points,
+        **_counts(trace),
+        "most": int(trace["transforms"][1:].max()),
+        "largest residual": float(trace["residual"].max()),
+    }
+
+
+def _counts(trace: Trace) -> dict[str, Cell]:
+    """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
+    times, pairs = trace["time"][1:], trace["transforms"][1:]
+    in_ramp = times <= 1 + STEP / 2
+    return {
+        "ramp": _mean(pairs[in_ramp]),
+        "hold": _mean(pairs[~in_ramp]),
+        "all": _mean(pairs),
+    }
+
+
+def _mean(values: FloatArray) -> float | None:
+    return float(values.mean()) if values.size else None
+
+
+def _fire(points: int, steps: int, inertia: str, past: int) -> Trace:
+    """The run with FIRE started from a polynomial through as many of the last fields as asked."""
+    config = default_case(grid__points=points, time__end=steps * STEP, solver__inertia=inertia)
+    grid = make_grid(config)
+    solver = Fire(Transforms(grid.shape, warm_up(config)), mass_weighted=inertia == "mass_weighted")
+    integrator, loading = make_integrator(config, grid), make_loading(config, grid)
+    trace, fields = Trace(), deque[tuple[float, FloatArray]](maxlen=past)
+    for instant in make_steps(config, integrator, loading.trajectory.kinks):
+        guess = Extrapolation((grid.size,))
+        for time, field in fields:
+            guess.remember(time, field)
+        problem = loading.problem(*integrator.terms(instant.step), instant.time)
+        solution = solver.solve(problem, guess.at(instant.time))
+        integrator.advance(solution.spectrum)
+        if instant.kink:
+            fields.clear()
+        fields.append((instant.time, solution.displacement))
+        trace.row(time=instant.time, transforms=solution.transforms)
+    return trace

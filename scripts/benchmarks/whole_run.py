@@ -1,0 +1,58 @@
+"""The time of a whole run, history, observables and HDF5 output included, over its bare FFT pairs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import h5py
+from benchmarks.common import METHODS, STEP, bare_pairs, default_case, ratio
+from benchmarks.tables import Cell, Effort, Table
+
+from gfmdlayer.config import Config
+from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.folder import Folder
+from gfmdlayer.simulation import warm_up
+from gfmdlayer.sweep import Case, run_case
+
+EFFORT = Effort(points=(1 << 14,), repetitions=5)
+QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Run the case as `gfmdlayer run` does, in turns with as many bare pairs."""
+    rows = [_row(method, points, effort) for method in METHODS for points in effort.points]
+    title = f"Whole run / bare FFT pairs in it, {effort.steps} steps of {STEP} tau"
+    note = "History, observables and HDF5 output included; compiled and planned beforehand."
+    return [Table("run", title, rows, note)]
+
+
+def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
+    config = default_case(
+        grid__points=points, time__end=effort.steps * STEP, solver={"method": method, "tolerance": 1e-6}
+    )
+    wisdom = warm_up(config)
+    pairs = _run(config, wisdom)
+    return {
+        "solver": method,
+        "n": points,
+        "pairs": pairs,
+        "run / bare pairs": ratio(
+            lambda: _run(config, wisdom),
+            bare_pairs(Transforms(config.grid.points, wisdom), pairs),
+            effort.repetitions,
+        ),
+        "target": "≤ 1.6" if points == 1 << 14 else None,
+    }
+
+
+def _run(config: Config, wisdom: str) -> int:
+    """Run a case into a temporary folder; return the FFT pairs that it took."""
+    with TemporaryDirectory() as name:
+        folder = Folder(Path(name))
+        folder.cases.mkdir()
+        outcome = run_case(Case(0, config, {}), folder, {config.grid.points: wisdom})
+        if outcome.state != "complete":
+            raise RuntimeError(f"the run with {config.solver.method} failed: {outcome.reason}")
+        with h5py.File(folder.case(0)) as file:
+            return int(file["transforms"][:].sum())
