@@ -17,12 +17,12 @@ ADAPTIVE_STEPS = 100  # typical for a ramp and a hold at the default tolerance
 PAIRS = {
     ("fire", "mass_weighted"): (93, 0.03),
     ("fire", "uniform"): (238, 0.3),
-    ("conjugate_gradient", None): (101, 0.1),
-    ("active_set", None): (12, 0.2),
+    ("conjugate_gradient", None): (34, 0.2),
+    ("active_set", None): (6, 0.1),
 }
 REAL = 8  # bytes
 FIELDS = 40  # real fields alive at once: history, solver, kernels, plans, snapshot being written
-COLUMNS = 7  # of a row
+COLUMNS = 12  # of a row
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 

@@ -87,8 +87,8 @@ def _objections(config: Config) -> Iterator[tuple[str, str]]:
     if mean_is_fixed(config) and deepest >= room:
         yield (
             "trajectory.depth" if table is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; must be below the mean "
-            f"height of the punch, {room:.6g}",
+            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
+            f"must be below the mean height of the punch, {room:.6g}",
         )
 
 

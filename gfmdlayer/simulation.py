@@ -7,6 +7,7 @@ The numbers in the comments of `simulate` are the lines of that pseudocode.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,19 +16,31 @@ from typing import Protocol
 import numpy as np
 
 from gfmdlayer.config import Config
+from gfmdlayer.contact.active_set import ActiveSet
+from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.grid import FloatArray, Grid
-from gfmdlayer.contact.problem import Problem, Solver
+from gfmdlayer.contact.loading import CONTROLS, Loading
+from gfmdlayer.contact.prediction import PREDICTIONS
+from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 from gfmdlayer.contact.wisdom import planned
 from gfmdlayer.inputs import make_grid, make_punch, make_trajectory
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Material, Prony, Zener
 from gfmdlayer.solid.relaxation import relaxation_spectrum
-from gfmdlayer.stepping.extrapolation import Extrapolation
+from gfmdlayer.stepping.adaptive import AdaptiveSteps
+from gfmdlayer.stepping.corrected import Corrected
+from gfmdlayer.stepping.ledger import Energy, Ledger
 from gfmdlayer.stepping.modes import SCHEMES, Modes
-from gfmdlayer.stepping.schedule import Instant, equal_steps, landing_steps
+from gfmdlayer.stepping.paper import Paper
+from gfmdlayer.stepping.schedule import FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.stepping.third_order import ThirdOrder
+
+SOLVERS: dict[str, type[ActiveSet | ConjugateGradient]] = {
+    "active_set": ActiveSet,
+    "conjugate_gradient": ConjugateGradient,
+}
 
 
 class ConvergenceError(RuntimeError):
@@ -46,7 +59,7 @@ class Recorder(Protocol):
         ...
 
 
-class Integrator(Protocol):
+class Integrator(Energy, Protocol):
     """From the history to the slopes and intercepts of the stress."""
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
@@ -55,6 +68,18 @@ class Integrator(Protocol):
 
     def advance(self, spectrum: ComplexArray) -> None:
         """Carry the history on with the accepted displacement."""
+        ...
+
+
+class Steps(Protocol):
+    """The time points of a run."""
+
+    def __iter__(self) -> Iterator[Instant]:
+        """Give them in order; one that was not accepted is followed by an earlier one."""
+        ...
+
+    def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
+        """Judge the step by the displacement, by what the contact problem was solved for, and the depth."""
         ...
 
 
@@ -73,7 +98,7 @@ def simulate(
     recorder : Recorder
         Takes a row for each time step, the first at t = 0, and the snapshots.
     progress : callable, optional
-        Called with the simulated time after each step; may raise to stop.
+        Called with the simulated time after each attempt at a step; may raise to stop.
     wisdom : str, optional
         FFTW wisdom, where the bits of another run are to be reproduced.
 
@@ -88,37 +113,62 @@ def simulate(
     transforms = Transforms(grid.shape, wisdom)
     solver = make_solver(config, transforms)
     integrator = make_integrator(config, grid)
-    punch, trajectory = make_punch(config, grid), make_trajectory(config)
-    guess = Extrapolation((grid.size,))
+    loading = make_loading(config, grid)
+    steps = make_steps(config, integrator, loading.trajectory.kinks)
+    guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
 
-    for instant in instants(config, trajectory.kinks):  # 4, 10
+    for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
-        h = punch - trajectory(instant.time)  # 0
-        solution = solver.solve(Problem(kappa, b, h), guess.at(instant.time))  # 7
+        problem = loading.problem(kappa, b, instant.time)  # 0
+        solution = solver.solve(problem, guess.at(instant.time))  # 7
+        attempts.add(solution)
         if not solution.converged:
             raise ConvergenceError(
-                f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} iterations "
-                f"of {config.solver.method}; the tolerance is {config.solver.tolerance:.2e}"
+                f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
+                f"iterations of {config.solver.method}; the tolerance is {config.solver.tolerance:.2e}"
             )
-        integrator.advance(solution.spectrum)  # 8, 9
-        guess.remember(instant.time, solution.displacement, kink=instant.kink)
-        recorder.row(
-            time=instant.time,
-            contact_area=solution.contact_area,
-            mean_pressure=solution.mean_pressure / (2 * config.layer.material.G0),
-            depth=trajectory(instant.time),
-            transforms=solution.transforms,
-            iterations=solution.iterations,
-            residual=solution.residual,
-        )
-        if instant.snapshot:
-            recorder.snapshot(
-                instant.time,
-                solution.displacement.reshape(grid.shape),
-                solution.pressure.reshape(grid.shape),
+        surface = loading.surface(solution, kappa, b, instant.time)
+        if steps.accepts(surface.spectrum, surface.found, surface.depth):
+            integrator.advance(surface.spectrum)  # 8, 9
+            gap = problem.obstacle - solution.displacement
+            guess.remember(instant.time, getattr(solution, solver.starts_from), gap, kink=instant.kink)
+            recorder.row(
+                time=instant.time,
+                contact_area=solution.contact_area,
+                mean_pressure=solution.mean_pressure / (2 * config.layer.material.G0),
+                depth=surface.depth,
+                residual=solution.residual,
+                **attempts.taken(),
+                **ledger.entry(solution.mean_pressure, surface.depth, integrator),
             )
+            if instant.snapshot:
+                recorder.snapshot(
+                    instant.time,
+                    surface.displacement.reshape(grid.shape),
+                    solution.pressure.reshape(grid.shape),
+                )
         if progress is not None:
             progress(instant.time)
+
+
+class Attempts:
+    """What the attempts at a step took, up to the accepted one."""
+
+    def __init__(self) -> None:
+        self._solutions: list[Solution] = []
+
+    def add(self, solution: Solution) -> None:
+        """Count an attempt."""
+        self._solutions.append(solution)
+
+    def taken(self) -> dict[str, int]:
+        """Columns of the accepted step's row; counting begins anew."""
+        solutions, self._solutions = self._solutions, []
+        return {
+            "transforms": sum(solution.transforms for solution in solutions),
+            "iterations": sum(solution.iterations for solution in solutions),
+            "rejected": len(solutions) - 1,
+        }
 
 
 def warm_up(config: Config, wisdom_folder: Path | None = None) -> str:
@@ -130,17 +180,22 @@ def warm_up(config: Config, wisdom_folder: Path | None = None) -> str:
     small = config.with_values({"grid.points": 16, "grid.period": 1.0, "punch": {"shape": "parabola"}})
     solver = make_solver(small, Transforms((16,)))
     integrator = make_integrator(small, make_grid(small))
-    zero = np.zeros(16)
-    integrator.advance(solver.solve(Problem(*integrator.terms(fixed_step(small)), zero + 1.0), zero).spectrum)
+    step = 1.0 if config.time.step == "adaptive" else fixed_step(small)
+    kappa, b = integrator.terms(step)
+    solution = solver.solve(Problem(kappa, b, np.ones(16)), PREDICTIONS[solver.starts_from](16).at(0.0))
+    if isinstance(integrator, Corrected):
+        integrator.error(solution.spectrum, moving=True)
+    integrator.advance(solution.spectrum)
     return planned(config.grid.points, wisdom_folder or user_cache())
 
 
 def make_solver(config: Config, transforms: Transforms) -> Solver:
     """The solver of the contact problem."""
     given = config.solver
-    return Fire(
-        transforms, given.tolerance, given.max_iterations, mass_weighted=given.inertia == "mass_weighted"
-    )
+    if given.method == "fire":
+        weighted = given.inertia == "mass_weighted"
+        return Fire(transforms, given.tolerance, given.max_iterations, mass_weighted=weighted)
+    return SOLVERS[given.method](transforms, given.tolerance, given.max_iterations)
 
 
 def make_integrator(config: Config, grid: Grid) -> Integrator:
@@ -148,11 +203,15 @@ def make_integrator(config: Config, grid: Grid) -> Integrator:
     body = LayeredHalfspace(
         config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
     )
-    material = make_material(config)
+    material, q, measure = make_material(config), grid.wavenumbers, mean_square_weights(grid)
+    spectrum = relaxation_spectrum(body, material, q)
+    if config.time.step == "adaptive":
+        return Corrected(spectrum, measure)
+    modes = Modes(spectrum, SCHEMES[config.time.integrator], measure)
     incompressible = body.poisson == 0.5 and body.bulk_poisson == 0.5
     if config.time.integrator == "backward_euler" and isinstance(material, Zener) and incompressible:
-        return ThirdOrder(body, material, grid.wavenumbers, fixed_step(config))
-    return Modes(relaxation_spectrum(body, material, grid.wavenumbers), SCHEMES[config.time.integrator])
+        return Paper(ThirdOrder(body, material, q, fixed_step(config)), modes)
+    return modes
 
 
 def make_material(config: Config) -> Material:
@@ -163,13 +222,35 @@ def make_material(config: Config) -> Material:
     return Prony(given.G0, tuple((branch.G, branch.tau) for branch in given.branches))
 
 
-def instants(config: Config, kinks: tuple[float, ...]) -> Iterator[Instant]:
-    """The time points; backward Euler takes the paper's equal steps.
+def make_loading(config: Config, grid: Grid) -> Loading:
+    """The punch and what is prescribed of it."""
+    return CONTROLS[config.trajectory.control](make_punch(config, grid), make_trajectory(config))
 
-    The exponential integrator lands on the kinks.
-    """
+
+def make_steps(config: Config, integrator: Integrator, kinks: tuple[float, ...]) -> Steps:
+    """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
+    end, snapshots = config.time.end, config.output.snapshots
+    if isinstance(integrator, Corrected):
+        return AdaptiveSteps(integrator, config.time.tolerance, end, snapshots, kinks, output_times(config))
     steps = equal_steps if config.time.integrator == "backward_euler" else landing_steps
-    return steps(config.time.end, fixed_step(config), config.output.snapshots, kinks)
+    return FixedSteps(steps(end, fixed_step(config), snapshots, kinks))
+
+
+def output_times(config: Config) -> tuple[float, ...]:
+    """The times that adaptive steps land on because rows were asked for there."""
+    times = config.output.times
+    if isinstance(times, float):
+        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
+    return times or ()
+
+
+def mean_square_weights(grid: Grid) -> FloatArray:
+    """Weight of each mode in the mean over the surface (Parseval): most of them stand for two."""
+    weights = np.full(grid.spectral_shape, 2.0 / grid.size**2)
+    weights[..., 0] /= 2
+    if grid.points[-1] % 2 == 0:
+        weights[..., -1] /= 2
+    return weights
 
 
 def fixed_step(config: Config) -> float:

@@ -1,17 +1,19 @@
-"""What the physics tests share: a recorder, runs on a small grid, and the elastic closed form."""
+"""What the tests share: a recorder, runs on a small grid, the elastic closed form, dense contact solutions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, nnls
 from scipy.special import spence
 
 from gfmdlayer.config import Config
+from gfmdlayer.contact.grid import Grid
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.simulation import simulate
 
 Floats = NDArray[np.float64]
@@ -69,3 +71,72 @@ def parabola_on_halfspace() -> Callable[[ArrayLike], tuple[Floats, Floats]]:
         return 2 * phi / np.pi, -4 / np.pi * np.log(np.cos(phi))
 
     return answer
+
+
+class DenseContact:
+    """Random small contact problems, and their solution by dense linear algebra, on a grid of period 1."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.grid = Grid(shape, (1.0,) * len(shape))
+
+    def problem(self, seed: int, condition: str) -> Problem:
+        """Return a rough punch on a body with a history, whose stiffness is scattered by mode."""
+        rng = np.random.default_rng(seed)
+        q, size = self.grid.wavenumbers.ravel(), self.grid.size
+        kappa = q * np.exp(0.5 * np.sin(0.3 * q))  # a function of |q|, as isotropy asks
+        h = rng.uniform(-1, 1, size)
+        h += rng.uniform(0.05, 0.4) - h.mean()
+        b = self.transform(rng.normal(0, 1, size))
+        b[0] = 0.0  # a mean that does not resist remembers nothing
+        if condition == "free mean":
+            kappa[0] = 3.0
+            b[0] = size * rng.normal()
+        return Problem(kappa, b, h, rng.uniform(0.5, 2) if condition == "load" else None)
+
+    def transform(self, values: Floats) -> NDArray[np.complex128]:
+        return np.asarray(np.fft.rfftn(values.reshape(self.grid.shape)).ravel())
+
+    def force(self, problem: Problem, u: Floats) -> Floats:
+        """Return IFFT(-kappa FFT(u) + b), by numpy."""
+        spectrum = problem.intercept - problem.stiffness * self.transform(u)
+        axes = tuple(range(len(self.grid.shape)))
+        spectrum = spectrum.reshape(self.grid.spectral_shape)
+        return np.asarray(np.fft.irfftn(spectrum, s=self.grid.shape, axes=axes).ravel())
+
+    def solution(self, problem: Problem) -> tuple[Floats, Floats]:
+        """Return displacement and pressure.
+
+        Non-negative least squares on the gaps guess the contact set, whose linear equations are then solved;
+        that every inequality holds by a margin proves the guess.
+        """
+        size, h = problem.obstacle.size, problem.obstacle
+        no_history = replace(problem, intercept=np.zeros_like(problem.intercept))
+        K = -np.column_stack([self.force(no_history, column) for column in np.eye(size)])
+        f0 = self.force(problem, np.zeros(size)) + problem.applied_pressure
+        # With the mean held by a stiff spring, the gaps w >= 0 minimise w K w/2 - w (K h - f0).
+        held = K + (1e5 if problem.mean_is_fixed else 1e-9) * (problem.stiffness[0] == 0) / size
+        L = np.linalg.cholesky(held)
+        gaps, _ = nnls(L.T, np.linalg.solve(L, held @ h - f0), maxiter=100 * size)
+        free = gaps > 0
+
+        u, multiplier = h.copy(), 0.0
+        K_free, load = K[np.ix_(free, free)], f0[free] - K[np.ix_(free, ~free)] @ h[~free]
+        if problem.mean_is_fixed:
+            ones = np.ones((K_free.shape[0], 1))
+            matrix = np.block([[K_free, -ones], [-ones.T, np.zeros((1, 1))]])
+            *u_free, multiplier = np.linalg.solve(matrix, [*load, h[~free].sum()])
+            u[free] = u_free
+        else:
+            u[free] = np.linalg.solve(K_free, load)
+        pressure = f0 - K @ u + multiplier
+        margin = np.where(free, (h - u) / -u.min(), pressure / pressure.max())
+        assert not free.all()
+        assert margin.min() > 1e-8
+        assert np.abs(pressure[free]).max() < 1e-10 * pressure.max()
+        return u, pressure
+
+
+@pytest.fixture(scope="session")
+def dense_contact() -> type[DenseContact]:
+    """Random small problems on a grid, and who knows their answers."""
+    return DenseContact

@@ -249,14 +249,9 @@ class Trajectory(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`.
+    """The time axis from 0 to `end`; `tolerance` is the error allowed by adaptive steps.
 
-    Attributes
-    ----------
-    integrator
-        `backward_euler` is the paper's.
-    tolerance
-        Error allowed by adaptive steps, of mean pressure and displacement relative to their largest values.
+    It is that of mean pressure and displacement, relative to their largest values so far.
     """
 
     end: Positive = 8.0
@@ -295,15 +290,9 @@ Rows = Annotated[
 
 
 class Output(Section):
-    """What is kept besides the curves.
+    """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps.
 
-    Attributes
-    ----------
-    snapshots
-        Times at which the surface is kept.
-    times
-        Times (or their spacing) that adaptive steps must have among their rows. None leaves them free but
-        for the kinks of the trajectory, the snapshots and the end.
+    Without `times` the steps are free but for the snapshots, the kinks of the trajectory and the end.
     """
 
     snapshots: tuple[NotNegative, ...] = ()

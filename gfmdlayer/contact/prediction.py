@@ -14,6 +14,7 @@ Where the edge does not move, the pressure itself is extrapolated, which carries
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -36,23 +37,30 @@ class DisplacementPrediction:
         self._past: deque[tuple[float, FloatArray]] = deque(maxlen=3)
         self._nothing = np.zeros(size)
 
-    def remember(self, time: float, displacement: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:  # noqa: ARG002
-        """Add an accepted step; at a kink of the trajectory what came before says nothing about what follows."""
+    def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
+        """Add an accepted step.
+
+        At a kink of the trajectory what came before says nothing about what follows.
+        """
         if kink:
             self._past.clear()
         self._past.append((time, displacement))
 
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
-        guess = self._nothing.copy()
-        for weight, (_, field) in zip(_lagrange([t for t, _ in self._past], time), self._past, strict=True):
-            guess += weight * field
-        return guess
+        weights, fields = _weighted(
+            [t for t, _ in self._past], [u for _, u in self._past], time, self._nothing
+        )
+        return _combined(weights, fields)
 
 
-def _lagrange(times: list[float], time: float) -> list[float]:
-    """Weights of the polynomial through values at some times, at another time."""
-    return [float(np.prod([(time - s) / (t - s) for s in times if s != t])) for t in times]
+def _weighted(
+    times: list[float], fields: list[FloatArray], time: float, nothing: FloatArray
+) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Lagrange's weights for a time, and three fields; without weight where there are fewer."""
+    missing = 3 - len(times)
+    weights = [math.prod((time - s) / (t - s) for s in times if s != t) for t in times]
+    return np.array([0.0] * missing + weights), (nothing,) * missing + tuple(fields)
 
 
 class _Past(NamedTuple):
@@ -98,18 +106,11 @@ class PressurePrediction:
         return _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1)
 
     def _stacked(self, time: float) -> tuple[FloatArray, tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        """Lagrange's weights for the time, and three steps.
-
-        The oldest repeated with no weight where there are fewer.
-        """
         times = [past.time for past in self._past]
-        missing = 3 - len(times)
-        past = [self._past[0]] * missing + list(self._past)
-        return (
-            np.array([0.0] * missing + _lagrange(times, time)),
-            tuple(each.pressure for each in past),
-            tuple(each.gap for each in past),
-        )
+        first = self._past[0]
+        weights, pressures = _weighted(times, [past.pressure for past in self._past], time, first.pressure)
+        _, gaps = _weighted(times, [past.gap for past in self._past], time, first.gap)
+        return weights, pressures, gaps
 
 
 @nb.njit(nogil=True, cache=True)
@@ -156,6 +157,14 @@ def _extrapolate(
     return guess
 
 
+@nb.njit(nogil=True, cache=True)
+def _combined(w: FloatArray, fields: tuple[FloatArray, ...]) -> FloatArray:
+    field = np.empty(fields[0].size)
+    for i in range(field.size):
+        field[i] = _combine(w, fields, i)
+    return field
+
+
 @nb.njit(nogil=True)
 def _combine(w: FloatArray, fields: tuple[FloatArray, ...], i: int) -> float:
     return float(w[0] * fields[0][i] + w[1] * fields[1][i] + w[2] * fields[2][i])
@@ -166,4 +175,7 @@ def _two_thirds(gap: float) -> float:
     return float(np.cbrt(gap * gap))
 
 
-PREDICTIONS = {"displacement": DisplacementPrediction, "pressure": PressurePrediction}
+PREDICTIONS: dict[str, type[DisplacementPrediction | PressurePrediction]] = {
+    "displacement": DisplacementPrediction,
+    "pressure": PressurePrediction,
+}

@@ -108,7 +108,7 @@ class Solver(Protocol):
     starts_from: ClassVar[Literal["displacement", "pressure"]]
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of what the method starts from; a solution that did not converge says so."""
+        """Solve from a first guess of what the method starts from; one that did not converge says so."""
         ...
 
 

@@ -1,65 +1,98 @@
-"""Integrators over the exact relaxation spectrum: the stress is a sum of relaxing modes.
+"""Integrators over the exact relaxation spectrum: a sum of relaxing modes, each stepped by itself.
 
-Each stepped by itself.
+With K(q, s) = K_0(q) + sum_j w_j(q) s theta_j/(1 + s theta_j) each mode j is a spring w_j in series with a
+dashpot w_j theta_j, all of them beside the spring K_0. Its state is the stretch y_j of its spring,
 
-With K(q, s) = K_0(q) + sum_j w_j(q) s theta_j/(1 + s theta_j) every mode j keeps a low-passed copy xi_j of
-the displacement,
+    d y_j/dt + y_j/theta_j = du/dt,        sigma = -(K_0 u + sum_j w_j y_j).
 
-    theta_j d xi_j/dt + xi_j = u,        sigma = -(K_0 u + sum_j w_j (u - xi_j)),
+One step of length dt from u_0 to u_1 carries the stretch on, and turns work into heat, by
 
-a spring w_j in series with a dashpot w_j theta_j, beside the spring K_0.  One step of length dt from u_0 to
-u_1 carries xi_j on by
+    y_j <- decay_j y_j + gain_j (u_1 - u_0)
+    heat = w_j [loss_j |y_j + lead_j (u_1 - u_0)|^2 + rest_j |u_1 - u_0|^2]
 
-    xi_j <- decay_j xi_j + old_j u_0 + new_j u_1,
-
-whose factors depend on dt/theta_j and on the scheme alone:
+with y_j as it was before the step, and factors that depend on x = dt/theta_j and on the scheme alone:
 
 exponential
-    u linear over the step, xi_j integrated exactly: of second order in dt, stable for any step, exact for dt
-    = 0 (the glassy response).
+    u linear over the step, y_j and the heat w_j/theta_j int |y_j|^2 dt exact: of second order in dt, stable
+    for any step, and for dt = 0 the glassy response.
 backward Euler
-    Of first order.  The substitution s -> (1 - 1/z)/dt commutes with partial fractions, so it is the paper's
-    Eq. (24) with backward differences (`third_order`), to rounding and for any material.
+    Of first order, heat w_j |y_j|^2 x. The substitution s -> (1 - 1/z)/dt commutes with partial fractions,
+    so it is the paper's Eq. (24) with backward differences (`third_order`), to rounding and for any material.
 
-With x = dt/theta_j the factors are written so that small and large x keep their digits.
+The stored energy is half of K_0 |u|^2 + sum_j w_j |y_j|^2. Neither it nor the heat can be negative.
+
+What the exponential scheme leaves out is the curvature of u(t). Where c = dt^2 u''/2 is known afterwards,
+the exact history ends with bend_j c more, and the exact heat has w_j times
+
+    bend_heat_j |c|^2 - bend_j Re (y_j + y_j') c*
+
+more, where y_j and y_j' are the stretches before and after the step without it.
+
+Most modes are of one of two kinds, and each kind is kept as suits it. The layer's own branches have the same
+time at every q and weights that differ by a factor: one array of stretches, and numbers for the rest. The
+others have their own time at each q, and weight at few of them: a list of the (mode, q) that have any.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.polynomial import polyval
 
 from gfmdlayer.solid.relaxation import Spectrum
+from gfmdlayer.stepping import modes_loop
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
-Factors = tuple[FloatArray, FloatArray, FloatArray]  # decay, old, new
-Scheme = Callable[[FloatArray], Factors]
 
-# Below this dt/theta the differences that make up the exponential factors cancel; their series is exact to
-# rounding there.
-_SMALL = 0.02
+# Weights that are products of modulus and shape up to this part of the relaxed stiffness are taken for such.
+_ROUNDING = 1e-14
+
+# Below this x the series of two factors lose less to truncation than their closed forms to rounding.
+_SMALL = 0.1
+
+
+class Factors(NamedTuple):
+    """What a step of x = dt/theta does to a mode; each in the shape of x."""
+
+    decay: FloatArray
+    gain: FloatArray
+    loss: FloatArray
+    lead: FloatArray
+    rest: FloatArray
+    bend: FloatArray
+    bend_heat: FloatArray
+
+
+Scheme = Callable[[FloatArray], Factors]
 
 
 def backward_euler(x: FloatArray) -> Factors:
-    """Factors of the backward Euler step, x = dt/theta."""
-    return 1 / (1 + x), np.zeros_like(x), x / (1 + x)
+    """Factors of the backward Euler step, x = dt/theta >= 0."""
+    decay, one, zero = 1 / (1 + x), np.ones_like(x), np.zeros_like(x)
+    return Factors(decay, decay, x * decay**2, one, zero, zero, zero)
 
 
 def exponential(x: FloatArray) -> Factors:
-    """Factors of the exponential step with u linear in time, x = dt/theta."""
+    """Factors of the exponential step with u linear in time, x = dt/theta >= 0."""
+    some, small, large = np.where(x > 0, x, 1.0), np.minimum(x, _SMALL), np.maximum(x, _SMALL)
     decay = np.exp(-x)
-    safe = np.where(x < _SMALL, 1.0, x)
-    mean_decay = -np.expm1(-safe) / safe
-    series_old = x * (1 / 2 - x * (1 / 3 - x * (1 / 8 - x * (1 / 30 - x * (1 / 144 - x / 840)))))
-    series_new = x * (1 / 2 - x * (1 / 6 - x * (1 / 24 - x * (1 / 120 - x * (1 / 720 - x / 5040)))))
-    return (
-        decay,
-        np.where(x < _SMALL, series_old, mean_decay - decay),
-        np.where(x < _SMALL, series_new, 1 - mean_decay),
+    series = polyval(small * small, (1 / 12, -1 / 120, 17 / 20160, -31 / 362880))
+    rest = np.where(x < _SMALL, x * series, (large - 2 * np.tanh(large / 2)) / large**2)
+    bend = (1 + decay) * rest
+    series = polyval(small, (1 / 30, -1 / 36, 11 / 630, -1 / 120, 283 / 90720, -289 / 302400))
+    closed = 1 / (3 * large) - bend * ((large + 2) / large**2 + bend / 2)
+    return Factors(
+        decay=decay,
+        gain=np.where(x > 0, -np.expm1(-some) / some, 1.0),
+        loss=-np.expm1(-2 * x) / 2,
+        lead=np.where(x > 0, np.tanh(some / 2) / some, 0.5),
+        rest=rest,
+        bend=bend,
+        bend_heat=np.where(x < _SMALL, x * series, closed),
     )
 
 
@@ -67,7 +100,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface and their history.
+    """The relaxing modes of a surface, their history and their energy.
 
     Parameters
     ----------
@@ -75,59 +108,117 @@ class Modes:
         Of the wavenumbers of the grid's modes.
     scheme : callable
         `exponential` or `backward_euler`.
+    measure : ndarray, optional
+        Weight of each wavenumber in the mean over the surface, <f g> = sum_q measure f conj(g), in the shape
+        of the wavenumbers; energies are such means. By default one.
+
+    Attributes
+    ----------
+    stored : float
+        Elastic energy in all springs after the last step.
+    dissipated : float
+        Heat from all dashpots since the beginning.
     """
 
-    def __init__(self, spectrum: Spectrum, scheme: Scheme) -> None:
-        modes = spectrum.weights.shape[0]
+    def __init__(self, spectrum: Spectrum, scheme: Scheme, measure: FloatArray | None = None) -> None:
         self.relaxed = np.ravel(spectrum.relaxed)
-        self.weights = spectrum.weights.reshape(modes, -1)
-        # A mode without weight at some q has no time there; any will do.
-        self.times = np.where(self.weights > 0, spectrum.times.reshape(modes, -1), 1.0)
+        shape = (spectrum.weights.shape[0], self.relaxed.size)
+        weights, times = spectrum.weights.reshape(shape), spectrum.times.reshape(shape)
         self._scheme = scheme
         self.step = np.nan
         self.u = np.zeros(self.relaxed.size, dtype=np.complex128)
-        self.xi = np.zeros(self.weights.shape, dtype=np.complex128)
+        self.stored = self.dissipated = 0.0
+
+        measure = np.ones(self.relaxed.size) if measure is None else np.ravel(measure)
+        self._springs = np.repeat(self.relaxed * measure, 2)
+
+        branches = _proportional(weights, times, self.relaxed)
+        share = weights[branches].sum(axis=0) / max(weights[branches].sum(), np.finfo(float).tiny)
+        self._moduli, self._times = weights[branches].sum(axis=1), times[branches].max(axis=1, initial=0.0)
+        self._shape, self._shares = np.repeat(share, 2), np.repeat(share * measure, 2)
+        self._stretches = np.zeros((self._times.size, 2 * self.relaxed.size))
+
+        others = np.where(branches[:, np.newaxis], 0.0, weights)
+        self._index = np.nonzero(others)[1]
+        self._own_weights, self._own_times = others[others > 0], times[others > 0]
+        self._own_measure = measure[self._index]
+        self._own_stretches = np.zeros((self._index.size, 2))
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b, sigma = -kappa u + b, at the end of a step of this length (lines 5 and 6)."""
-        if step != self.step:
-            self.step = step
-            self._factors = self._scheme(step / self.times)
-            self._stiffness = self.relaxed + np.einsum("jq,jq->q", self.weights, 1 - self._factors[2])
+        self.prepare(step)
         b = np.empty_like(self.u)
-        _intercepts(self.weights, self._factors[0], self._factors[1], self.xi, self.u, b)
+        modes_loop.intercepts(
+            self._moduli * self._factors.decay,
+            self._shape,
+            self._stretches,
+            self._index,
+            self._own_weights * self._own_factors.decay,
+            self._own_stretches,
+            self._pull,
+            self.u.view(np.float64),
+            b.view(np.float64),
+        )
         return self._stiffness, b
 
-    def advance(self, spectrum: ComplexArray) -> None:
-        """Carry the history on over the step of the last `terms` (lines 8 and 9)."""
-        _advance(*self._factors, self.xi, self.u, spectrum)
-        self.u[:] = spectrum
+    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Carry the history on over the step of the last `terms` (lines 8 and 9).
+
+        Parameters
+        ----------
+        spectrum : ndarray
+            The displacement at the end of the step.
+        curvature : ndarray, optional
+            dt^2 u''/2 over the step, where it is known; else u is linear.
+        """
+        curved = np.empty(0, dtype=np.complex128) if curvature is None else curvature
+        twice, heat = modes_loop.advance(
+            self._moduli,
+            self._factors,
+            self._shares,
+            self._stretches,
+            self._index,
+            self._own_weights * self._own_measure,
+            self._own_factors,
+            self._own_stretches,
+            self._springs,
+            self.u.view(np.float64),
+            spectrum.view(np.float64),
+            curved.view(np.float64),
+        )
+        self.stored = twice / 2
+        self.dissipated += heat
+
+    def missing(self, curvature: ComplexArray) -> ComplexArray:
+        """What the stress -sigma lacks at the end of the step if dt^2 u''/2 of it was not zero but this."""
+        own = self._on_grid(self._own_weights * self._own_factors.bend)
+        return np.asarray((self._shape[::2] * (self._moduli @ self._factors.bend) + own) * curvature)
+
+    def _on_grid(self, own: FloatArray) -> FloatArray:
+        """Sum at each wavenumber what the modes with times of their own contribute."""
+        return np.asarray(np.bincount(self._index, own, self.relaxed.size), dtype=np.float64)
+
+    def prepare(self, step: float) -> None:
+        """Make what depends on the length of the step."""
+        if step == self.step:
+            return
+        self.step = step
+        factors = self._scheme(step / np.concatenate((self._times, self._own_times)))
+        self._factors = Factors(*(factor[: self._times.size] for factor in factors))
+        self._own_factors = Factors(*(factor[self._times.size :] for factor in factors))
+        own = np.repeat(self._on_grid(self._own_weights * self._own_factors.gain), 2)
+        self._pull = self._shape * (self._moduli @ self._factors.gain) + own
+        self._stiffness = self.relaxed + self._pull[::2]
 
 
-@nb.njit(nogil=True, cache=True)
-def _intercepts(
-    weights: FloatArray,
-    decay: FloatArray,
-    old: FloatArray,
-    xi: ComplexArray,
-    u: ComplexArray,
-    b: ComplexArray,
-) -> None:
-    b[:] = 0.0
-    for j in range(weights.shape[0]):
-        for q in range(b.size):
-            b[q] += weights[j, q] * (decay[j, q] * xi[j, q] + old[j, q] * u[q])
-
-
-@nb.njit(nogil=True, cache=True)
-def _advance(
-    decay: FloatArray,
-    old: FloatArray,
-    new: FloatArray,
-    xi: ComplexArray,
-    u: ComplexArray,
-    found: ComplexArray,
-) -> None:
-    for j in range(xi.shape[0]):
-        for q in range(u.size):
-            xi[j, q] = decay[j, q] * xi[j, q] + old[j, q] * u[q] + new[j, q] * found[q]
+def _proportional(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> npt.NDArray[np.bool_]:
+    """Find the modes with one time at all q whose weights are multiples of those of the heaviest of them."""
+    total = weights.sum(axis=1)
+    longest = np.where(weights > 0, times, 0.0).max(axis=1, initial=0.0)
+    found = np.where(weights > 0, times == longest[:, np.newaxis], True).all(axis=1) & (total > 0)
+    if found.any():
+        heaviest = np.argmax(np.where(found, total, 0.0))
+        shape = weights[heaviest] / total[heaviest]
+        scale = _ROUNDING * (relaxed + weights.sum(axis=0))
+        found &= (np.abs(weights - total[:, np.newaxis] * shape) <= scale).all(axis=1)
+    return np.asarray(found)

@@ -1,10 +1,18 @@
-"""The time points of a run with fixed steps."""
+"""The time points of a run: equal steps, or steps that land where something happens."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+ComplexArray = npt.NDArray[np.complex128]
+
+# Times closer than this part of the run are the same: asked times are written and counted up with rounding.
+SAME_TIME = 1e-10
 
 
 @dataclass(frozen=True)
@@ -17,12 +25,25 @@ class Instant:
     kink: bool = False
 
 
+class FixedSteps:
+    """Steps that are known beforehand, each of which is accepted."""
+
+    def __init__(self, instants: Iterable[Instant]) -> None:
+        self._instants = instants
+
+    def __iter__(self) -> Iterator[Instant]:
+        """Give the time points in order."""
+        return iter(self._instants)
+
+    def accepts(self, _spectrum: ComplexArray, _found: float, _depth: float) -> bool:
+        """Say yes."""
+        return True
+
+
 def equal_steps(
     end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
 ) -> Iterator[Instant]:
-    """Every whole number of steps from 0 to the end, as the paper's pseudocode.
-
-    The first is a step from rest as well.
+    """Every whole number of steps from 0 to the end, as in the paper; the first is a step from rest as well.
 
     Snapshots are the steps within a millionth of a step of an asked time (`whole_steps` says whether there
     are such).
@@ -41,17 +62,43 @@ def whole_steps(time: float, step: float) -> bool:
 def landing_steps(
     end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
 ) -> Iterator[Instant]:
-    """Steps of at most the given length that land on every snapshot and kink; the first, at t = 0.
-
-    Has no length.
-    """
-    asked, turns = set(snapshots), {time for time in kinks if time < end}
-    yield Instant(0.0, 0.0, 0.0 in asked, kink=False)
+    """Steps of at most the given length that land on every snapshot and kink; that to t = 0 has none."""
+    first, *rest = stops(end, snapshots, kinks)
+    yield Instant(0.0, 0.0, first.snapshot)
     begin = 0.0
-    for stop in sorted((asked | turns | {end}) - {0.0}):
-        count = math.ceil((stop - begin) / step - 1e-6)
-        length = (stop - begin) / count
+    for stop in rest:
+        count = max(1, math.ceil((stop.time - begin) / step - 1e-6))
+        length = (stop.time - begin) / count
         for i in range(1, count):
             yield Instant(begin + i * length, length)
-        yield Instant(stop, length, stop in asked, stop in turns)
-        begin = stop
+        yield Instant(stop.time, length, stop.snapshot, stop.kink)
+        begin = stop.time
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A time that a step must end at, and why."""
+
+    time: float
+    snapshot: bool
+    kink: bool
+
+
+def stops(
+    end: float, snapshots: Iterable[float], kinks: Iterable[float], times: Iterable[float] = ()
+) -> list[Stop]:
+    """The start, the end, and every snapshot, kink and other asked time between them, in order.
+
+    Times that differ by rounding are one. The end of the run is no kink.
+    """
+    same = SAME_TIME * end
+    kept = [0.0]
+    reasons: list[set[str]] = [set()]
+    asked = [(time, "snapshot") for time in snapshots] + [(time, "kink") for time in kinks if time < end]
+    for time, reason in sorted([*asked, *((time, "row") for time in (*times, end))]):
+        # What comes right after the start is moved away from it, and not into it.
+        if time > 0 and max(time, 2 * same) - kept[-1] > same:
+            kept.append(max(time, 2 * same))
+            reasons.append(set())
+        reasons[-1].add(reason)
+    return [Stop(t, "snapshot" in why, "kink" in why) for t, why in zip(kept, reasons, strict=True)]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba as nb
 import numpy as np
 import numpy.typing as npt
 
@@ -90,19 +91,19 @@ class ThirdOrder:
     def __init__(self, layer: LayeredHalfspace, material: Zener, q: FloatArray, step: float) -> None:
         if layer.poisson != 0.5 or (np.isfinite(layer.bulk_modulus) and layer.bulk_poisson != 0.5):
             raise ValueError("Eq. (24) holds for incompressible solids, nu = nu_bulk = 0.5")
-        self._moving = np.ravel(q) > 0
-        self._coefficients = constitutive_coefficients(layer, material, np.ravel(q)[self._moving])
-        self._step = step
-        self._rate = material.tau / step
+        q = np.ravel(q)
+        moving = q > 0
+        stress, displacement = (np.zeros((4, q.size)) for _ in range(2))
+        stress[0] = 1.0  # where nothing moves, the equation reads sigma = 0
+        stress[:, moving], displacement[:, moving] = constitutive_coefficients(layer, material, q[moving])
+        self._step, self._rate = step, material.tau / step
         powers = self._rate ** np.arange(4)[:, None]
-        self._stress_weight = (self._coefficients.stress * powers).sum(axis=0)
-        self.stiffness = np.zeros(self._moving.size)
-        self.stiffness[self._moving] = (self._coefficients.displacement * powers).sum(
-            axis=0
-        ) / self._stress_weight
-        modes = self._coefficients.stress.shape[1]
-        self._stress = np.zeros((3, modes), dtype=np.complex128)  # Y_0, Y_1, Y_2 of sigma
-        self._displacement = np.zeros((3, modes), dtype=np.complex128)  # and of u
+        weight = (stress * powers).sum(axis=0)
+        self.stiffness = (displacement * powers).sum(axis=0) / weight
+        self._coefficients = Coefficients(stress / weight, displacement / weight)
+        self._stress = np.zeros((3, q.size), dtype=np.complex128)  # Y_0, Y_1, Y_2 of sigma
+        self._displacement = np.zeros((3, q.size), dtype=np.complex128)  # and of u
+        self._b = np.zeros(q.size, dtype=np.complex128)
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b, sigma = -kappa u + b, at the end of the next step (lines 5 and 6)."""
@@ -110,36 +111,53 @@ class ThirdOrder:
             raise ValueError(
                 f"a step of {step} among steps of {self._step}: third differences need equal steps"
             )
-        return self.stiffness, self.intercepts()
-
-    def intercepts(self) -> ComplexArray:
-        """Return b of the next step, from the steps that were carried on (line 6)."""
-        b = np.zeros(self._moving.size, dtype=np.complex128)
-        known = self._known(self._coefficients.displacement, self._displacement) + self._known(
-            self._coefficients.stress, self._stress
-        )
-        b[self._moving] = known / self._stress_weight
-        return b
+        _intercepts(*self._coefficients, self._rate, self._stress, self._displacement, self._b)
+        return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray) -> None:
-        """Carry the history on with the accepted displacement (lines 8 and 9)."""
-        u = spectrum[self._moving]
-        sigma = self.intercepts()[self._moving] - self.stiffness[self._moving] * u
-        self._displacement = self._differences(self._displacement, u)
-        self._stress = self._differences(self._stress, sigma)
+        """Carry the history on over the step of the last `terms` (lines 8 and 9)."""
+        _advance(self.stiffness, self._b, self._rate, self._stress, self._displacement, spectrum)
 
-    def _known(self, coefficients: FloatArray, past: ComplexArray) -> ComplexArray:
-        """Minus the part of sum_k c_k Y_k at the next step that the past alone decides.
 
-        Y_k of the next step is rate^k y - (rate^k Y_0 + rate^(k-1) Y_1 + ... + rate Y_(k-1)) of the last one.
-        """
-        total = np.zeros(past.shape[1], dtype=np.complex128)
-        below = np.zeros_like(total)
-        for k in (1, 2, 3):
-            below = self._rate * (below + past[k - 1])
-            total += coefficients[k] * below
-        return total
+@nb.njit(nogil=True, cache=True)
+def _intercepts(
+    of_stress: FloatArray,
+    of_displacement: FloatArray,
+    rate: float,
+    stress: ComplexArray,
+    displacement: ComplexArray,
+    b: ComplexArray,
+) -> None:
+    """Minus the part of both sides at the next step that the past alone decides.
 
-    def _differences(self, past: ComplexArray, value: ComplexArray) -> ComplexArray:
-        first = self._rate * (value - past[0])
-        return np.stack((value, first, self._rate * (first - past[1])))
+    Y_k of the next step is rate^k y - (rate^k Y_0 + rate^(k-1) Y_1 + ... + rate Y_(k-1)) of the last one.
+    """
+    for q in range(b.size):
+        known = below_stress = below_displacement = 0.0j
+        for k in range(1, 4):
+            below_stress = rate * (below_stress + stress[k - 1, q])
+            below_displacement = rate * (below_displacement + displacement[k - 1, q])
+            known += of_stress[k, q] * below_stress + of_displacement[k, q] * below_displacement
+        b[q] = known
+
+
+@nb.njit(nogil=True, cache=True)
+def _advance(
+    stiffness: FloatArray,
+    b: ComplexArray,
+    rate: float,
+    stress: ComplexArray,
+    displacement: ComplexArray,
+    u: ComplexArray,
+) -> None:
+    for q in range(u.size):
+        _difference(stress, q, b[q] - stiffness[q] * u[q], rate)
+        _difference(displacement, q, u[q], rate)
+
+
+@nb.njit(nogil=True, inline="always")
+def _difference(past: ComplexArray, q: int, value: complex, rate: float) -> None:
+    first = rate * (value - past[0, q])
+    past[2, q] = rate * (first - past[1, q])
+    past[1, q] = first
+    past[0, q] = value

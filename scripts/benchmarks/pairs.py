@@ -8,10 +8,10 @@ from benchmarks.common import METHODS, STEP, FloatArray, Trace, default_case, ru
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.inputs import make_grid
 from gfmdlayer.simulation import make_integrator, make_loading, make_steps, warm_up
-from gfmdlayer.stepping.extrapolation import Extrapolation
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
@@ -85,9 +85,9 @@ def _fire(points: int, steps: int, inertia: str, past: int) -> Trace:
     integrator, loading = make_integrator(config, grid), make_loading(config, grid)
     trace, fields = Trace(), deque[tuple[float, FloatArray]](maxlen=past)
     for instant in make_steps(config, integrator, loading.trajectory.kinks):
-        guess = Extrapolation((grid.size,))
+        guess = DisplacementPrediction(grid.size)
         for time, field in fields:
-            guess.remember(time, field)
+            guess.remember(time, field, field)
         problem = loading.problem(*integrator.terms(instant.step), instant.time)
         solution = solver.solve(problem, guess.at(instant.time))
         integrator.advance(solution.spectrum)

@@ -17,8 +17,8 @@ import tamaas
 from benchmarks.common import FloatArray
 
 from gfmdlayer.config import Config, Zener
+from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.inputs import make_grid, make_punch, make_trajectory
-from gfmdlayer.stepping.extrapolation import Extrapolation
 
 VERSION = str(tamaas.__version__)
 
@@ -100,8 +100,8 @@ class TamaasHalfspace:
         self._iterations = _Iterations()
         self._solver.addFunctionalTerm(self._iterations)
         self._trajectory, self._step = make_trajectory(config), step
-        self._loads = Extrapolation((1,))
-        self._loads.remember(0.0, np.zeros(1))
+        self._loads = DisplacementPrediction(1)
+        self._loads.remember(0.0, np.zeros(1), np.zeros(1))
         self._count = 0
 
     def advance(self) -> Step:
@@ -124,7 +124,7 @@ class TamaasHalfspace:
             self._stiffness = (load - tried) / (found - reached)
         self._solver.updateState()
         took = time.perf_counter() - begun
-        self._loads.remember(now, np.array([load]))
+        self._loads.remember(now, np.array([load]), np.zeros(1))
         displacement = np.ravel(self._model.displacement)
         return Step(
             now,

@@ -1,0 +1,214 @@
+"""Constrained conjugate gradients in the pressures, after Polonsky and Keer, Wear 231 (1999) 206.
+
+The pressure p >= 0 minimises p.A p/2 + gap0.p, whose gradient is the gap; A = 1/kappa mode by mode (see
+`active_set`). Directions are the negative gaps of the points that press or overlap, made conjugate to the
+last step; a point that joins is a reason to start afresh. Where the load is given, the mean of the gap over
+the contact is removed and the pressure rescaled. There is no preconditioner: the field's baseline.
+
+The original cuts the pressure off at zero after each step, which costs two applications of A: one for the
+length of the step and one for the gap that the cut leaves. Here a step of the last length is tried and cut
+off first, and A applied to what is left of it. All pressures on the way there are admissible and their energy
+is a parabola, so that one FFT pair an iteration does, the energy never rises, and the gap follows without
+another. A step that nothing was cut from goes to the lowest point, as conjugate gradients do, or to where
+the first pressure vanishes; any other goes all the way if that lowers the energy.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, NamedTuple
+
+import numba as nb
+import numpy as np
+
+from gfmdlayer.contact.active_set_loop import raise_clear
+from gfmdlayer.contact.active_set_state import Iterate, System
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, assess, scales, violation
+from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
+
+_ROUNDING = 1e-12  # part of the depth
+_SHORTEST = 1e-12  # part of the first trial length at which only rounding is left to descend
+
+
+class Search(NamedTuple):
+    """The last step and what it does to the gap."""
+
+    step: FloatArray
+    change: FloatArray  # A step
+    work: ComplexArray
+
+
+class ConjugateGradient:
+    """Polonsky's and Keer's solver for the steps of one run.
+
+    Parameters
+    ----------
+    transforms : Transforms
+        Plans for the grid's shape.
+    tolerance : float
+        Residual at which a step is accepted.
+    max_iterations : int
+        Iterations after which the step counts as not converged.
+    """
+
+    starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
+
+    def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
+        self._transforms = transforms
+        self._tolerance = tolerance
+        self._max_iterations = max_iterations
+        field, spectrum = transforms.empty_field, transforms.empty_spectrum
+        none, no_points = np.zeros(0), np.zeros(0, dtype=np.int64)
+        self._at = Iterate(field(), field(), none, spectrum(), none, no_points, no_points)
+        self._search = Search(field(), field(), spectrum())
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from a first guess of the pressure; see `Solution` for what is returned."""
+        n, at, tolerance = start.size, self._at, self._tolerance
+        compliance = np.zeros_like(problem.stiffness)
+        np.divide(1.0, problem.stiffness * n, out=compliance, where=problem.stiffness > 0)
+        free = problem.intercept * compliance  # the displacement without pressure, per point
+        gap0 = problem.obstacle - self._transforms.backward(free)
+        load = problem.mean_pressure is not None
+        system = System(compliance, problem.stiffness, gap0, problem.obstacle, problem.softest, load)
+        np.maximum(start, 0.0, out=at.p)
+        if load:
+            if not at.p.any():
+                at.p[np.argmin(gap0)] = 1.0
+            np.multiply(at.p, problem.applied_pressure / at.p.mean(), out=at.p)
+        transforms, iterations = 1, 0
+        for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
+            left = self._max_iterations - iterations
+            more, done = iterate(self._transforms.plans, system, at, self._search, aim, within, left)
+            transforms, iterations = transforms + more, iterations + done
+            displacement, pressure = np.empty(n), np.empty(n)
+            lift, overlap = raise_clear(system, at, displacement, pressure)
+            spectrum = n * (free - (1 + lift) * compliance * at.spectrum)
+            if load:
+                spectrum[0] = displacement.sum()
+            residual, area, found = assess(pressure, displacement, problem.obstacle, problem.softest)
+            converged = residual <= tolerance and overlap <= _ROUNDING * -displacement.min()
+            if converged:
+                break
+        taken = ((transforms + 1) // 2, iterations)
+        return Solution(displacement, pressure, spectrum, found, area, residual, *taken, bool(converged))
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def iterate(
+    plans: Plans, system: System, at: Iterate, search: Search, aim: float, tolerance: float, limit: int
+) -> tuple[int, int]:
+    """Bring the gap in the contact to ``aim``, a part of the depth; return the transforms and the iterations.
+
+    Gap and pressure are an exact pair on return.
+    """
+    p, gap, (step, change, work) = at.p, at.gap, search
+    # No eigenvalue of A exceeds the inverse of the smallest stiffness.
+    longest = 1.0 / (system.compliance.max() * p.size)
+    load = p.sum()
+    transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
+    _evaluate(plans, system, at, work)
+    shift = aim * (gap - system.h).max()
+    while iteration < limit and trial > _SHORTEST * longest:
+        if system.load:
+            _set_depth(p, gap, shift)
+        if _met(system, p, gap, shift, tolerance):
+            if exact:
+                break
+            _evaluate(plans, system, at, work)
+            transforms, exact = transforms + 2, True
+            continue
+        cut = _try_step(system, at, search, shift, trial, curvature, load)
+        iteration += 1
+        _comply(plans, system, step, work, work, change)
+        transforms += 2
+        slope, curvature, reach = 0.0, 0.0, np.inf
+        for i in range(p.size):
+            slope += (shift - gap[i]) * step[i]
+            curvature += step[i] * change[i]
+            reach = min(reach, -p[i] / step[i]) if step[i] < 0.0 else reach
+        if slope > 0.0 and curvature > 0.0:
+            lowest = slope / curvature
+            way = (1.0 if lowest > 0.5 else lowest) if cut else min(lowest, reach)
+            for i in range(p.size):
+                p[i] = max(p[i] + way * step[i], 0.0)
+                gap[i] += way * change[i]
+            trial, exact = trial * lowest, False
+        else:
+            # The cut or the rescaling has turned the step uphill.
+            trial, curvature = 0.1 * trial, 0.0
+    if not exact:
+        _evaluate(plans, system, at, work)
+        transforms += 2
+    if system.load:
+        _set_depth(p, gap, shift)
+    return transforms, iteration
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
+    """Gap of the pressure."""
+    _comply(plans, system, at.p, at.spectrum, work, at.gap)
+    for i in range(at.gap.size):
+        at.gap[i] += system.gap0[i]
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _comply(
+    plans: Plans, system: System, p: FloatArray, spectrum: ComplexArray, work: ComplexArray, gap: FloatArray
+) -> None:
+    """Write A p as the gap, and the transform of p unless that is the work array."""
+    forward(plans, p, spectrum)
+    for k in range(work.size):
+        work[k] = system.compliance[k] * spectrum[k]
+    backward(plans, work, gap)
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
+    """The depth at which the gap is right in the mean over the contact, or at its lowest point."""
+    total, count = 0.0, 0.0
+    for i in range(p.size):
+        pressed = 1.0 if p[i] > 0.0 else 0.0
+        total += pressed * gap[i]
+        count += pressed
+    excess = (total / count if count > 0.0 else gap.min()) - shift
+    for i in range(p.size):
+        gap[i] -= excess
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
+    pressure_scale, depth = scales(p.max(), (gap - system.h).max(), system.softest)
+    off = 0.0
+    for i in range(p.size):
+        off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
+    return off == 0.0
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _try_step(
+    system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float, load: float
+) -> bool:
+    """Write the step that leads to admissible pressures; return whether it was cut off."""
+    p, gap, step, change = at.p, at.gap, search.step, search.change
+    across, joins = 0.0, curvature <= 0.0
+    for i in range(p.size):
+        if p[i] > 0.0:
+            across += (shift - gap[i]) * change[i]
+        elif gap[i] < shift:
+            joins = True
+    memory = 0.0 if joins or across >= 0.0 else -trial * across / curvature
+    cut, total = False, 0.0
+    for i in range(p.size):
+        if p[i] > 0.0 or gap[i] < shift:
+            now = p[i] + trial * (shift - gap[i]) + (memory * step[i] if memory > 0.0 else 0.0)
+            cut = cut or now < 0.0
+            step[i] = max(now, 0.0)
+            total += step[i]
+        else:
+            step[i] = 0.0
+    scale = load / total if system.load else 1.0
+    for i in range(p.size):
+        step[i] = scale * step[i] - p[i]
+    return cut

@@ -1,0 +1,129 @@
+"""The exponential integrator for steps of varying length: its history corrected, and its error known.
+
+The exponential scheme of `modes` takes u for linear over the step. The curvature that it leaves out,
+c = dt^2 u''/2, is seen as soon as the step is solved, as the divided difference of the last three accepted
+displacements. It is used twice:
+
+* The history is carried on with it (`Modes.advance`), to third order, so that errors do not add up.
+* What remains is the step's own error: at its end the stress lacks delta f = sum_j w_j bend_j c.
+
+A small delta f moves the mean pressure at given depth by -<v, delta f>, where v is how the surface follows
+the punch: a displacement that is -1 all over the contact, free of force outside it and zero in the mean.
+While the punch moves, that is the displacement of the step but for a factor. While it rests, the contact
+outgrows what the last such step knew; the displacement u itself, in place of v, then errs to the other side.
+Divided by <v, f>, which is proportional to the mean pressure, either gives a relative error, and the larger
+one counts. At given load it is the depth that moves, in one step by less; but it creeps for longer than the
+pressure relaxes, and what is left of earlier errors makes up for that: the same number serves (measured:
+half of it is reached). What of delta f does not go into pressure or depth moves the free surface: with r the
+quotient, by (delta f - r f)/kappa.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from gfmdlayer.solid.relaxation import Spectrum
+from gfmdlayer.stepping import modes_loop
+from gfmdlayer.stepping.modes import Modes, exponential
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+# Of the change over a step after a kink, where no earlier displacement tells, the part that may be curvature:
+# measured, it is 0.1 where contact begins and less elsewhere.
+_UNKNOWN = 0.25
+
+# A force this small beside the stresses whose difference it is comes from rounding: nothing is in contact.
+_NOTHING = 1e-10
+
+# Part of the unrelaxed stiffness from which on a mode's time is one that the first step must resolve.
+_MATTERS = 1e-3
+
+
+class Corrected(Modes):
+    """The relaxing modes of a surface for steps of varying length.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of the wavenumbers of the grid's modes.
+    measure : ndarray
+        Weight of each wavenumber in the mean over the surface.
+
+    Attributes
+    ----------
+    fastest : float
+        Shortest relaxation time that matters; infinite for an elastic body.
+    """
+
+    def __init__(self, spectrum: Spectrum, measure: FloatArray) -> None:
+        super().__init__(spectrum, exponential, measure)
+        matter = spectrum.weights > _MATTERS * spectrum.glassy
+        self.fastest = float(spectrum.times[matter].min(initial=math.inf))
+        self._twice = np.repeat(np.ravel(measure), 2)  # for real and imaginary parts
+        self._follows: ComplexArray | None = None
+        self._velocity: ComplexArray | None = None
+        self._last_step = 0.0
+
+    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b at the end of a step of this length."""
+        self._kappa, self._b = super().terms(step)
+        return self._kappa, self._b
+
+    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Carry the history on over the step of the last `terms`, with the curvature that is now known."""
+        change = spectrum - self.u
+        super().advance(spectrum, self._curvature(spectrum) if curvature is None else curvature)
+        if self.step > 0:
+            self._velocity, self._last_step = change / self.step, self.step
+
+    def turn(self) -> None:
+        """Forget how the displacement changed: after a kink it says nothing about what follows."""
+        self._velocity = None
+
+    def error(self, spectrum: ComplexArray, *, moving: bool) -> tuple[float, float]:
+        """Error that the step of the last `terms` makes with this displacement at its end.
+
+        Parameters
+        ----------
+        spectrum : ndarray
+            The displacement.
+        moving : bool
+            Whether the punch moves over the step.
+
+        Returns
+        -------
+        Relative error of the mean pressure (at given load, of the depth), and root mean square error of the
+        displacement, a length.
+        """
+        change, curvature = spectrum - self.u, self._curvature(spectrum)
+        lack = self.missing(_UNKNOWN * change if curvature is None else curvature)
+        force = self._kappa * spectrum - self._b
+        if moving:  # that of a step which is then rejected does as well
+            self._follows = change
+        relative, loudest = 0.0, self._kappa * spectrum
+        for v in (spectrum, self._follows):
+            if v is None:
+                continue
+            work = self._mean(v, force)
+            if work**2 > _NOTHING**2 * self._mean(v, v) * self._mean(loudest, loudest):
+                relative = max(relative, self._mean(v, lack) / work, key=abs)
+        stiff = self._kappa > 0
+        free = (lack - relative * force) * np.divide(
+            1.0, self._kappa, where=stiff, out=np.zeros_like(self._kappa)
+        )
+        return abs(relative), math.sqrt(self._mean(free, free))
+
+    def _curvature(self, spectrum: ComplexArray) -> ComplexArray | None:
+        """dt^2 u''/2 by the divided difference of the last three displacements, this one among them."""
+        if self._velocity is None:
+            return None
+        share = self.step / (self.step + self._last_step)
+        return np.asarray(share * (spectrum - self.u - self.step * self._velocity))
+
+    def _mean(self, f: ComplexArray, g: ComplexArray) -> float:
+        """Mean of f g over the surface."""
+        return float(modes_loop.mean(self._twice, f.view(np.float64), g.view(np.float64)))

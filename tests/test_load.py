@@ -1,0 +1,98 @@
+"""Prescribed load: depth and contact against closed forms and against prescribed depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import spence
+
+Run = Callable[[dict[str, object]], Any]
+
+LOAD, R = 0.05, 0.25
+ALONE: dict[str, object] = {
+    "layer.thickness": math.inf,
+    "trajectory": {"control": "load", "load": LOAD},
+    "time.end": 3.0,
+    "grid.points": 1024,
+    "solver.tolerance": 1e-9,
+}
+
+
+def creep(elapsed: float) -> float:
+    """Integral from 0 of the default material's J = 1/G0 - (1/G0 - 1/Ginf) exp(-t G0/(Ginf tau))."""
+    return elapsed - 0.9 * 10 * -math.expm1(-elapsed / 10)
+
+
+def equivalent_load(time: float) -> float:
+    """Integral of J(t - s) dpbar: the load on the relaxed body that does what the ramp has done by then."""
+    return LOAD * (creep(time) - creep(max(time - 1, 0)))
+
+
+def closed_form(load: float) -> tuple[float, float]:
+    """Depth and contact fraction of an incompressible elastic halfspace of unit modulus, L = 1."""
+    cosine = math.exp(-math.pi * R / 2 * load)
+    depth = (math.pi**2 / 6 - float(spence(1 - cosine**2))) / (4 * math.pi**2 * R)
+    return depth, 2 / math.pi * math.acos(cosine)
+
+
+def test_a_loaded_halfspace_creeps_by_the_closed_form(run: Run) -> None:
+    recording = run(ALONE | {"time.step": 0.025})
+    for time in (0.5, 1.0, 2.0, 3.0):
+        depth, contact = closed_form(equivalent_load(time))
+        row = int(np.argmin(abs(recording["time"] - time)))
+        # 0.025^2/12 of the creep in time, and (1/n)^(3/2) of an edge that falls between grid points.
+        assert recording["depth"][row] == pytest.approx(depth, rel=2e-4)
+        assert recording["contact_area"][row] == pytest.approx(contact, abs=2 / 1024)
+        assert recording["mean_pressure"][row] == pytest.approx(LOAD * min(time, 1) / 2, rel=1e-6)
+
+
+def test_load_control_is_of_second_order(run: Run) -> None:
+    # On the same grid, so that time alone makes a difference.
+    elastic = run(
+        ALONE
+        | {
+            "layer.material.Ginf": 1.0,
+            "trajectory": {"control": "load", "load": equivalent_load(3.0)},
+            "time.step": 1.0,
+        }
+    )
+    steps = [0.2, 0.1, 0.05]
+    errors = [run(ALONE | {"time.step": step})["depth"][-1] / elastic["depth"][-1] - 1 for step in steps]
+    assert np.polyfit(np.log(steps), np.log(np.abs(errors)), 1)[0] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("tolerance", "steps"), [(1e-3, 70), (1e-4, 150)])
+def test_adaptive_steps_keep_the_depth_within_the_tolerance(run: Run, tolerance: float, steps: int) -> None:
+    recording = run(ALONE | {"time.step": "adaptive", "time.tolerance": tolerance, "time.end": 100.0})
+    exact = [closed_form(equivalent_load(time))[0] for time in recording["time"]]
+    # 4e-5 is the grid's.
+    assert np.abs(recording["depth"] - exact).max() < (tolerance + 4e-5) * recording["depth"].max()
+    assert recording["time"].size <= steps
+
+
+@pytest.mark.parametrize("base", [1.0, math.inf], ids=["halfspace", "rigid base"])
+def test_the_load_that_a_depth_needs_gives_that_depth(run: Run, tmp_path: Path, base: float) -> None:
+    body: dict[str, object] = {
+        "layer.poisson": 0.3,
+        "halfspace.shear_modulus": base,
+        "grid.points": 512,
+        "solver.tolerance": 1e-9,
+        "time.end": 2.0,
+        "output.snapshots": [2.0],
+    }
+    pressed = run(body)
+    rows = zip(pressed["time"].tolist(), (2 * pressed["mean_pressure"]).tolist(), strict=True)
+    (tmp_path / "load.txt").write_text("time load\n" + "\n".join(f"{t!r} {p!r}" for t, p in rows))
+    trajectory = {"control": "load", "kind": "table", "file": str(tmp_path / "load.txt")}
+    loaded = run(body | {"trajectory": trajectory})
+    np.testing.assert_allclose(loaded["depth"], pressed["depth"], atol=1e-6 * 0.01)
+    for name in ("work", "stored", "dissipated"):
+        np.testing.assert_allclose(loaded[name], pressed[name], atol=1e-5 * pressed["work"].max())
+    (_, u, _), (_, exact, _) = loaded.snapshots[0], pressed.snapshots[0]
+    np.testing.assert_allclose(u, exact, atol=1e-6 * 0.01)
+    assert (abs(exact.mean()) > 1e-4) == math.isinf(base)

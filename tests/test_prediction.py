@@ -1,0 +1,99 @@
+"""The first guess of the pressure: exact wherever the law that it extrapolates by is what happens."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer.contact.prediction import PressurePrediction
+
+Floats = NDArray[np.float64]
+
+X = np.linspace(-1, 1, 400, endpoint=False) + 1 / 811  # no two points as far from the centre
+SLOPE = 3.0  # c in p^2 = c (a^2 - x^2)
+OPENING = 0.7  # of gap = OPENING (x^2 - a^2)^(3/2)
+
+
+def edge_law(squared_width: float) -> tuple[Floats, Floats]:
+    """Pressure and gap whose edge is at x^2 = a^2."""
+    inside = squared_width - X**2
+    return np.sqrt(SLOPE * np.maximum(inside, 0)), OPENING * np.maximum(-inside, 0) ** 1.5
+
+
+def test_nothing_is_guessed_from_nothing() -> None:
+    np.testing.assert_array_equal(PressurePrediction(5).at(1.0), np.zeros(5))
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree: int) -> None:
+    # As many steps as a polynomial of the degree needs, at uneven times.
+    rng = np.random.default_rng(degree)
+    coefficients = rng.uniform(0.1, 1, (degree + 1, 50))
+    coefficients[:, 30:] = 0.0
+    gap = np.where(np.arange(50) < 30, 0.0, 1.0)
+    prediction = PressurePrediction(50)
+    for time in (0.1, 0.4, 0.55)[: degree + 1]:
+        prediction.remember(time, np.polynomial.polynomial.polyval(time, coefficients), gap)
+    # The weights of Lagrange's polynomial add up to less than 30 in magnitude here.
+    expected = np.polynomial.polynomial.polyval(0.9, coefficients)
+    np.testing.assert_allclose(prediction.at(0.9), expected, rtol=30 * 2.3e-16 * 4)
+
+
+def test_only_the_last_three_steps_count() -> None:
+    gap, prediction = np.zeros(4), PressurePrediction(4)
+    prediction.remember(-7.0, np.full(4, 1e6), gap)
+    for time in (0.0, 1.0, 2.0):
+        prediction.remember(time, np.full(4, 5 + time**2), gap)
+    np.testing.assert_allclose(prediction.at(3.0), 14.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("rate", [0.05, -0.05])
+def test_the_contact_is_right_to_the_point_where_its_edge_obeys_the_square_root(rate: float) -> None:
+    prediction = PressurePrediction(X.size)
+
+    def squared_width(time: float) -> float:
+        return 0.3 + rate * time
+
+    # The contact has to grow for mu to be learned, before it may shrink.
+    for time in (-7.0, -6.0, -5.0, -4.0):
+        pressure, gap = edge_law(0.3 + 0.05 * time)
+        prediction.remember(time, pressure, gap, kink=time == -4.0)
+    for step in range(1, 5):
+        prediction.remember(step, *edge_law(squared_width(step)))
+    last, _ = edge_law(squared_width(4))
+    for ahead in (0.3, 1.0):
+        expected, _ = edge_law(squared_width(4 + ahead))
+        guess = prediction.at(4 + ahead)
+        np.testing.assert_array_equal(guess > 0, expected > 0)
+        # Squares are extrapolated, and rounding in them is largest, next to nothing, at the edge.
+        np.testing.assert_allclose(guess**2, expected**2, atol=1e-14 * SLOPE)
+    assert ((last > 0) != (expected > 0)).any()
+
+
+def test_a_contact_that_has_not_moved_yet_is_kept() -> None:
+    # Without mu, unknown until the edge has passed a point, nothing may join.
+    prediction = PressurePrediction(X.size)
+    for step, width in enumerate((0.3, 0.3, 0.3)):
+        prediction.remember(step, *edge_law(width))
+    np.testing.assert_array_equal(prediction.at(3) > 0, edge_law(0.3)[0] > 0)
+
+
+def test_a_kink_forgets_what_came_before() -> None:
+    prediction = PressurePrediction(X.size)
+    for step in range(6):
+        prediction.remember(step, *edge_law(0.3 + 0.01 * step), kink=step == 5)
+    np.testing.assert_array_equal(prediction.at(5.7), edge_law(0.35)[0])
+    prediction.remember(6, *edge_law(0.37))
+    expected, _ = edge_law(0.39)  # two steps make a straight line
+    np.testing.assert_array_equal(prediction.at(7) > 0, expected > 0)
+    np.testing.assert_allclose(prediction.at(7) ** 2, expected**2, atol=1e-14 * SLOPE)
+
+
+def test_a_guess_belongs_to_whoever_asked_for_it() -> None:
+    prediction = PressurePrediction(3)
+    prediction.at(0.0)[:] = 9.0
+    np.testing.assert_array_equal(prediction.at(0.0), np.zeros(3))
+    prediction.remember(0.0, np.ones(3), np.zeros(3))
+    prediction.at(1.0)[:] = 9.0
+    np.testing.assert_array_equal(prediction.at(1.0), np.ones(3))
