@@ -57,10 +57,10 @@ def _run(options: argparse.Namespace, team: Team) -> int:
     from gfmdlayer.folder import FolderError
     from gfmdlayer.progress import report_to
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.sweep import run_sweep
+    from gfmdlayer.sweep import objections, run_sweep
 
     try:
-        config = load(options.config, options.set, _inspect)
+        config = load(options.config, options.set, objections)
         directory = options.out or _default_directory(config)
         summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr))
     except ConfigError as error:
@@ -86,10 +86,10 @@ def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
     from gfmdlayer.config import ConfigError, load
     from gfmdlayer.cost import estimate, total
-    from gfmdlayer.sweep import cases, label
+    from gfmdlayer.sweep import cases, label, objections
 
     try:
-        config = load(options.config, options.set, _inspect)
+        config = load(options.config, options.set, objections)
         every = cases(config)
     except ConfigError as error:
         return _refuse(*error.problems)
@@ -102,13 +102,6 @@ def check(options: argparse.Namespace) -> int:
     print(f"memory     about {_bytes(cost.memory)} a process")
     print(f"disk       about {_bytes(cost.storage)} in {_default_directory(config)}")
     return COMPLETE
-
-
-def _inspect(config: Config) -> Iterable[tuple[str, str]]:
-    from gfmdlayer.inputs import objections
-    from gfmdlayer.sweep import cases
-
-    return objections(case.config for case in cases(config))
 
 
 def status(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.config.checks import plainly_possible
 from gfmdlayer.folder import WAYS_OUT, Folder, FolderError, write_whole
 from gfmdlayer.interrupts import Stopped
 from gfmdlayer.progress import Report, Reporter, StatusFile
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from gfmdlayer.executors import Team
 
 Wisdom = dict[tuple[int, ...], str]
+
+
+_ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 
 @dataclass(frozen=True)
@@ -73,14 +77,34 @@ def combinations(config: Config) -> list[dict[str, object]]:
 def cases(config: Config) -> list[Case]:
     """Return the cases of a configuration: the product of the swept values, the last key fastest.
 
+    Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
+    end/200, so that their curves share a time axis.
+
     Raises
     ------
     ConfigError
         Where a combination of values is not possible.
     """
-    return [
-        Case(index, config.with_values(values), values) for index, values in enumerate(combinations(config))
-    ]
+    found = []
+    for index, values in enumerate(combinations(config)):
+        case = config.with_values(values)
+        if config.sweep and case.time.step == "adaptive" and case.output.times is None:
+            case = case.with_values({"output.times": case.time.end / _ROWS})
+        found.append(Case(index, case, values))
+    return found
+
+
+def objections(config: Config) -> Iterable[tuple[str, str]]:
+    """Look at the numbers and files of the cases, for `config.load`.
+
+    Light where there is nothing to look at.
+    """
+    doubtful = [case.config for case in cases(config) if not plainly_possible(case.config)]
+    if not doubtful:
+        return ()
+    from gfmdlayer import inputs
+
+    return inputs.objections(doubtful)
 
 
 def label(values: dict[str, object]) -> str:

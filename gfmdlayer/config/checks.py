@@ -152,6 +152,18 @@ def _time(config: Config) -> Iterator[Problem]:
                 yield Problem(location, f"got {snapshot!r}; {allowed}", others)
 
 
+def plainly_possible(config: Config) -> bool:
+    """Whether a case needs no look at numbers or files: a parabola that stays well above its mean height.
+
+    L^2/(24 R).
+    """
+    punch, given = config.punch, config.trajectory
+    if given.file is not None or punch.shape != "parabola":
+        return False
+    room = sum(length**2 for length in config.grid.period) / (24 * punch.radius)
+    return given.control == "load" or (given.depth is not None and given.depth < room / 2)
+
+
 def whole_steps(time: float, step: float) -> bool:
     """Whether a time is a whole number of steps, within a millionth of one."""
     return abs(time / step - round(time / step)) <= 1e-6

@@ -20,13 +20,13 @@ from typing import ClassVar, Literal, NamedTuple
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_loop import raise_clear
 from gfmdlayer.contact.active_set_state import Iterate, System
+from gfmdlayer.contact.dual import accept, admit, in_pressures, set_pressure
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, assess, scales, violation
+from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, scales, violation
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
 
-_ROUNDING = 1e-12  # part of the depth
+_ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
 _SHORTEST = 1e-12  # part of the first trial length at which only rounding is left to descend
 
 
@@ -63,35 +63,25 @@ class ConjugateGradient:
         self._search = Search(field(), field(), spectrum())
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the pressure; see `Solution` for what is returned."""
-        n, at, tolerance = start.size, self._at, self._tolerance
-        compliance = np.zeros_like(problem.stiffness)
-        np.divide(1.0, problem.stiffness * n, out=compliance, where=problem.stiffness > 0)
-        free = problem.intercept * compliance  # the displacement without pressure, per point
-        gap0 = problem.obstacle - self._transforms.backward(free)
-        load = problem.mean_pressure is not None
-        system = System(compliance, problem.stiffness, gap0, problem.obstacle, problem.softest, load)
-        np.maximum(start, 0.0, out=at.p)
-        if load:
-            if not at.p.any():
-                at.p[np.argmin(gap0)] = 1.0
-            np.multiply(at.p, problem.applied_pressure / at.p.mean(), out=at.p)
+        """Solve from a first guess of the pressure; see `Solution` for what is returned.
+
+        Raises
+        ------
+        ValueError
+            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
+        """
+        at, tolerance = self._at, self._tolerance
+        system, free = in_pressures(problem, self._transforms)
+        set_pressure(at, system, problem, start)
         transforms, iterations = 1, 0
         for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
             left = self._max_iterations - iterations
             more, done = iterate(self._transforms.plans, system, at, self._search, aim, within, left)
             transforms, iterations = transforms + more, iterations + done
-            displacement, pressure = np.empty(n), np.empty(n)
-            lift, overlap = raise_clear(system, at, displacement, pressure)
-            spectrum = n * (free - (1 + lift) * compliance * at.spectrum)
-            if load:
-                spectrum[0] = displacement.sum()
-            residual, area, found = assess(pressure, displacement, problem.obstacle, problem.softest)
-            converged = residual <= tolerance and overlap <= _ROUNDING * -displacement.min()
-            if converged:
-                break
-        taken = ((transforms + 1) // 2, iterations)
-        return Solution(displacement, pressure, spectrum, found, area, residual, *taken, bool(converged))
+            solution = accept(problem, system, free, at, tolerance, transforms, iterations)
+            if solution.converged:
+                return solution
+        return admit(problem, system, at, self._transforms, solution)
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -108,7 +98,7 @@ def iterate(
     load = p.sum()
     transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
     _evaluate(plans, system, at, work)
-    shift = aim * (gap - system.h).max()
+    shift = aim * _depth(system, gap)
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load:
             _set_depth(p, gap, shift)
@@ -131,7 +121,8 @@ def iterate(
             lowest = slope / curvature
             way = (1.0 if lowest > 0.5 else lowest) if cut else min(lowest, reach)
             for i in range(p.size):
-                p[i] = max(p[i] + way * step[i], 0.0)
+                moved = p[i] + way * step[i]
+                p[i] = moved if moved > _ROUNDING * p[i] else 0.0
                 gap[i] += way * change[i]
             trial, exact = trial * lowest, False
         else:
@@ -178,8 +169,15 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _depth(system: System, gap: FloatArray) -> float:
+    """Deepest point of the surface, below zero or below the mean where that is higher."""
+    below = gap - system.h
+    return float(below.max() - min(below.mean(), 0.0))
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
-    pressure_scale, depth = scales(p.max(), (gap - system.h).max(), system.softest)
+    pressure_scale, depth = scales(p.max(), _depth(system, gap), system.softest)
     off = 0.0
     for i in range(p.size):
         off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
