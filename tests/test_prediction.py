@@ -34,7 +34,8 @@ def test_pressures_of_a_fixed_contact_are_extrapolated_exactly(degree: int) -> N
     gap = np.where(np.arange(50) < 30, 0.0, 1.0)
     prediction = PressurePrediction(50)
     for time in (0.1, 0.4, 0.55)[: degree + 1]:
-        prediction.remember(time, np.polynomial.polynomial.polyval(time, coefficients), gap)
+        pressure = np.asarray(np.polynomial.polynomial.polyval(time, coefficients))
+        prediction.remember(time, pressure, gap)
     # The weights of Lagrange's polynomial add up to less than 30 in magnitude here.
     expected = np.polynomial.polynomial.polyval(0.9, coefficients)
     np.testing.assert_allclose(prediction.at(0.9), expected, rtol=30 * 2.3e-16 * 4)

@@ -35,12 +35,13 @@ import numpy as np
 import numpy.typing as npt
 import pyfftw
 
-from gfmdlayer.contact.active_set_loop import begin_set, iterate, list_points, raise_clear
+from gfmdlayer.contact.active_set_loop import begin, begin_set, displaced, iterate, release
 from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.descent import descend
+from gfmdlayer.contact.dual import admit, fill, is_filled, raise_clear
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, assess
-from gfmdlayer.contact.transforms import ComplexArray, Transforms
+from gfmdlayer.contact.problem import Problem, Solution, assess, extent
+from gfmdlayer.contact.transforms import Transforms
 
 _ROUNDS = 30
 _ROUNDING = 1e-12  # part of the depth
@@ -88,17 +89,26 @@ class ActiveSet:
             length=np.zeros(rows),
             gram=np.zeros((rows, rows)),
         )
+        self._free, self._gap0 = spectrum(), field()
         self._work = Work(field(), spectrum(), np.zeros(rows), np.zeros(2), np.zeros(1))
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the pressure; see `Solution` for what is returned."""
+        """Solve from a first guess of the pressure; see `Solution` for what is returned.
+
+        Raises
+        ------
+        ValueError
+            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
+        """
+        if is_filled(problem):
+            return fill(problem, self._transforms)
         self._keep_directions(problem.stiffness)
-        system, free = self._system(problem)
+        system = self._system(problem)
         self._begin(system, problem, start)
         plans, tolerance = self._transforms.plans, self._tolerance
-        transforms, iterations = 1, 0
+        transforms, iterations, depth = 1, 0, 0.0
         for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
-            shift, left = aim * self._work.scales[1], self._max_iterations - iterations
+            shift, left = aim * depth, self._max_iterations - iterations
             found, more, done = iterate(
                 plans, system, self._at, self._bank, self._work, shift, within, _ROUNDS, min(_LIMIT, left)
             )
@@ -108,11 +118,13 @@ class ActiveSet:
                     plans, system, self._at, self._work.spectrum, self._longest_step(problem),
                     problem.applied_pressure, shift, within, self._max_iterations - iterations,
                 )  # fmt: skip
+                self._bank.length[:] = 0.0  # the pressure has come another way
                 transforms, iterations = transforms + 2 * done, iterations + done
-            solution = self._accept(problem, system, free, transforms, iterations)
+            solution = self._accept(problem, system, transforms, iterations)
             if solution.converged:
-                break
-        return solution
+                return solution
+            _, depth = extent(solution.pressure, solution.displacement)
+        return admit(problem, system, self._at, self._transforms, solution)
 
     @staticmethod
     def _longest_step(problem: Problem) -> float:
@@ -127,38 +139,37 @@ class ActiveSet:
         self._bank.age[:] = 0
         self._stiffness = stiffness.copy()
         self._per_point = stiffness / n
-        self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness > 0)
+        self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
 
-    def _system(self, problem: Problem) -> tuple[System, ComplexArray]:
-        """The problem in pressures, and the transform of the displacement without pressure, per point."""
-        free = problem.intercept * self._compliance
-        gap0 = problem.obstacle - self._transforms.backward(free)
+    def _system(self, problem: Problem) -> System:
+        """The problem in pressures."""
+        release(
+            self._transforms.plans,
+            self._compliance,
+            problem.intercept,
+            problem.obstacle,
+            self._free,
+            self._work.spectrum,
+            self._gap0,
+        )
         load = problem.mean_pressure is not None
-        return System(self._compliance, self._per_point, gap0, problem.obstacle, problem.softest, load), free
+        return System(self._compliance, self._per_point, self._gap0, problem.obstacle, problem.softest, load)
 
     def _begin(self, system: System, problem: Problem, start: FloatArray) -> None:
-        at, bank = self._at, self._bank
-        np.maximum(start, 0.0, out=at.p)
         if system.load:
-            if not at.p.any():
-                at.p[np.argmin(system.gap0)] = 1.0
-            np.multiply(at.p, problem.applied_pressure / at.p.mean(), out=at.p)
-        touching = at.p > 0
-        gone = np.flatnonzero((at.contact > 0) & ~touching)
-        if gone.size:
-            bank.age[1:][bank.direction[1:, gone].any(axis=1)] = 0
-        at.contact[:] = touching
-        list_points(at)
+            start = np.fmax(start, 0.0)
+            if not start.any():
+                start[np.argmin(system.gap0)] = 1.0
+            start *= problem.applied_pressure / start.mean()
+        begin(self._at, self._bank, start)
 
-    def _accept(
-        self, problem: Problem, system: System, free: ComplexArray, transforms: int, iterations: int
-    ) -> Solution:
+    def _accept(self, problem: Problem, system: System, transforms: int, iterations: int) -> Solution:
         """Lift the pressure until nothing overlaps, and judge the state that this gives."""
         at, n = self._at, self._at.p.size
         begin_set(at, self._bank, self._work)
         displacement, pressure = np.empty(n), np.empty(n)
         lift, overlap = raise_clear(system, at, displacement, pressure)
-        spectrum = n * (free - (1 + lift) * system.compliance * at.spectrum)
+        spectrum = displaced(system, at, self._free, lift, n)
         if system.load:
             spectrum[0] = displacement.sum()
         residual, contact_area, mean_pressure = assess(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numba as nb
+import numpy as np
 
 from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.deflation import deflate, direct, free_slot, step
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, scales
-from gfmdlayer.contact.transforms import Plans, backward, forward
+from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 # Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
 _NEAR = 30.0  # multiple of the tolerance below which the gaps outside the contact are looked at
-_LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
 _BLOCK = 2048  # points that stay in the first cache while the directions are added up
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
@@ -45,7 +45,7 @@ def iterate(
             deflate(system, at, bank, work, shift)
         opened, tension = _judge(system, at, work, shift)
         overlap = 0.0
-        if restart or opened <= _NEAR * tolerance:
+        if opened <= _NEAR * tolerance or (restart and _lowest_outside(at) < shift):
             overlap = spread(system, at, bank, work, shift)
         if max(opened, overlap, tension) <= tolerance:
             return True, transforms, iteration
@@ -57,7 +57,7 @@ def iterate(
                 return False, transforms, iteration
             rounds -= 1
             spread(system, at, bank, work, shift)
-            if _update(at, bank, shift):
+            if _update(system, at, bank, shift):
                 transforms += 2
                 _evaluate(plans, system, at, bank, work)
             else:
@@ -98,7 +98,8 @@ def _evaluate(plans: Plans, system: System, at: Iterate, bank: Bank, work: Work)
     backward(plans, work.spectrum, at.base)
     for i in range(at.gap.size):
         at.base[i] += system.gap0[i]
-        at.gap[i] = at.base[i]
+    for m in range(at.size[0]):
+        at.gap[at.points[m]] = at.base[at.points[m]]
     bank.length[:] = 0.0
     work.offset[0] = 0.0
 
@@ -106,7 +107,10 @@ def _evaluate(plans: Plans, system: System, at: Iterate, bank: Bank, work: Work)
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def begin_set(at: Iterate, bank: Bank, work: Work) -> None:
     """Count the steps along the directions from here."""
-    for j in range(bank.length.size):
+    if bank.length[0] != 0.0:
+        for k in range(at.spectrum.size):
+            at.spectrum[k] *= 1.0 + bank.length[0]
+    for j in range(1, bank.length.size):
         if bank.length[j] != 0.0:
             for k in range(at.spectrum.size):
                 at.spectrum[k] += bank.length[j] * bank.spectrum[j, k]
@@ -114,6 +118,47 @@ def begin_set(at: Iterate, bank: Bank, work: Work) -> None:
         at.base[i] = at.gap[i]
     bank.length[:] = 0.0
     work.offset[0] = 0.0
+
+
+@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
+def _lowest_outside(at: Iterate) -> float:
+    """Lowest gap outside the contact with which the contact set was begun."""
+    lowest = _FAR
+    for i in range(at.base.size):
+        outside = at.base[i] + _FAR * at.contact[i]
+        lowest = outside if outside < lowest else lowest
+    return lowest
+
+
+@nb.njit(nogil=True, cache=True)
+def begin(at: Iterate, bank: Bank, guess: FloatArray) -> None:
+    """Take a guess of the pressure over, and the contact set that it shows."""
+    for i in range(guess.size):
+        touches = guess[i] > 0.0
+        if at.contact[i] > 0.0 and not touches:
+            let_go(at, bank, i)
+        at.p[i] = guess[i] if touches else 0.0
+        at.contact[i] = 1.0 if touches else 0.0
+    list_points(at)
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def release(
+    plans: Plans,
+    compliance: FloatArray,
+    b: ComplexArray,
+    h: FloatArray,
+    free: ComplexArray,
+    work: ComplexArray,
+    gap0: FloatArray,
+) -> None:
+    """The surface without pressure: its transform per point, and its gap."""
+    for k in range(free.size):
+        free[k] = compliance[k] * b[k]
+        work[k] = free[k]
+    backward(plans, work, gap0)
+    for i in range(gap0.size):
+        gap0[i] = h[i] - gap0[i]
 
 
 @nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
@@ -126,19 +171,20 @@ def spread(system: System, at: Iterate, bank: Bank, work: Work, shift: float) ->
     for first in range(0, n, _BLOCK):
         end = min(first + _BLOCK, n)
         for i in range(first, end):
-            at.gap[i] = at.base[i] + work.offset[0]
-        for j in range(bank.length.size):
+            at.gap[i] = at.base[i] + work.offset[0] + bank.length[0] * (at.base[i] - system.gap0[i])
+        for j in range(1, bank.length.size):
             length = bank.length[j]
             if length != 0.0:
                 for i in range(first, end):
                     at.gap[i] += length * bank.change[j, i]
-    overlap, deepest = 0.0, 0.0
+    overlap, deepest, total = 0.0, -_FAR, 0.0
     for i in range(n):
         outside = at.gap[i] - shift + _FAR * at.contact[i]
         overlap = outside if outside < overlap else overlap
         below = at.gap[i] - system.h[i]
         deepest = below if below > deepest else deepest
-    work.scales[1] = max(deepest, 1e-300)
+        total += below
+    work.scales[1] = max(deepest - min(total / n, 0.0), 1e-300)
     return float(-overlap / work.scales[1])
 
 
@@ -191,9 +237,12 @@ def _judge(system: System, at: Iterate, work: Work, shift: float) -> tuple[float
 
 
 @nb.njit(nogil=True, cache=True)
-def _update(at: Iterate, bank: Bank, shift: float) -> bool:
-    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed."""
-    changed = False
+def _update(system: System, at: Iterate, bank: Bank, shift: float) -> bool:
+    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed.
+
+    A given load is carried by the points that stay.
+    """
+    changed, load = False, at.p.sum()
     for i in range(at.p.size):
         if at.contact[i] > 0.0:
             if at.p[i] < 0.0:
@@ -201,6 +250,10 @@ def _update(at: Iterate, bank: Bank, shift: float) -> bool:
                 changed = True
         elif at.gap[i] < shift:
             at.contact[i] = 1.0
+    if changed and system.load:
+        share = load / at.p.sum()
+        for i in range(at.p.size):
+            at.p[i] *= share
     list_points(at)
     return changed
 
@@ -227,31 +280,9 @@ def list_points(at: Iterate) -> None:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
-    """Write pressure and displacement of a state that overlaps nowhere.
-
-    Return what the pressure was raised by.
-
-    Under a given load the depth gives way, elsewhere the pressure grows by the factor 1 + lift. The overlap
-    that this leaves is clamped, and returned.
-    """
-    n = at.gap.size
-    lift, lowest = 0.0, 0.0
-    for i in range(n):
-        if at.gap[i] < 0.0:
-            lowest = min(lowest, at.gap[i])
-            effect = at.gap[i] - system.gap0[i]
-            if effect > 0.0:
-                lift = max(lift, -at.gap[i] / effect)
-    shift = 0.0
-    if system.load:
-        lift, shift = 0.0, -lowest
-    elif lift > _LARGEST_LIFT:
-        lift = 0.0
-    left = 0.0
-    for i in range(n):
-        gap = at.gap[i] + shift + lift * (at.gap[i] - system.gap0[i])
-        left = max(left, -gap)
-        u[i] = system.h[i] - max(gap, 0.0)
-        pressure[i] = (1.0 + lift) * at.p[i]
-    return lift, left
+def displaced(system: System, at: Iterate, free: ComplexArray, lift: float, n: int) -> ComplexArray:
+    """Transform of the displacement under the pressure, raised by the lift."""
+    spectrum = np.empty_like(free)
+    for k in range(free.size):
+        spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
+    return spectrum

@@ -37,11 +37,11 @@ class Iterate(NamedTuple):
 
 
 class Bank(NamedTuple):
-    """Directions and what they do; row 0 is the pressure itself.
+    """Directions and what they do; the rows but the first are kept from one step to the next.
 
-    The others are kept from one step to the next.
-
-    Rows are longer than the fields, so that each begins where FFTW wants it.
+    Row 0 is the pressure with which the contact set was begun. What it does is known, base - gap0, and so is
+    its transform: of this row only the entries in the contact are written. Rows are longer than the fields,
+    so that each begins where FFTW wants it.
     """
 
     direction: FloatArray

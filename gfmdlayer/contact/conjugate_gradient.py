@@ -21,9 +21,9 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.active_set_state import Iterate, System
-from gfmdlayer.contact.dual import accept, admit, in_pressures, set_pressure
+from gfmdlayer.contact.dual import accept, admit, deepest, fill, in_pressures, is_filled, met, set_pressure
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, scales, violation
+from gfmdlayer.contact.problem import FASTMATH, Problem, Solution
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
 
 _ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
@@ -71,6 +71,8 @@ class ConjugateGradient:
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
         at, tolerance = self._at, self._tolerance
+        if is_filled(problem):
+            return fill(problem, self._transforms)
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
         transforms, iterations = 1, 0
@@ -98,11 +100,11 @@ def iterate(
     load = p.sum()
     transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
     _evaluate(plans, system, at, work)
-    shift = aim * _depth(system, gap)
+    shift = aim * deepest(system, gap)
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load:
             _set_depth(p, gap, shift)
-        if _met(system, p, gap, shift, tolerance):
+        if met(system, p, gap, shift, tolerance):
             if exact:
                 break
             _evaluate(plans, system, at, work)
@@ -169,22 +171,6 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _depth(system: System, gap: FloatArray) -> float:
-    """Deepest point of the surface, below zero or below the mean where that is higher."""
-    below = gap - system.h
-    return float(below.max() - min(below.mean(), 0.0))
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
-    pressure_scale, depth = scales(p.max(), _depth(system, gap), system.softest)
-    off = 0.0
-    for i in range(p.size):
-        off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
-    return off == 0.0
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _try_step(
     system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float, load: float
 ) -> bool:
@@ -206,7 +192,7 @@ def _try_step(
             total += step[i]
         else:
             step[i] = 0.0
-    scale = load / total if system.load else 1.0
+    scale = load / total if system.load and total > 0.0 else 1.0
     for i in range(p.size):
         step[i] = scale * step[i] - p[i]
     return cut

@@ -33,11 +33,10 @@ def deflate(system: System, at: Iterate, bank: Bank, work: Work, shift: float) -
     bank.deflating[:] = False
     # Under a given load the pressure cannot be scaled.
     if not system.load and at.size[0] > 0:
-        for i in range(at.p.size):
+        for m in range(at.size[0]):
+            i = at.points[m]
             bank.direction[0, i] = at.p[i]
             bank.change[0, i] = at.base[i] - system.gap0[i]
-        for k in range(at.spectrum.size):
-            bank.spectrum[0, k] = at.spectrum[k]
         bank.deflating[0] = True
     for _ in range((rows - 1) // 2):
         newest = 0

@@ -13,8 +13,9 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.active_set_state import Iterate, System
+from gfmdlayer.contact.dual import met
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, scales, violation
+from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 
@@ -61,7 +62,7 @@ def descend(
             now += 0.5 * p[i] * (gap[i] + system.gap0[i] - 2.0 * shift)
         if system.load:
             _set_depth(p, gap, shift)
-        if _met(system, p, gap, shift, tolerance):
+        if met(system, p, gap, shift, tolerance):
             return True, iteration + 1
         if momentum > 0.0 and now > energy:
             # Take the extrapolated step back.
@@ -97,15 +98,6 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
         weighted += p[i] * gap[i]
     for i in range(p.size):
         gap[i] += shift - weighted / total
-
-
-@nb.njit(nogil=True)
-def _met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
-    pressure_scale, depth = scales(p.max(), (gap - system.h).max(), system.softest)
-    for i in range(p.size):
-        if not violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance:
-            return False
-    return True
 
 
 @nb.njit(nogil=True)

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_loop import raise_clear
 from gfmdlayer.contact.active_set_state import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, assess, extent
+from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, assess, extent, scales, violation
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
 _ROUNDING = 1e-12  # part of the depth
+_LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
 
 
 def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, ComplexArray]:
@@ -33,7 +34,7 @@ def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, Comp
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:
     """Make the first guess of the pressure admissible: not negative, and of the given mean."""
-    np.maximum(start, 0.0, out=at.p)
+    np.fmax(start, 0.0, out=at.p)  # a guess may be anything
     if system.load:
         if not at.p.any():
             at.p[np.argmin(system.gap0)] = 1.0
@@ -71,36 +72,112 @@ def accept(
     )
 
 
-def admit(
-    problem: Problem, system: System, at: Iterate, transforms: Transforms, failed: Solution
-) -> Solution:
-    """Return what belongs together although it is no solution: the surface pushed clear, and its pressure.
+def is_filled(problem: Problem) -> bool:
+    """Whether the punch displaces all that the cell holds, so that u = h is all that is admissible.
 
     Raises
     ------
     ValueError
-        If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
+        If it displaces more: mean(h) < 0 for a body of fixed mean.
     """
+    h = problem.obstacle
+    if not problem.mean_is_fixed or not h.mean() <= _ROUNDING * np.abs(h).max():
+        return False
+    project(h.copy(), h, mean_is_fixed=True)
+    return True
+
+
+def fill(problem: Problem, transforms: Transforms) -> Solution:
+    """Return full contact where nothing else is admissible, with the pressure at which it becomes full."""
+    return _state(problem, transforms, problem.obstacle.copy(), None, 1, 0, converged=True)
+
+
+def admit(
+    problem: Problem, system: System, at: Iterate, transforms: Transforms, failed: Solution
+) -> Solution:
+    """Return what belongs together although it is no solution: the surface pushed clear, and its pressure."""
     if system.load and np.isfinite(at.gap).all():
         return replace(failed, converged=False)  # the depth has given way, which is exact
-    n, u = at.p.size, problem.obstacle - at.gap
+    u = problem.obstacle - at.gap
     if np.isfinite(u).all():
         project(u, problem.obstacle, problem.mean_is_fixed)
+    pairs, iterations = failed.transforms + 1, failed.iterations
+    return _state(problem, transforms, u, at.p, pairs, iterations, converged=False)
+
+
+def _state(
+    problem: Problem,
+    transforms: Transforms,
+    u: FloatArray,
+    guide: FloatArray | None,
+    pairs: int,
+    iterations: int,
+    *,
+    converged: bool,
+) -> Solution:
+    """Pressure of a displacement, with no force in the mean where the guiding pressure is zero."""
     spectrum = transforms.forward(u)
-    pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / n)
+    pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / u.size)
     if problem.mean_is_fixed:
-        # As with no force on the free points in the mean; where there are none, as contact becomes full.
-        open_ = u < problem.obstacle
-        pressure -= pressure[open_].mean() if open_.any() else pressure.min()
+        bare = pressure == pressure.min() if guide is None or guide.all() else guide <= 0
+        pressure -= pressure[bare].mean() if bare.any() else np.nan
     residual, contact_area, mean_pressure = assess(pressure, u, problem.obstacle, problem.softest)
-    return replace(
-        failed,
+    return Solution(
         displacement=u,
         pressure=pressure,
         spectrum=spectrum,
         mean_pressure=mean_pressure,
         contact_area=contact_area,
         residual=residual,
-        transforms=failed.transforms + 1,
-        converged=False,
+        transforms=pairs,
+        iterations=iterations,
+        converged=converged and residual == 0.0,
     )
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
+    """Write pressure and displacement of a state that overlaps nowhere.
+
+    Return what the pressure was raised by.
+
+    Under a given load the depth gives way, elsewhere the pressure grows by the factor 1 + lift. The overlap
+    that this leaves is clamped, and returned.
+    """
+    n = at.gap.size
+    lift, lowest = 0.0, 0.0
+    for i in range(n):
+        if at.gap[i] < 0.0:
+            lowest = min(lowest, at.gap[i])
+            effect = at.gap[i] - system.gap0[i]
+            if effect > 0.0:
+                lift = max(lift, -at.gap[i] / effect)
+    shift = 0.0
+    if system.load:
+        lift, shift = 0.0, -lowest
+    elif lift > _LARGEST_LIFT:
+        lift = 0.0
+    left = 0.0
+    for i in range(n):
+        gap = at.gap[i] + shift + lift * (at.gap[i] - system.gap0[i])
+        left = max(left, -gap)
+        u[i] = system.h[i] - (0.0 if gap < 0.0 else gap)  # NaN stays
+        pressure[i] = (1.0 + lift) * at.p[i]
+    return lift, left
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def deepest(system: System, gap: FloatArray) -> float:
+    """Deepest point of the surface, below zero or below the mean where that is higher."""
+    below = gap - system.h
+    return float(below.max() - min(below.mean(), 0.0))
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
+    """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
+    pressure_scale, depth = scales(p.max(), deepest(system, gap), system.softest)
+    off = 0.0
+    for i in range(p.size):
+        off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
+    return off == 0.0

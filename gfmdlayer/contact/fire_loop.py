@@ -84,7 +84,7 @@ def iterate(
         if iteration == 0:
             if mean_is_fixed:
                 multiplier = _multiplier(stress, u, h)
-            pressure_scale, depth = scales(stress.max() + multiplier, -u.min(), softest)
+            pressure_scale, depth = scales(stress.max() + multiplier, max(u.mean(), 0.0) - u.min(), softest)
             per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
         off, power, speed, pull, next_multiplier = _forces(
             stress, multiplier, u, h, v, force, mass_weighted, per_pressure, per_gap, tolerance

@@ -133,12 +133,26 @@ def scales(largest_pressure: float, deepest: float, softest: float) -> tuple[flo
 
 @nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
 def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
-    """Largest pressure and deepest point of a state without NaN."""
-    largest, deepest = 0.0, 0.0
+    """Largest pressure and deepest point of a state without NaN.
+
+    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
+    anywhere.
+    """
+    largest, lowest, total = 0.0, np.inf, 0.0
     for i in range(u.size):
         largest = pressure[i] if pressure[i] > largest else largest
-        deepest = -u[i] if -u[i] > deepest else deepest
-    return largest, deepest
+        lowest = u[i] if u[i] < lowest else lowest
+        total += u[i]
+    return largest, max(total / u.size, 0.0) - lowest
+
+
+@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
+def _worst(pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float) -> float:
+    worst = 0.0
+    for i in range(u.size):
+        off = violation(pressure[i], h[i] - u[i], per_pressure, per_gap)
+        worst = off if off > worst else worst
+    return worst
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -155,12 +169,13 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
     largest, deepest = extent(pressure, u)
     pressure_scale, depth = scales(largest, deepest, softest)
     per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
-    worst, touching, total = 0.0, 0.0, 0.0
+    touching, total, gaps = 0.0, 0.0, 0.0
     for i in range(u.size):
         gap = h[i] - u[i]
-        worst = max(worst, violation(pressure[i], gap, per_pressure, per_gap))
         touching += 1.0 if pressure[i] * per_pressure > gap * per_gap else 0.0
-        total += pressure[i] + 0.0 * gap
-    if np.isnan(total):
-        worst = np.nan
+        total += pressure[i]
+        gaps += gap
+    # The maxima are blind to NaN; the sums are not.
+    known = np.isfinite(total) and np.isfinite(gaps)
+    worst = _worst(pressure, u, h, per_pressure, per_gap) if known else np.nan
     return worst, touching / u.size, total / u.size
