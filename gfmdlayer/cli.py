@@ -61,7 +61,7 @@ def _run(options: argparse.Namespace, team: Team) -> int:
 
     try:
         config = load(options.config, options.set, objections)
-        directory = options.out or _default_directory(config)
+        directory = _default_directory(config) if options.out is None else options.out
         summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr))
     except ConfigError as error:
         return _refuse(*error.problems)
@@ -102,6 +102,12 @@ def check(options: argparse.Namespace) -> int:
     print(f"memory     about {_bytes(cost.memory)} a process")
     print(f"disk       about {_bytes(cost.storage)} in {_default_directory(config)}")
     return COMPLETE
+
+
+def _folder(name: str) -> str:
+    if not name:
+        raise argparse.ArgumentTypeError("got an empty name; must be the name of a folder")
+    return name
 
 
 def status(options: argparse.Namespace) -> int:
@@ -213,7 +219,7 @@ def _parser() -> argparse.ArgumentParser:
         f"gfmdlayer run configs/figure2-quick.yaml --out results/first --jobs 2\n\n{STATUSES}",
     )
     _add_config(added)
-    added.add_argument("--out", metavar="DIR", help="results folder (default: results/NAME)")
+    added.add_argument("--out", metavar="DIR", type=_folder, help="results folder (default: results/NAME)")
     added.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
     added = verb(

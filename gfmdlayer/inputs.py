@@ -50,9 +50,12 @@ def make_trajectory(config: Config) -> Trajectory:
 def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """Read what the cases read, and see that they can be done.
 
-    Yields ------ The key that cannot be used and why: a file that does not hold what it should, a negative
-    load, or a depth for which an incompressible body would have to leave the cell. With a mean displacement
-    of zero the punch cannot go deeper than the mean height of its surface.
+    Yields
+    ------
+    key, message : str
+        The key that cannot be used, and why: a file that does not hold what it should, a negative load, or a
+        depth for which an incompressible body would have to leave the cell. With a mean displacement of zero
+        the punch cannot go deeper than the mean height of its surface.
     """
     seen = set()
     for config in configs:

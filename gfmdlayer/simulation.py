@@ -1,8 +1,6 @@
-"""The time loop: indentation of a viscoelastic layer by a rigid punch.
+"""The time loop: indentation of a viscoelastic layer by a rigid punch, after Petrenko et al. (2024).
 
-As in the pseudocode of Petrenko et al. (2024).
-
-The numbers in the comments of `simulate` are the lines of that pseudocode.
+The numbers in the comments of `simulate` are the lines of their pseudocode.
 """
 
 from __future__ import annotations
@@ -231,7 +229,9 @@ def make_steps(config: Config, integrator: Integrator, kinks: tuple[float, ...])
     """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
     end, snapshots = config.time.end, config.output.snapshots
     if isinstance(integrator, Corrected):
-        return AdaptiveSteps(integrator, config.time.tolerance, end, snapshots, kinks, output_times(config))
+        tolerance = config.time.tolerance
+        assert tolerance is not None  # adaptive steps have one
+        return AdaptiveSteps(integrator, tolerance, end, snapshots, kinks, output_times(config))
     steps = equal_steps if config.time.integrator == "backward_euler" else landing_steps
     return FixedSteps(steps(end, fixed_step(config), snapshots, kinks))
 

@@ -95,10 +95,7 @@ def cases(config: Config) -> list[Case]:
 
 
 def objections(config: Config) -> Iterable[tuple[str, str]]:
-    """Look at the numbers and files of the cases, for `config.load`.
-
-    Light where there is nothing to look at.
-    """
+    """Look at the numbers and files of the cases, for `config.load`; light where there are none."""
     doubtful = [case.config for case in cases(config) if not plainly_possible(case.config)]
     if not doubtful:
         return ()
@@ -109,7 +106,9 @@ def objections(config: Config) -> Iterable[tuple[str, str]]:
 
 def label(values: dict[str, object]) -> str:
     """Write swept values for people: ``thickness = 0.1, Ginf = 10``."""
-    return ", ".join(f"{key.rpartition('.')[2]} = {value}" for key, value in values.items())
+    short = [key.rpartition(".")[2] for key in values]
+    names = [last if short.count(last) == 1 else key for key, last in zip(values, short, strict=True)]
+    return ", ".join(f"{name} = {value}" for name, value in zip(names, values.values(), strict=True))
 
 
 def run_sweep(

@@ -11,10 +11,7 @@ import numpy.typing as npt
 
 
 class TableError(ValueError):
-    """A file of numbers cannot be used; the message names the file, the line where there is one.
-
-    And what is allowed.
-    """
+    """A file of numbers cannot be used; the message names file, line if any, and what is allowed."""
 
 
 def read_columns(

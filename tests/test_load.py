@@ -96,3 +96,32 @@ def test_the_load_that_a_depth_needs_gives_that_depth(run: Run, tmp_path: Path, 
     (_, u, _), (_, exact, _) = loaded.snapshots[0], pressed.snapshots[0]
     np.testing.assert_allclose(u, exact, atol=1e-6 * 0.01)
     assert (abs(exact.mean()) > 1e-4) == math.isinf(base)
+
+
+@pytest.mark.parametrize("method", ["fire", "active_set", "conjugate_gradient"])
+@pytest.mark.parametrize("thickness", [0.05, math.inf])
+def test_every_solver_carries_a_load_that_comes_and_goes(
+    run: Run, tmp_path: Path, method: str, thickness: float
+) -> None:
+    file = tmp_path / "load.txt"
+    file.write_text("0 0\n1 0.1\n2 0\n3 0.1\n")
+    recording = run(
+        {
+            "layer.thickness": thickness,
+            "grid.points": 256,
+            "trajectory": {"control": "load", "kind": "table", "file": str(file)},
+            "time.end": 3.0,
+            "time.step": 0.05,
+            "solver.method": method,
+        }
+    )
+    load = np.interp(recording["time"], [0, 1, 2, 3], [0, 0.1, 0, 0.1])
+    # FIRE holds lambda, the others the mean: both are the load within the residual's pressures, about 10 of it.
+    np.testing.assert_allclose(recording["mean_pressure"], load / 2, atol=1e-5 * 0.05)
+    assert recording["residual"].max() <= 1e-6
+    assert (
+        recording["contact_area"][recording["time"] == 2.0] == 0
+    )  # it rests on the surface, and presses nothing
+    assert (
+        recording["depth"][-1] > recording["depth"][np.argmin(abs(recording["time"] - 1))]
+    )  # the body has crept

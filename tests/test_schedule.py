@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
+from gfmdlayer.config.checks import whole_steps
 from gfmdlayer.contact.grid import Grid
 from gfmdlayer.contact.punch import parabola
 from gfmdlayer.simulation import ConvergenceError, simulate
-from gfmdlayer.stepping.schedule import Instant, equal_steps, landing_steps, whole_steps
+from gfmdlayer.stepping.schedule import Instant, equal_steps, landing_steps
 
 times = st.floats(1e-3, 10.0)
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config.model import Config
 
 MAX_CASES = 1_000_000
+_MOST_ROWS = 1_000_000  # of a case
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
 
 Blame = tuple[str, object, str, tuple[str, ...]]
@@ -66,37 +67,40 @@ def _solid(config: Config) -> Iterator[Problem]:
 
 
 def _punch(config: Config) -> Iterator[Problem]:
-    punch, length = config.punch, config.grid.period[0]
+    for axis, length in zip("xy", config.grid.period, strict=False):
+        found = _in_cell(config, f"the period in {axis}, {length!r}", length)
+        if found is not None:
+            key, message, *others = found
+            yield _problem(key, message, *others, "grid.period", "punch.shape")
+            return
+
+
+def _in_cell(config: Config, period: str, length: float) -> tuple[str, ...] | None:
+    """Whether the punch fits into the cell: its key, what is wrong, and other keys that this rests on."""
+    punch = config.punch
     match punch.shape:
-        case "cylinder":
-            if punch.radius < length / 2:
-                yield _problem(
-                    "punch.radius",
-                    f"got {punch.radius!r}: the circle ends inside the cell and has no height beyond; must "
-                    f"be a number >= half the period in x, {length / 2!r} (a parabola takes any radius)",
-                    "grid.period",
-                    "punch.shape",
-                )
-        case "flat":
-            if punch.width + 2 * punch.edge_radius >= length:
-                yield _problem(
-                    "punch.width",
-                    f"got {punch.width!r} with edge_radius {punch.edge_radius!r}; "
-                    f"width + 2 edge_radius must be below the period in x, {length!r}",
-                    "punch.edge_radius",
-                    "grid.period",
-                    "punch.shape",
-                )
+        case "cylinder" if punch.radius < length / 2:
+            return (
+                "punch.radius",
+                f"got {punch.radius!r}: the circle ends inside the cell and has no height beyond; must be a "
+                f"number >= half {period} (a parabola takes any radius)",
+            )
+        case "flat" if punch.width + 2 * punch.edge_radius >= length:
+            return (
+                "punch.width",
+                f"got {punch.width!r} with edge_radius {punch.edge_radius!r}; width + 2 edge_radius must be "
+                f"below {period}",
+                "punch.edge_radius",
+            )
         case "sinusoid":
             waves = length / punch.wavelength
             if waves < 1 - 1e-9 or abs(waves - round(waves)) > 1e-9 * waves:
-                yield _problem(
+                return (
                     "punch.wavelength",
-                    f"got {punch.wavelength!r}, which does not divide the period in x, {length!r}; "
-                    "must be the period divided by a whole number",
-                    "grid.period",
-                    "punch.shape",
+                    f"got {punch.wavelength!r}, which does not divide {period}; must be the period divided "
+                    "by a whole number",
                 )
+    return None
 
 
 def _trajectory(config: Config) -> Iterator[Problem]:
@@ -137,7 +141,11 @@ def _time(config: Config) -> Iterator[Problem]:
                 "got backward_euler with step: adaptive; must be exponential, which estimates its error",
                 "time.step",
             )
-    elif time.step > time.end:
+        return
+    if time.tolerance is not None:
+        message = "given, but a fixed step has no use for it; must be left out, or time.step be adaptive"
+        yield _problem("time.tolerance", message, "time.step")
+    if time.step > time.end:
         message = f"got {time.step!r}, beyond time.end = {time.end!r}; must be a number <= time.end"
         yield _problem("time.step", message, "time.end")
     elif time.integrator == "backward_euler":
@@ -183,6 +191,10 @@ def _output(config: Config) -> Iterator[Problem]:
         yield from _sequence("output.times", output.times, end)
     elif output.times is not None and not 0 < output.times <= end:
         message = f"got a spacing of {output.times!r}; must be a number > 0 and <= time.end = {end!r}"
+        yield _problem("output.times", message, "time.end")
+    elif output.times is not None and end / output.times > _MOST_ROWS:
+        least = end / _MOST_ROWS
+        message = f"got a spacing of {output.times!r}, {end / output.times:.3g} rows; must be >= {least!r}"
         yield _problem("output.times", message, "time.end")
     if output.times is not None and config.time.step != "adaptive":
         message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"

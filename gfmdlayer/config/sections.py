@@ -249,10 +249,7 @@ class Trajectory(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`; `tolerance` is the error allowed by adaptive steps.
-
-    It is that of mean pressure and displacement, relative to their largest values so far.
-    """
+    """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps."""
 
     end: Positive = 8.0
     step: Annotated[
@@ -262,7 +259,9 @@ class Time(Section):
     integrator: Annotated[
         Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
     ] = "exponential"
-    tolerance: Positive = 1e-4
+    tolerance: Annotated[Positive | None, _given] = Field(
+        default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
+    )
 
 
 class Solver(Section):
@@ -272,7 +271,7 @@ class Solver(Section):
         Literal["fire", "active_set", "conjugate_gradient"],
         one_of("fire", "active_set", "conjugate_gradient"),
     ] = "fire"
-    tolerance: Annotated[float, _strict, Field(gt=0, lt=1), MustBe("a number > 0 and < 1")] = 1e-6
+    tolerance: Annotated[float, _strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
     inertia: Annotated[
         Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, _given
     ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)

@@ -38,7 +38,7 @@ import pyfftw
 from gfmdlayer.contact.active_set_loop import begin, begin_set, displaced, iterate, release
 from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.descent import descend
-from gfmdlayer.contact.dual import admit, fill, is_filled, raise_clear
+from gfmdlayer.contact.dual import admit, known, raise_clear
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, assess, extent
 from gfmdlayer.contact.transforms import Transforms
@@ -100,8 +100,8 @@ class ActiveSet:
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if is_filled(problem):
-            return fill(problem, self._transforms)
+        if trivial := known(problem, self._transforms):
+            return trivial
         self._keep_directions(problem.stiffness)
         system = self._system(problem)
         self._begin(system, problem, start)

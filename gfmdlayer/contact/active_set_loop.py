@@ -30,9 +30,7 @@ def iterate(
     rounds: int,
     limit: int,
 ) -> tuple[bool, int, int]:
-    """Find the contact set and its pressure; return whether they were found.
-
-    The transforms and the iterations.
+    """Find the contact set and its pressure; return whether they were found, the transforms, the iterations.
 
     The gap in the contact is brought to ``shift``. Ends without success after ``rounds`` changes of the set
     or ``limit`` iterations.
@@ -163,10 +161,7 @@ def release(
 
 @nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
 def spread(system: System, at: Iterate, bank: Bank, work: Work, shift: float) -> float:
-    """Bring the gaps outside the contact up to date; return the overlap there.
-
-    And set the scale of the gaps.
-    """
+    """Bring the gaps outside the contact up to date, and their scale; return the overlap there."""
     n = at.gap.size
     for first in range(0, n, _BLOCK):
         end = min(first + _BLOCK, n)

@@ -21,7 +21,7 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.active_set_state import Iterate, System
-from gfmdlayer.contact.dual import accept, admit, deepest, fill, in_pressures, is_filled, met, set_pressure
+from gfmdlayer.contact.dual import accept, admit, deepest, in_pressures, known, met, set_pressure
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, Problem, Solution
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
@@ -71,8 +71,8 @@ class ConjugateGradient:
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
         at, tolerance = self._at, self._tolerance
-        if is_filled(problem):
-            return fill(problem, self._transforms)
+        if trivial := known(problem, self._transforms):
+            return trivial
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
         transforms, iterations = 1, 0

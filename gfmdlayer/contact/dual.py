@@ -72,24 +72,43 @@ def accept(
     )
 
 
-def is_filled(problem: Problem) -> bool:
-    """Whether the punch displaces all that the cell holds, so that u = h is all that is admissible.
+def known(problem: Problem, transforms: Transforms) -> Solution | None:
+    """Return the solution where it needs no solver: the cell is filled, or nothing presses.
 
     Raises
     ------
     ValueError
-        If it displaces more: mean(h) < 0 for a body of fixed mean.
+        If the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     """
     h = problem.obstacle
+    if problem.mean_pressure == 0.0:
+        return _resting(problem, transforms)
     if not problem.mean_is_fixed or not h.mean() <= _ROUNDING * np.abs(h).max():
-        return False
+        return None
     project(h.copy(), h, mean_is_fixed=True)
-    return True
+    # u = h is all that is admissible; its pressure is that at which contact becomes full.
+    return _state(problem, transforms, h.copy(), None, 1, 0, converged=True)
 
 
-def fill(problem: Problem, transforms: Transforms) -> Solution:
-    """Return full contact where nothing else is admissible, with the pressure at which it becomes full."""
-    return _state(problem, transforms, problem.obstacle.copy(), None, 1, 0, converged=True)
+def _resting(problem: Problem, transforms: Transforms) -> Solution:
+    """The surface without pressure, at the depth at which the punch touches it."""
+    h, n = problem.obstacle, problem.obstacle.size
+    spectrum = np.zeros_like(problem.intercept)
+    np.divide(problem.intercept, problem.stiffness, out=spectrum, where=problem.stiffness > 0)
+    u = transforms.backward(spectrum) / n
+    shift = (u - h).max()
+    spectrum[0] -= n * shift
+    return Solution(
+        displacement=np.minimum(u - shift, h),
+        pressure=np.zeros(n),
+        spectrum=spectrum,
+        mean_pressure=0.0,
+        contact_area=0.0,
+        residual=0.0,
+        transforms=1,
+        iterations=0,
+        converged=True,
+    )
 
 
 def admit(
@@ -137,9 +156,7 @@ def _state(
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
-    """Write pressure and displacement of a state that overlaps nowhere.
-
-    Return what the pressure was raised by.
+    """Write pressure and displacement of a state that overlaps nowhere; return the lift of the pressure.
 
     Under a given load the depth gives way, elsewhere the pressure grows by the factor 1 + lift. The overlap
     that this leaves is clamped, and returned.

@@ -63,10 +63,9 @@ def iterate(
     tolerance: float,
     limit: int,
 ) -> tuple[State, bool, int, int]:
-    """Iterate to the tolerance or the limit; return the state, whether it is the former.
+    """Iterate to the tolerance or the limit.
 
-    Iterations and FFT pairs.
-
+    Returns the state, whether it is within the tolerance, the iterations and the FFT pairs.
     The scales of the residual are those of the first iteration: the caller accepts only what passes there.
     On return within the tolerance, ``stress`` belongs to ``u``.
     """
@@ -188,10 +187,7 @@ def _move(
     retreat: float,
     drift: float,
 ) -> float:
-    """Steer and push the velocities, move the points that are not pressed, clamp them.
-
-    Return the new drift of the mean.
-    """
+    """Steer and push the velocities, move and clamp what is not pressed; return the new drift of the mean."""
     total, free = 0.0, 0.0
     for i in range(u.size):
         touching = u[i] >= h[i]

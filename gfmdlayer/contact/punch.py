@@ -53,14 +53,13 @@ def sinusoid(amplitude: float, wavelength: float) -> Shape:
 
 
 def profile(file: Path) -> Shape:
-    """Heights from a file: .npy of the grid's shape, or text with the two columns x and height.
+    """Heights from a file: .npy of the grid's shape, or text with a row, x and height, for each grid point.
 
-    One row a grid point.
-
-    Raises (when called with a grid)
+    Raises
     ------
     TableError
-        If the file does not hold finite heights for exactly the grid's points; x must be spaced by L/n.
+        When called with a grid, if the file does not hold finite heights for exactly its points; x must be
+        spaced by L/n.
     """
 
     def heights(grid: Grid) -> FloatArray:

@@ -1,7 +1,4 @@
-"""FFTW's plans, measured once on a machine and then the same for every run.
-
-So that runs agree in every bit.
-"""
+"""FFTW's plans, measured once on a machine and then the same for every run: runs agree in every bit."""
 
 from __future__ import annotations
 

@@ -45,18 +45,13 @@ def equal_steps(
 ) -> Iterator[Instant]:
     """Every whole number of steps from 0 to the end, as in the paper; the first is a step from rest as well.
 
-    Snapshots are the steps within a millionth of a step of an asked time (`whole_steps` says whether there
-    are such).
+    Snapshots are the steps within a millionth of a step of an asked time; the configuration is refused unless
+    there are such.
     """
     asked = {round(time / step) for time in snapshots}
     turns = {math.floor(time / step + 1e-6) for time in kinks}
     for i in range(round(end / step) + 1):
         yield Instant(i * step, step, i in asked, i in turns)
-
-
-def whole_steps(time: float, step: float) -> bool:
-    """Whether a time is a whole number of steps, within a millionth of one."""
-    return abs(time / step - round(time / step)) <= 1e-6
 
 
 def landing_steps(
