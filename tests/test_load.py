@@ -116,7 +116,7 @@ def test_every_solver_carries_a_load_that_comes_and_goes(
         }
     )
     load = np.interp(recording["time"], [0, 1, 2, 3], [0, 0.1, 0, 0.1])
-    # FIRE holds lambda, the others the mean: both are the load within the residual's pressures, about 10 of it.
+    # FIRE holds lambda, the others the mean: the load but for the residual times p_max, some ten times it.
     np.testing.assert_allclose(recording["mean_pressure"], load / 2, atol=1e-5 * 0.05)
     assert recording["residual"].max() <= 1e-6
     assert (

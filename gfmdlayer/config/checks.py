@@ -193,8 +193,7 @@ def _output(config: Config) -> Iterator[Problem]:
         message = f"got a spacing of {output.times!r}; must be a number > 0 and <= time.end = {end!r}"
         yield _problem("output.times", message, "time.end")
     elif output.times is not None and end / output.times > _MOST_ROWS:
-        least = end / _MOST_ROWS
-        message = f"got a spacing of {output.times!r}, {end / output.times:.3g} rows; must be >= {least!r}"
+        message = f"got {output.times!r}, {end / output.times:.3g} rows; must be >= {end / _MOST_ROWS!r}"
         yield _problem("output.times", message, "time.end")
     if output.times is not None and config.time.step != "adaptive":
         message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
