@@ -36,7 +36,6 @@ others have their own time at each q, and weight at few of them: a list of the (
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +43,7 @@ from numpy.polynomial.polynomial import polyval
 
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping import modes_loop
+from gfmdlayer.stepping.modes_loop import Factors
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -53,18 +53,6 @@ _ROUNDING = 1e-14
 
 # Below this x the series of two factors lose less to truncation than their closed forms to rounding.
 _SMALL = 0.1
-
-
-class Factors(NamedTuple):
-    """What a step of x = dt/theta does to a mode; each in the shape of x."""
-
-    decay: FloatArray
-    gain: FloatArray
-    loss: FloatArray
-    lead: FloatArray
-    rest: FloatArray
-    bend: FloatArray
-    bend_heat: FloatArray
 
 
 Scheme = Callable[[FloatArray], Factors]

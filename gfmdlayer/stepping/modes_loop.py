@@ -7,14 +7,11 @@ block through the modes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 import numpy.typing as npt
-
-if TYPE_CHECKING:
-    from gfmdlayer.stepping.modes import Factors
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -24,6 +21,18 @@ _FASTMATH = {"reassoc", "contract"}
 
 # Numbers of a block: what is summed into stays in the innermost cache while the modes stream by.
 _BLOCK = 2048
+
+
+class Factors(NamedTuple):
+    """What a step of x = dt/theta does to a mode; each in the shape of x."""
+
+    decay: FloatArray
+    gain: FloatArray
+    loss: FloatArray
+    lead: FloatArray
+    rest: FloatArray
+    bend: FloatArray
+    bend_heat: FloatArray
 
 
 @nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
