@@ -77,7 +77,9 @@ def iterate(
     for iteration in range(limit):
         forward(plans, u, work)
         for k in range(work.size):
-            work[k] = per_point * (b[k] - kappa[k] * work[k])
+            # In parts, which spares the products with an imaginary part of zero.
+            real, imaginary = b[k].real - kappa[k] * work[k].real, b[k].imag - kappa[k] * work[k].imag
+            work[k] = complex(per_point * real, per_point * imaginary)
         backward(plans, work, stress)
         pairs += 1
         if iteration == 0:
@@ -94,8 +96,9 @@ def iterate(
             forward(plans, force, work)
             pull = 0.0
             for k in range(work.size):
-                work[k] *= inverse_mass[k]
-                pull += work[k].real ** 2 + work[k].imag ** 2
+                real, imaginary = inverse_mass[k] * work[k].real, inverse_mass[k] * work[k].imag
+                work[k] = complex(real, imaginary)
+                pull += real * real + imaginary * imaginary
             pull *= (
                 2.0 * u.size
             )  # Parseval, but for the weight of two modes, which does not matter to a norm that only steers
