@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -77,6 +77,7 @@ class Schedule(Generic[Item]):
         self._team, self._task, self._folder, self._ended = team, task, folder, ended
         self._pending: deque[tuple[Item, Future[Outcome]]] = deque()
         self._settled: SimpleQueue[Outcome] = SimpleQueue()
+        self._left: SimpleQueue[Item] = SimpleQueue()
 
     def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
@@ -99,6 +100,8 @@ class Schedule(Generic[Item]):
 
     def _next(self) -> Outcome:
         while True:
+            with suppress(Empty):
+                self._settle(self._task(self._left.get_nowait()))
             if stop_requested():
                 with suppress(OSError):  # signals alone must do then
                     self._folder.stop.touch()
@@ -112,6 +115,8 @@ class Schedule(Generic[Item]):
         error = future.exception()
         if error is None:
             self._settle(future.result())
+        elif isinstance(error, BrokenExecutor) and not self._folder.case(item.index, "running").exists():
+            self._left.put(item)  # a worker died over another case, and the others with it
         else:
             reason = f"the process that ran it ended: {type(error).__name__}: {error}"
             self._settle(Outcome(item.index, "failed", reason))

@@ -157,6 +157,8 @@ def run_sweep(
             task = partial(run_case, folder=folder, wisdom=_warm_up(todo))
             for outcome in Schedule(team, task, folder, reporter.ended).run(todo):
                 outcomes[outcome.index] = outcome
+                if outcome.state == "failed":
+                    _record_failure(folder, every[outcome.index], outcome.reason)
         if all(outcome.state != "stopped" for outcome in outcomes.values()):
             _collect(config, folder, every, outcomes)
     return Summary(tuple(outcomes.values()))
@@ -215,14 +217,22 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcom
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
-        from gfmdlayer.results.provenance import now
-
         reason = f"{type(error).__name__}: {error}"
-        record = {"reason": reason, "traceback": traceback.format_exc(), "time": now(), "values": case.values}
-        with suppress(OSError):  # a full disk; the outcome still tells
-            write_whole(folder.case(case.index, "failed"), json.dumps(record, default=str))
+        _record_failure(folder, case, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
+
+
+def _record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
+    """Leave a record of the failure, unless whoever ran the case has left one that says more."""
+    from gfmdlayer.results.provenance import now
+
+    path = folder.case(case.index, "failed")
+    if trace or not path.exists():
+        record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+        with suppress(OSError):  # a full disk; the outcome still tells
+            write_whole(path, json.dumps(record, default=str))
+            folder.case(case.index, "running").unlink(missing_ok=True)
 
 
 def _simulate(case: Case, folder: Folder, wisdom: str | None) -> None:

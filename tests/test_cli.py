@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
@@ -199,6 +200,26 @@ def test_a_signal_stops_a_run_that_the_next_takes_up(signum: signal.Signals, job
     assert process.returncode == 0, process.stderr
     assert "1 complete already" in process.stderr
     assert Path("out/cases/0000.h5").read_bytes() == before
+
+
+def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
+    Path("tiny.yaml").write_text(
+        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "60")
+    )
+    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    deadline, begun = time.monotonic() + 60, Path("out/cases/0001.running")
+    while not begun.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 1
+    # The pool takes its other worker down as well: at most the two cases at work are lost, and each is on record.
+    lost = len(list(Path("out/cases").glob("*.failed")))
+    assert 1 <= lost <= 2
+    assert f"{lost} of 5 cases failed" in output
+    assert f"{5 - lost} complete, 0 running, {lost} failed, 0 waiting" in gfmdlayer("status", "out").stdout
 
 
 def test_workers_do_not_outlive_a_killed_run() -> None:
