@@ -215,7 +215,7 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
     output, _ = process.communicate(timeout=120)
     assert process.returncode == 1
-    # The pool takes its other worker down as well: at most the two cases at work are lost, and each is on record.
+    # The pool takes its other worker down too: at most the two cases at work are lost, each on record.
     lost = len(list(Path("out/cases").glob("*.failed")))
     assert 1 <= lost <= 2
     assert f"{lost} of 5 cases failed" in output
