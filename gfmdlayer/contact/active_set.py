@@ -35,16 +35,15 @@ import numpy as np
 import numpy.typing as npt
 import pyfftw
 
-from gfmdlayer.contact.active_set_loop import begin, begin_set, displaced, iterate, release
+from gfmdlayer.contact.active_set_loop import begin, begin_set, iterate, release
 from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.descent import descend
-from gfmdlayer.contact.dual import admit, known, raise_clear
+from gfmdlayer.contact.dual import accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, assess, extent
+from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
 
 _ROUNDS = 30
-_ROUNDING = 1e-12  # part of the depth
 _LIMIT = 200  # iterations of conjugate gradients
 _KEPT = 4  # directions kept from one step to the next
 
@@ -120,7 +119,8 @@ class ActiveSet:
                 )  # fmt: skip
                 self._bank.length[:] = 0.0  # the pressure has come another way
                 transforms, iterations = transforms + 2 * done, iterations + done
-            solution = self._accept(problem, system, transforms, iterations)
+            begin_set(self._at, self._bank, self._work)
+            solution = accept(problem, system, self._free, self._at, tolerance, transforms, iterations)
             if solution.converged:
                 return solution
             _, depth = extent(solution.pressure, solution.displacement)
@@ -162,30 +162,6 @@ class ActiveSet:
                 start[np.argmin(system.gap0)] = 1.0
             start *= problem.applied_pressure / start.mean()
         begin(self._at, self._bank, start)
-
-    def _accept(self, problem: Problem, system: System, transforms: int, iterations: int) -> Solution:
-        """Lift the pressure until nothing overlaps, and judge the state that this gives."""
-        at, n = self._at, self._at.p.size
-        begin_set(at, self._bank, self._work)
-        displacement, pressure = np.empty(n), np.empty(n)
-        lift, overlap = raise_clear(system, at, displacement, pressure)
-        spectrum = displaced(system, at, self._free, lift, n)
-        if system.load:
-            spectrum[0] = displacement.sum()
-        residual, contact_area, mean_pressure = assess(
-            pressure, displacement, problem.obstacle, problem.softest
-        )
-        return Solution(
-            displacement=displacement,
-            pressure=pressure,
-            spectrum=spectrum,
-            mean_pressure=mean_pressure,
-            contact_area=contact_area,
-            residual=residual,
-            transforms=(transforms + 1) // 2,
-            iterations=iterations,
-            converged=residual <= self._tolerance and overlap <= _ROUNDING * self._work.scales[1],
-        )
 
 
 def _rows(count: int, length: int, kind: type) -> npt.NDArray[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numba as nb
-import numpy as np
 
 from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
 from gfmdlayer.contact.deflation import deflate, direct, free_slot, step
@@ -272,12 +271,3 @@ def list_points(at: Iterate) -> None:
             at.points[count] = i
             count += 1
     at.size[0] = count
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def displaced(system: System, at: Iterate, free: ComplexArray, lift: float, n: int) -> ComplexArray:
-    """Transform of the displacement under the pressure, raised by the lift."""
-    spectrum = np.empty_like(free)
-    for k in range(free.size):
-        spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
-    return spectrum

@@ -13,7 +13,7 @@ import numpy as np
 
 from gfmdlayer.contact.active_set_state import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, assess, extent, scales, violation
+from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, extent, judged, scales, violation
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
@@ -54,21 +54,18 @@ def accept(
     n = at.p.size
     displacement, pressure = np.empty(n), np.empty(n)
     lift, overlap = raise_clear(system, at, displacement, pressure)
-    spectrum = n * (free - (1 + lift) * system.compliance * at.spectrum)
+    spectrum = _displaced(system, at, free, lift)
     if system.load:
         spectrum[0] = displacement.sum()
-    residual, contact_area, mean_pressure = assess(pressure, displacement, problem.obstacle, problem.softest)
     _, depth = extent(pressure, displacement)
-    return Solution(
-        displacement=displacement,
-        pressure=pressure,
-        spectrum=spectrum,
-        mean_pressure=mean_pressure,
-        contact_area=contact_area,
-        residual=residual,
+    return judged(
+        problem,
+        displacement,
+        pressure,
+        spectrum,
         transforms=(transforms + 1) // 2,
         iterations=iterations,
-        converged=bool(residual <= tolerance and overlap <= _ROUNDING * depth),
+        within=tolerance if overlap <= _ROUNDING * depth else -1.0,
     )
 
 
@@ -140,18 +137,8 @@ def _state(
     if problem.mean_is_fixed:
         bare = pressure == pressure.min() if guide is None or guide.all() else guide <= 0
         pressure -= pressure[bare].mean() if bare.any() else np.nan
-    residual, contact_area, mean_pressure = assess(pressure, u, problem.obstacle, problem.softest)
-    return Solution(
-        displacement=u,
-        pressure=pressure,
-        spectrum=spectrum,
-        mean_pressure=mean_pressure,
-        contact_area=contact_area,
-        residual=residual,
-        transforms=pairs,
-        iterations=iterations,
-        converged=converged and residual == 0.0,
-    )
+    within = 0.0 if converged else -1.0
+    return judged(problem, u, pressure, spectrum, transforms=pairs, iterations=iterations, within=within)
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -198,3 +185,12 @@ def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance:
     for i in range(p.size):
         off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
     return off == 0.0
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _displaced(system: System, at: Iterate, free: ComplexArray, lift: float) -> ComplexArray:
+    """Transform of the displacement under the pressure, raised by the lift."""
+    n, spectrum = at.p.size, np.empty_like(free)
+    for k in range(free.size):
+        spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
+    return spectrum

@@ -29,7 +29,7 @@ import numpy as np
 from gfmdlayer.contact.dual import known
 from gfmdlayer.contact.fire_loop import Constants, Fields, State, iterate
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, assess
+from gfmdlayer.contact.problem import Problem, Solution, judged
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import Transforms
 
@@ -112,17 +112,14 @@ class Fire:
             state, _, _, more = self._iterate(problem, constants, state, np.inf, 1)
             pairs += more
         pressure = fields.stress + state.multiplier
-        residual, contact_area, mean_pressure = assess(pressure, fields.u, problem.obstacle, problem.softest)
-        return Solution(
-            displacement=fields.u.copy(),
-            pressure=pressure,
-            spectrum=self._transforms.forward(fields.u),
-            mean_pressure=mean_pressure,
-            contact_area=contact_area,
-            residual=residual,
+        return judged(
+            problem,
+            fields.u.copy(),
+            pressure,
+            self._transforms.forward(fields.u),
             transforms=pairs + 1,
             iterations=iterations,
-            converged=accepted and not np.isnan(residual),
+            within=np.inf if accepted else -1.0,
         )
 
     def _iterate(

@@ -179,3 +179,28 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
     known = np.isfinite(total) and np.isfinite(gaps)
     worst = _worst(pressure, u, h, per_pressure, per_gap) if known else np.nan
     return worst, touching / u.size, total / u.size
+
+
+def judged(
+    problem: Problem,
+    displacement: FloatArray,
+    pressure: FloatArray,
+    spectrum: ComplexArray,
+    *,
+    transforms: int,
+    iterations: int,
+    within: float,
+) -> Solution:
+    """A state with its observables; it converged if its residual is within a bound."""
+    residual, contact_area, mean_pressure = assess(pressure, displacement, problem.obstacle, problem.softest)
+    return Solution(
+        displacement=displacement,
+        pressure=pressure,
+        spectrum=spectrum,
+        mean_pressure=mean_pressure,
+        contact_area=contact_area,
+        residual=residual,
+        transforms=transforms,
+        iterations=iterations,
+        converged=bool(residual <= within),
+    )
