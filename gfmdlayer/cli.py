@@ -118,7 +118,7 @@ def status(options: argparse.Namespace) -> int:
 
     folder = Folder(Path(options.directory))
     try:
-        values = combinations(folder.stored_config())
+        values = combinations(folder.stored_sweep())
     except FolderError as error:
         return _refuse(str(error))
     at_work = running(folder)

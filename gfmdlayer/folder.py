@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, load
+from gfmdlayer.config import Config, ConfigError, load, text
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 PARTIAL = ".part"
@@ -79,15 +79,32 @@ class Folder:
         FolderError
             Where this is not a results folder, or its configuration cannot be read.
         """
-        if not self.path.is_dir():
-            raise FolderError(f"{self.path}: no such folder")
-        if not self.is_results():
-            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
+        self._must_hold_results()
         try:
             return load(self.config)
         except ConfigError as error:
             reasons = "; ".join(error.problems)
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
+
+    def stored_sweep(self) -> dict[str, list[Any]]:
+        """Return the sweep of the results, whatever has become of the files that their configuration names.
+
+        Raises
+        ------
+        FolderError
+            Where this is not a results folder, or its configuration cannot be read.
+        """
+        self._must_hold_results()
+        document = text.read(self.config.read_text(encoding="utf-8"), str(self.config))
+        if not isinstance(document.data, dict):
+            raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
+        return dict(document.data.get("sweep") or {})
+
+    def _must_hold_results(self) -> None:
+        if not self.path.is_dir():
+            raise FolderError(f"{self.path}: no such folder")
+        if not self.is_results():
+            raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
 
     @contextmanager
     def claimed(self, config: Config, restart: bool = False) -> Iterator[None]:

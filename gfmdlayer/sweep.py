@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -69,9 +69,9 @@ class Summary:
         return [outcome for outcome in self.outcomes if outcome.state == "failed"]
 
 
-def combinations(config: Config) -> list[dict[str, object]]:
+def combinations(sweep: Mapping[str, Sequence[object]]) -> list[dict[str, object]]:
     """Return the swept keys and their values in each case, in the order of the cases."""
-    return [dict(zip(config.sweep, values, strict=True)) for values in product(*config.sweep.values())]
+    return [dict(zip(sweep, values, strict=True)) for values in product(*sweep.values())]
 
 
 def cases(config: Config) -> list[Case]:
@@ -86,7 +86,7 @@ def cases(config: Config) -> list[Case]:
         Where a combination of values is not possible.
     """
     found = []
-    for index, values in enumerate(combinations(config)):
+    for index, values in enumerate(combinations(config.sweep)):
         case = config.with_values(values)
         if config.sweep and case.time.step == "adaptive" and case.output.times is None:
             case = case.with_values({"output.times": case.time.end / _ROWS})

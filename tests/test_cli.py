@@ -202,6 +202,15 @@ def test_a_signal_stops_a_run_that_the_next_takes_up(signum: signal.Signals, job
     assert Path("out/cases/0000.h5").read_bytes() == before
 
 
+def test_status_needs_no_file_but_the_results() -> None:
+    Path("path.txt").write_text("0 0\n1 0.001\n")
+    table = TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}")
+    Path("tiny.yaml").write_text(table)
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    Path("path.txt").unlink()
+    assert "3 complete, 0 running, 0 failed, 0 waiting" in gfmdlayer("status", "out").stdout
+
+
 def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     Path("tiny.yaml").write_text(
         TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "60")
