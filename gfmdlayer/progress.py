@@ -44,7 +44,6 @@ class StatusFile:
     def __init__(self, folder: Folder, index: int, end: float) -> None:
         self._path = folder.case(index, "running")
         self._stop = folder.stop
-        self._end = end
         self._written = -WRITE_INTERVAL
         self._fixed = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time(), "end": end}
 

@@ -47,12 +47,10 @@ VARIABLES: dict[str, Variable] = {
     "iterations": Variable("iterations of the contact solver in the step", "1", "i8"),
     "residual": Variable("residual of the contact problem when the step was accepted"),
     "rejected": Variable("attempts at the step that were rejected", "1", "i8"),
-    "step_error": Variable("estimated error of the step relative to its scale"),
     "work": Variable("work done by the punch per area", "pressure length"),
     "stored": Variable("elastic energy stored per area", "pressure length"),
     "dissipated": Variable("energy dissipated per area", "pressure length"),
     "energy_residual": Variable("work - stored - dissipated, per area", "pressure length"),
-    "tangential_force": Variable("tangential force on the punch per area", "pressure"),
     "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
 }
 
