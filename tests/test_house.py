@@ -12,9 +12,8 @@ PACKAGE = Path(__file__).parents[1] / "gfmdlayer"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 NUMERICS = {"solid", "contact", "stepping"}
-RUNNING = {"sweep", "schedule", "executors", "folder", "progress", "interrupts", "cost", "cli", "__main__"}
+RUNNING = {"sweep", "running", "cli", "__main__"}
 ABOVE = {"simulation", "fitting"} | RUNNING  # what no room may know
-OF_THE_RUN = NUMERICS | {"results", "simulation", "sweep", "cli", "__main__"}  # what a run is not made of
 FORBIDDEN = {
     "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
     "solid": {"contact", "stepping", "results"} | ABOVE,
@@ -26,8 +25,8 @@ FORBIDDEN = {
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,
     "simulation": {"results"} | RUNNING,
-    **dict.fromkeys(("schedule", "executors", "folder", "progress", "interrupts", "cost"), OF_THE_RUN),
-    "sweep": {"solid", "stepping", "cli", "__main__"},
+    "sweep": NUMERICS | {"results", "simulation", "running", "cli", "__main__"},
+    "running": {"solid", "stepping", "cli", "__main__"},
     "cli": NUMERICS | {"simulation", "__main__"},
     "__main__": (NUMERICS | ABOVE | {"results"}) - {"cli"},
     "__init__": set[str](),

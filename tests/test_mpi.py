@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer.executors import launched_size, one_thread_each
+from gfmdlayer.running.executors import launched_size, one_thread_each
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 TINY = """\
@@ -65,8 +65,8 @@ def test_all_ranks_compute() -> None:
 import os
 from gfmdlayer import sweep
 from gfmdlayer.config import load
-from gfmdlayer.executors import assemble
-from gfmdlayer.schedule import Outcome
+from gfmdlayer.running.executors import assemble
+from gfmdlayer.running.schedule import Outcome
 
 def who(case, **_):
     import time
@@ -75,9 +75,9 @@ def who(case, **_):
 
 with assemble() as team:
     if team is not None:
-        from gfmdlayer.folder import Folder
+        from gfmdlayer.running.folder import Folder
         from pathlib import Path
-        from gfmdlayer.schedule import Schedule
+        from gfmdlayer.running.schedule import Schedule
         outcomes = list(Schedule(team, who, Folder(Path()), print).run(sweep.cases(load("tiny.yaml"))))
         assert sorted(outcome.index for outcome in outcomes) == list(range(10))
         print("computed by", len({outcome.reason for outcome in outcomes}))
@@ -128,7 +128,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_takes_up() -> None:
 def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash: str) -> None:
     script = f"""
 import os, time
-from gfmdlayer.executors import assemble
+from gfmdlayer.running.executors import assemble
 with assemble() as team:
     if team is not None:
         team.executor.submit(time.sleep, 600)

@@ -14,13 +14,15 @@ from typing import Any
 
 import pytest
 
-from gfmdlayer import progress, simulation
+from gfmdlayer import simulation
 from gfmdlayer.config import Config, ConfigError, load
-from gfmdlayer.executors import assemble
-from gfmdlayer.folder import Folder, FolderError
-from gfmdlayer.interrupts import Stopped
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.sweep import Summary, cases, run_sweep
+from gfmdlayer.running import reports, status_file
+from gfmdlayer.running.executors import assemble
+from gfmdlayer.running.folder import Folder, FolderError
+from gfmdlayer.running.interrupts import Stopped
+from gfmdlayer.running.run import Summary, run_sweep
+from gfmdlayer.sweep import cases
 
 TINY = """\
 name: tiny
@@ -258,9 +260,9 @@ def test_values_that_exclude_each_other_are_refused(configure: Configure) -> Non
 def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:
     folder = Folder(tmp_path)
     folder.cases.mkdir()
-    with progress.StatusFile(folder, 7, end=2.0) as status:
+    with status_file.StatusFile(folder, 7, end=2.0) as status:
         folder.stop.touch()
-        status._written -= progress.WRITE_INTERVAL
+        status._written -= status_file.WRITE_INTERVAL
         with pytest.raises(Stopped):
             status.advance(1.0)
     assert not folder.case(7, "running").exists()
@@ -271,7 +273,7 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
     folder.cases.mkdir()
     here = {"host": socket.gethostname(), "pid": os.getpid()}
     times = {"simulated_time": 1.0, "end": 4.0, "started": time.time(), "updated": time.time()}
-    gone = {"updated": time.time() - 2 * progress.SILENCE}
+    gone = {"updated": time.time() - 2 * status_file.SILENCE}
     for index, content in enumerate((
         here | times,
         here | times | {"pid": 2**22 + 1},  # above the kernel's largest process number
@@ -280,16 +282,16 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
     )):  # fmt: skip
         folder.case(index, "running").write_text(json.dumps(content))
     folder.case(4, "running").write_text("{")
-    assert [(case.index, case.fraction) for case in progress.running(folder)] == [(0, 0.25), (2, 0.25)]
+    assert [(case.index, case.fraction) for case in status_file.running(folder)] == [(0, 0.25), (2, 0.25)]
 
 
 def test_a_log_has_few_lines_with_the_time() -> None:
     stream = io.StringIO()
-    log = progress.Log(stream)
+    log = reports.Log(stream)
     for _ in range(1000):
         log.advance(1.0, 4, 2, 61.0)
     assert stream.getvalue() == ""
-    log._last -= progress.LOG_INTERVAL
+    log._last -= reports.LOG_INTERVAL
     log.advance(1.0, 4, 2, 61.0)
     stamp, _, text = stream.getvalue().partition("  ")
     assert time.strptime(stamp, "%Y-%m-%d %H:%M:%S")
@@ -301,4 +303,4 @@ def test_a_log_has_few_lines_with_the_time() -> None:
     [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 0 s"), (3599, "59 min 59 s"), (90000, "1 d 1 h")],
 )
 def test_durations_are_written_for_people(seconds: float, text: str) -> None:
-    assert progress.duration(seconds) == text
+    assert reports.duration(seconds) == text

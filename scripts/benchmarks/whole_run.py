@@ -11,9 +11,10 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.transforms import Transforms
-from gfmdlayer.folder import Folder
+from gfmdlayer.running.cases import run_case
+from gfmdlayer.running.folder import Folder
 from gfmdlayer.simulation import warm_up
-from gfmdlayer.sweep import Case, run_case
+from gfmdlayer.sweep import Case
 
 EFFORT = Effort(points=(1 << 14,), repetitions=5)
 QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)

@@ -16,9 +16,9 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Generic, Literal, Protocol, TypeVar
 
-from gfmdlayer.executors import Team
-from gfmdlayer.folder import Folder
-from gfmdlayer.interrupts import request_stop, stop_requested
+from gfmdlayer.running.executors import Team
+from gfmdlayer.running.folder import Folder
+from gfmdlayer.running.interrupts import request_stop, stop_requested
 
 POLL = 0.2  # seconds between two looks at the request to stop while others compute
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
-from gfmdlayer import interrupts
+from gfmdlayer.running import interrupts
 
 # By which launchers tell a process how many of it they started: MPICH and Slurm's pmi2, Open MPI, srun.
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")

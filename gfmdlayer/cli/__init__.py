@@ -1,0 +1,57 @@
+"""The command line: verbs of a few lines each that call the library.
+
+Nothing heavy is imported before a verb needs it, so that help and `check` answer at once.
+
+Exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from gfmdlayer.cli import check, fit_material, plot, run, status
+from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
+
+VERBS = (run, check, status, plot, fit_material)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        status: int = options.verb(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; Python must not try to write the rest when it exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return COMPLETE
+    return status
+
+
+class _Version(argparse.Action):
+    """Print the version; it is looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"gfmdlayer {version('gfmdlayer')}")
+        parser.exit()
+
+
+def _parser() -> argparse.ArgumentParser:
+    example = "example:\n  gfmdlayer run configs/figure2-quick.yaml && gfmdlayer plot results/figure2-quick"
+    parser = argparse.ArgumentParser(
+        prog="gfmdlayer",
+        description="Contact with a viscoelastic layer, by Green's function molecular dynamics.",
+        epilog=f"{STATUSES}\n\n{example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    verbs = Verbs(parser)
+    for verb in VERBS:
+        verb.register(verbs)
+    return parser

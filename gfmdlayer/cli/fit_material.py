@@ -1,0 +1,51 @@
+"""`gfmdlayer fit-material`: fit a Prony series to a measured curve."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+
+
+def register(verbs: Verbs) -> None:
+    """Add the verb to the command line."""
+    added = verbs.add(
+        fit_material,
+        "fit a Prony series to a master curve (omega, G', G'') or a relaxation curve (t, G)",
+        "gfmdlayer fit-material polymer.csv --normalise --temperature 60 --reference 25 --wlf 17.4 51.6",
+    )
+    added.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
+    added.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
+    added.add_argument("--branches", metavar="N", type=int, help="(default: the fewest that are enough)")
+    added.add_argument("--relaxed-modulus", metavar="G0", type=float, help="(default: fitted)")
+    added.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
+    added.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
+    added.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
+    added.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="constants of the shift")
+    added.add_argument("--force", action="store_true", help="overwrite files")
+
+
+def fit_material(options: argparse.Namespace) -> int:
+    """Fit a Prony series to a measured curve."""
+    from gfmdlayer import fitting
+    from gfmdlayer.results.schema import ResultsError
+    from gfmdlayer.tables import TableError
+
+    shift = (options.temperature, options.reference, options.wlf)
+    if None in shift and any(value is not None for value in shift):
+        return refuse("--temperature, --reference and --wlf: must be given together")
+    try:
+        report = fitting.fit_material(
+            Path(options.data),
+            None if options.out is None else Path(options.out),
+            branches=options.branches,
+            relaxed=options.relaxed_modulus,
+            wlf=None if options.wlf is None else fitting.WLF(*shift[:2], *options.wlf),
+            normalise=options.normalise,
+            force=options.force,
+        )
+    except (TableError, fitting.FitError, ResultsError) as error:
+        return refuse(str(error))
+    print(report)
+    return COMPLETE

@@ -1,0 +1,84 @@
+"""What the verbs share: exit statuses, options, and how they talk."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+
+COMPLETE, FAILED, REFUSED, RESUMABLE = 0, 1, 2, 75
+STATUSES = (
+    "exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable"
+)
+LISTED = 20  # entries of a list before it is cut short
+
+
+class Verbs:
+    """The verbs of the command line; each is named by its function and shows an example."""
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        self._subparsers: Any = parser.add_subparsers(metavar="VERB", required=True)
+
+    def add(
+        self, function: Callable[[argparse.Namespace], int], summary: str, example: str
+    ) -> argparse.ArgumentParser:
+        """Add a verb; the example is what a user may paste, and text that follows it."""
+        added: argparse.ArgumentParser = self._subparsers.add_parser(
+            function.__name__.replace("_", "-"),
+            help=summary,
+            description=summary,
+            epilog=f"example:\n  {example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        added.set_defaults(verb=function)
+        return added
+
+
+def folder_name(name: str) -> str:
+    """Take the name of a folder from the command line."""
+    if not name:
+        raise argparse.ArgumentTypeError("got an empty name; must be the name of a folder")
+    return name
+
+
+def add_config(parser: argparse.ArgumentParser) -> None:
+    """Let a verb take a configuration."""
+    parser.add_argument("config", metavar="CONFIG", help="YAML file")
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="set a key, such as layer.thickness=0.1; may be given several times",
+    )
+
+
+def refuse(*problems: str) -> int:
+    """Say what is wrong with the input; the exit status."""
+    for problem in problems:
+        print(f"gfmdlayer: {problem}", file=sys.stderr)
+    return REFUSED
+
+
+def default_directory(config: Config) -> Path:
+    """Where the results go unless told otherwise."""
+    return Path("results") / config.name
+
+
+def count_cases(number: int) -> str:
+    """Write a number of cases."""
+    return "1 case" if number == 1 else f"{number} cases"
+
+
+def print_some(lines: Iterable[str]) -> None:
+    """Print the first lines of a list, and how many more there are."""
+    every = list(lines)
+    for line in every[:LISTED]:
+        print(line)
+    if len(every) > LISTED:
+        print(f"  ... and {len(every) - LISTED} more")

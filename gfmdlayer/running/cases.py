@@ -1,0 +1,102 @@
+"""Running one case into its file: whatever goes wrong with it becomes its outcome."""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+
+from gfmdlayer.config import Config, digest
+from gfmdlayer.running.folder import Folder, write_whole
+from gfmdlayer.running.interrupts import Stopped
+from gfmdlayer.running.schedule import Outcome
+from gfmdlayer.running.status_file import StatusFile
+from gfmdlayer.sweep import Case
+
+Wisdom = dict[tuple[int, ...], str]
+
+
+def prepare() -> None:
+    """Import what a case needs; compiles nothing."""
+    import gfmdlayer.results.writer
+    import gfmdlayer.simulation  # noqa: F401
+
+
+def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcome:
+    """Run one case into its file; whatever goes wrong with it becomes its outcome.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    folder : Folder
+        A claimed results folder.
+    wisdom : dict, optional
+        FFTW wisdom for each shape of the grid, the same for all who compute.
+
+    Returns
+    -------
+    Outcome
+        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`.
+    """
+    begun = time.monotonic()
+    try:
+        _simulate(case, folder, (wisdom or {}).get(case.config.grid.points))
+    except Stopped:
+        return Outcome(case.index, "stopped")
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        record_failure(folder, case, reason, traceback.format_exc())
+        return Outcome(case.index, "failed", reason, time.monotonic() - begun)
+    return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
+
+
+def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
+    """Leave a record of the failure, unless whoever ran the case has left one that says more."""
+    from gfmdlayer.results.provenance import now
+
+    path = folder.case(case.index, "failed")
+    if trace or not path.exists():
+        record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+        with suppress(OSError):  # a full disk; the outcome still tells
+            write_whole(path, json.dumps(record, default=str))
+            folder.case(case.index, "running").unlink(missing_ok=True)
+
+
+def _simulate(case: Case, folder: Folder, wisdom: str | None) -> None:
+    from gfmdlayer.contact.grid import Grid
+    from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.simulation import simulate
+
+    config = case.config
+    with StatusFile(folder, case.index, config.time.end) as status:
+        folder.case(case.index, "failed").unlink(missing_ok=True)
+        axes = Grid(config.grid.points, config.grid.period).coordinates
+        coordinates = dict(zip("xy", axes, strict=False))
+        with CaseWriter(folder.case(case.index), coordinates, _attributes(config)) as recorder:
+            simulate(config, recorder, status.advance, wisdom)
+
+
+def _attributes(config: Config) -> dict[str, str | float]:
+    found: dict[str, str | float] = {"name": config.name, "config": config.dump(), "digest": digest(config)}
+    if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
+        found["tau"] = config.layer.material.tau
+    return found
+
+
+def warm_up(todo: Sequence[Case]) -> Wisdom:
+    """Compile and plan in this process before the others start, once for each kind of case."""
+    from gfmdlayer import simulation
+
+    wisdom: Wisdom = {}
+    for config in {_kind(case.config): case.config for case in todo}.values():
+        with suppress(Exception):  # the case will meet it again, and be recorded as failed
+            wisdom[config.grid.points] = simulation.warm_up(config)
+    return wisdom
+
+
+def _kind(config: Config) -> tuple[object, ...]:
+    """What decides which kernels are compiled and which transforms are planned."""
+    return config.grid.points, config.solver, config.time.integrator, config.layer.material.model

@@ -1,0 +1,111 @@
+"""How far a case is: written by whoever computes it, read by whoever wants to know.
+
+The process that runs a case keeps cases/NNNN.running up to date, at most once a second.  The bar on a
+terminal, the lines in a log and `gfmdlayer status` read these files, so that they work for processes on any
+host.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Self
+
+from gfmdlayer.running.folder import Folder, read_json, write_whole
+from gfmdlayer.running.interrupts import Stopped, stop_requested
+
+WRITE_INTERVAL = 1.0  # seconds between two status files of a case
+SILENCE = 120.0  # seconds without an update after which a case on another host is taken for dead
+
+
+class StatusFile:
+    """Tells how far a case is, and stops it when asked to; a context manager around the simulation.
+
+    Parameters
+    ----------
+    folder : Folder
+        The results folder.
+    index : int
+        The case.
+    end : float
+        The simulated time at which the case will be complete.
+    """
+
+    def __init__(self, folder: Folder, index: int, end: float) -> None:
+        self._path = folder.case(index, "running")
+        self._stop = folder.stop
+        self._written = -WRITE_INTERVAL
+        self._fixed = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time(), "end": end}
+
+    def __enter__(self) -> Self:
+        self.advance(0.0)
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+    def advance(self, simulated_time: float) -> None:
+        """Note that the simulation has got to a time.
+
+        Raises
+        ------
+        Stopped
+            Where the run was asked to stop, by a signal to this process or by the folder's stop file.
+        """
+        now = time.monotonic()
+        due = now - self._written >= WRITE_INTERVAL
+        if stop_requested() or (due and self._stop.exists()):
+            raise Stopped
+        if due:
+            self._written = now
+            content = self._fixed | {"simulated_time": float(simulated_time), "updated": time.time()}
+            with suppress(OSError):  # progress is not worth a simulation
+                write_whole(self._path, json.dumps(content), to_disk=False)
+
+
+@dataclass(frozen=True)
+class Running:
+    """A case that some process is at."""
+
+    index: int
+    host: str
+    pid: int
+    simulated_time: float
+    end: float
+    started: float
+    updated: float
+
+    @property
+    def fraction(self) -> float:
+        """The part of the simulated time that is done."""
+        return min(self.simulated_time / self.end, 1.0) if self.end > 0 else 0.0
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process still exists; judged by its last update where it is on another host."""
+        if self.host != socket.gethostname():
+            return time.time() - self.updated < SILENCE
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+def running(folder: Folder) -> list[Running]:
+    """Return the cases that some process is at, in their order."""
+    found = []
+    for path in sorted(folder.cases.glob("*.running")):
+        content: dict[str, Any] = read_json(path) or {}
+        with suppress(TypeError, ValueError):
+            case = Running(index=int(path.stem), **content)
+            if case.alive:
+                found.append(case)
+    return found
