@@ -31,9 +31,7 @@ from gfmdlayer.stepping.adaptive import AdaptiveSteps
 from gfmdlayer.stepping.corrected import Corrected
 from gfmdlayer.stepping.ledger import Energy, Ledger
 from gfmdlayer.stepping.modes import SCHEMES, Modes
-from gfmdlayer.stepping.paper import Paper
 from gfmdlayer.stepping.schedule import FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.stepping.third_order import ThirdOrder
 
 SOLVERS: dict[str, type[ActiveSet | ConjugateGradient]] = {
     "active_set": ActiveSet,
@@ -197,7 +195,11 @@ def make_solver(config: Config, transforms: Transforms) -> Solver:
 
 
 def make_integrator(config: Config, grid: Grid) -> Integrator:
-    """The time integrator; backward Euler is the paper's own where its equation holds."""
+    """The time integrator, over the body's relaxing modes.
+
+    Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
+    material; see `stepping.third_order` for the equation itself.
+    """
     body = LayeredHalfspace(
         config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
     )
@@ -205,11 +207,7 @@ def make_integrator(config: Config, grid: Grid) -> Integrator:
     spectrum = relaxation_spectrum(body, material, q)
     if config.time.step == "adaptive":
         return Corrected(spectrum, measure)
-    modes = Modes(spectrum, SCHEMES[config.time.integrator], measure)
-    incompressible = body.poisson == 0.5 and body.bulk_poisson == 0.5
-    if config.time.integrator == "backward_euler" and isinstance(material, Zener) and incompressible:
-        return Paper(ThirdOrder(body, material, q, fixed_step(config)), modes)
-    return modes
+    return Modes(spectrum, SCHEMES[config.time.integrator], measure)
 
 
 def make_material(config: Config) -> Material:

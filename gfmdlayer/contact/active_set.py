@@ -9,18 +9,21 @@ Inner
     Conjugate gradients on C, preconditioned by kappa restricted to C, nearly the inverse of A_CC: a few
     iterations of two FFT pairs each on any grid. They run conjugate to the pressure itself, whose scaling is
     what the preconditioner serves worst, and, as long as kappa stays the same, to the directions of the last
-    steps.
+    steps. All of this touches the contact and its neighbourhood only; the gap elsewhere comes with the pair
+    that closes the solve, and shows what else overlaps.
 Outer
     Points that pull leave C, points that overlap join it (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
-    (2002) 865), the latter as soon as they show.
+    (2002) 865), those near the contact as soon as they show.
 Start
-    `prediction` extrapolates the pressure in time; C is where it is positive.
+    `prediction` extrapolates the pressure in time; C is where it is positive. Where that is the contact set
+    of the last step and kappa is the same, the solve goes on from the last pressure, whose gap is known, with
+    the last increments among the directions: no extrapolation in their span is better, or cheaper.
 
-Pressure and displacement are at each moment an exact pair, so that p = 0 to rounding where there is no
-contact, and the residual of an accepted state is the gap left open under the punch. That no point overlaps
-costs no further solve: the smallest factor 1 + eta on the pressure, eta of the order of the tolerance, that
-lifts the surface nowhere above the punch; or, where scaling the pressure does not do that, a gap of a quarter
-of the tolerance that is aimed at.
+Pressure and displacement are on return an exact pair, so that p = 0 to rounding where there is no contact,
+and the residual of an accepted state is the gap left open under the punch. That no point overlaps costs no
+further solve: the smallest factor 1 + eta on the pressure, eta of the order of the tolerance, that lifts the
+surface nowhere above the punch; or, where scaling the pressure does not do that, a gap of a quarter of the
+tolerance that is aimed at.
 
 Why it ends: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
 problem is handed to `descent`, which decreases the energy monotonically and converges for every convex
@@ -29,23 +32,25 @@ problem.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
-import pyfftw
 
-from gfmdlayer.contact.active_set_loop import begin, begin_set, iterate, release
-from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
+from gfmdlayer.contact.active_set_loop import evaluate, iterate
+from gfmdlayer.contact.active_set_start import begin, keep_increment, release, rescale
+from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work
 from gfmdlayer.contact.descent import descend
-from gfmdlayer.contact.dual import accept, admit, known
+from gfmdlayer.contact.dual import Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
 
 _ROUNDS = 30
 _LIMIT = 200  # iterations of conjugate gradients
-_KEPT = 4  # directions kept from one step to the next
+_KEPT = 8  # directions kept from one step to the next, where memory allows
+_REACH = 16  # points at least on either side of the contact where the gap is kept up to date
+_MEMORY = 1 << 26  # numbers in all directions and what they do
+_PORTION = 200  # iterations of descent between two looks at signals
 
 
 class ActiveSet:
@@ -69,27 +74,29 @@ class ActiveSet:
         self._max_iterations = max_iterations
         self._stiffness: FloatArray | None = None
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        size, modes, rows = field().size, spectrum().size, 1 + 2 * _KEPT
-        self._at = Iterate(
-            p=field(),
-            gap=field(),
-            base=field(),
-            spectrum=spectrum(),
-            contact=np.zeros(size),
-            points=np.zeros(size, dtype=np.int64),
-            size=np.zeros(1, dtype=np.int64),
+        size = field().size
+        rows = 2 + 2 * min(_KEPT, _MEMORY // (4 * size))
+        self._at = Iterate(field(), field(), spectrum())
+        self._contact = ContactSet(
+            member=np.zeros(size),
+            runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
+            near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
+            counts=np.array([0, 0, 0, 0, max(_REACH, transforms.shape[-1] // 64)]),
         )
         self._bank = Bank(
-            direction=_rows(rows, size, np.float64),
-            change=_rows(rows, size, np.float64),
-            spectrum=_rows(rows, modes, np.complex128),
+            direction=_rows(rows, size),
+            change=_rows(rows, size),
             age=np.zeros(rows, dtype=np.int64),
             deflating=np.zeros(rows, dtype=np.bool_),
-            length=np.zeros(rows),
             gram=np.zeros((rows, rows)),
         )
         self._free, self._gap0 = spectrum(), field()
-        self._work = Work(field(), spectrum(), np.zeros(rows), np.zeros(2), np.zeros(1))
+        self._work = Work(field(), spectrum(), np.zeros(rows), np.zeros(2), np.zeros(3))
+        for array in (self._at.p, self._at.gap, self._gap0):
+            array[:] = 0.0
+        self._past, self._past_change, self._past_set = field(), field(), -1
+        self._past_mean = 1.0
+        self._settled, self._odd = False, 0
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from a first guess of the pressure; see `Solution` for what is returned.
@@ -101,68 +108,97 @@ class ActiveSet:
         """
         if trivial := known(problem, self._transforms):
             return trivial
-        self._keep_directions(problem.stiffness)
+        same = self._keep_directions(problem)
         system = self._system(problem)
-        self._begin(system, problem, start)
+        exact = self._begin(system, problem, start, same)
         plans, tolerance = self._transforms.plans, self._tolerance
         transforms, iterations, depth = 1, 0, 0.0
         for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
             shift, left = aim * depth, self._max_iterations - iterations
             found, more, done = iterate(
-                plans, system, self._at, self._bank, self._work, shift, within, _ROUNDS, min(_LIMIT, left)
-            )
+                plans, system, self._at, self._contact, self._bank, self._work,
+                shift, within, _ROUNDS, min(_LIMIT, left), exact,
+            )  # fmt: skip
             transforms, iterations = transforms + more, iterations + done
             if not found:
-                _, done = descend(
-                    plans, system, self._at, self._work.spectrum, self._longest_step(problem),
-                    problem.applied_pressure, shift, within, self._max_iterations - iterations,
-                )  # fmt: skip
-                self._bank.length[:] = 0.0  # the pressure has come another way
-                transforms, iterations = transforms + 2 * done, iterations + done
-            begin_set(self._at, self._bank, self._work)
-            solution = accept(problem, system, self._free, self._at, tolerance, transforms, iterations)
+                more = self._descend(system, problem, shift, within, self._max_iterations - iterations)
+                transforms, iterations = transforms + 2 * more, iterations + more
+            pairs, odd = divmod(transforms + self._odd, 2)
+            solution = accept(problem, system, self._free, self._at, tolerance, pairs, iterations)
             if solution.converged:
+                self._settled, self._odd = found, odd
                 return solution
             _, depth = extent(solution.pressure, solution.displacement)
+            exact = True
+        self._settled = False
         return admit(problem, system, self._at, self._transforms, solution)
 
-    @staticmethod
-    def _longest_step(problem: Problem) -> float:
-        """The smallest stiffness that A inverts."""
-        return float(problem.stiffness[problem.stiffness > 0].min())
+    def _descend(self, system: System, problem: Problem, shift: float, within: float, limit: int) -> int:
+        """Leave the problem to `descent`; in portions, between which a signal is noticed."""
+        longest = float(problem.stiffness[problem.stiffness > 0].min())  # of the stiffnesses that A inverts
+        done, found = 0, False
+        while not found and done < limit:
+            found, more = descend(
+                self._transforms.plans, system, self._at, self._work.spectrum, longest,
+                problem.applied_pressure, shift, within, min(_PORTION, limit - done),
+            )  # fmt: skip
+            done += more
+        if found:
+            begin(self._at, self._contact, self._bank, self._at.p, False)
+        else:  # the last step may have been taken back
+            evaluate(self._transforms.plans, system, self._at, self._work)
+        return done
 
-    def _keep_directions(self, stiffness: FloatArray) -> None:
-        """Directions are worth keeping as long as the stiffness is the same."""
-        if self._stiffness is not None and np.array_equal(stiffness, self._stiffness):
-            return
-        n = self._at.p.size
-        self._bank.age[:] = 0
-        self._stiffness = stiffness.copy()
+    def _keep_directions(self, problem: Problem) -> bool:
+        """Directions are worth keeping as long as the stiffness is the same; return whether it is."""
+        stiffness = problem.stiffness
+        if stiffness is self._stiffness:
+            return self._settled
+        same = self._stiffness is not None and np.array_equal(stiffness, self._stiffness)
+        self._stiffness = stiffness
+        if same:
+            return self._settled
+        self._bank.age[:], self._past_set = 0, -1
+        self._softest, n = problem.softest, self._at.p.size
         self._per_point = stiffness / n
         self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
+        return False
 
     def _system(self, problem: Problem) -> System:
         """The problem in pressures."""
         release(
-            self._transforms.plans,
-            self._compliance,
-            problem.intercept,
-            problem.obstacle,
-            self._free,
-            self._work.spectrum,
-            self._gap0,
-        )
+            self._transforms.plans, self._compliance, problem.intercept, problem.obstacle,
+            self._free, self._work, self._at.gap, self._gap0,
+        )  # fmt: skip
         load = problem.mean_pressure is not None
-        return System(self._compliance, self._per_point, self._gap0, problem.obstacle, problem.softest, load)
+        return System(self._compliance, self._per_point, self._gap0, problem.obstacle, self._softest, load)
 
-    def _begin(self, system: System, problem: Problem, start: FloatArray) -> None:
+    def _begin(self, system: System, problem: Problem, start: FloatArray, same: bool) -> bool:
+        """Take the guess or, where as good, the last pressure; return whether its gap is known."""
+        mean = problem.applied_pressure
         if system.load:
             start = np.fmax(start, 0.0)
             if not start.any():
                 start[np.argmin(system.gap0)] = 1.0
-            start *= problem.applied_pressure / start.mean()
-        begin(self._at, self._bank, start)
+            start *= mean / start.mean()
+        exact = begin(self._at, self._contact, self._bank, start, same)
+        if exact:
+            listed, last = int(self._contact.counts[3]), float(self._at.p.mean()) if system.load else 1.0
+            again = listed == self._past_set
+            scale = last / self._past_mean if again else 1.0
+            keep_increment(
+                system, self._at, self._contact, self._bank, self._work,
+                self._past, self._past_change, again, scale,
+            )  # fmt: skip
+            self._past_set, self._past_mean = listed, last
+            if system.load:
+                rescale(system, self._at, self._work, mean / last)
+        return exact
 
 
-def _rows(count: int, length: int, kind: type) -> npt.NDArray[Any]:
-    return np.asarray(pyfftw.zeros_aligned((count, -(-length // 8) * 8), kind, n=64))
+def _rows(count: int, length: int) -> FloatArray:
+    # Not filled beforehand: pages that are never written to take no memory.
+    line, padded = 8, -(-length // 8) * 8
+    block = np.zeros(count * padded + line)
+    first = -(block.ctypes.data // block.itemsize) % line
+    return block[first : first + count * padded].reshape(count, padded)

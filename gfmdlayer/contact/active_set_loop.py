@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numba as nb
+import numpy as np
 
-from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
+from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work, dot, let_go, list_near, list_runs, mean
 from gfmdlayer.contact.deflation import deflate, direct, free_slot, step
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, scales
-from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
+from gfmdlayer.contact.dual import Iterate, System
+from gfmdlayer.contact.problem import FASTMATH, LANES, scales
+from gfmdlayer.contact.transforms import Plans, backward, forward
 
 # Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
-_NEAR = 30.0  # multiple of the tolerance below which the gaps outside the contact are looked at
-_BLOCK = 2048  # points that stay in the first cache while the directions are added up
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 
@@ -22,171 +21,99 @@ def iterate(
     plans: Plans,
     system: System,
     at: Iterate,
+    contact: ContactSet,
     bank: Bank,
     work: Work,
     shift: float,
     tolerance: float,
     rounds: int,
     limit: int,
+    exact: bool,
 ) -> tuple[bool, int, int]:
     """Find the contact set and its pressure; return whether they were found, the transforms, the iterations.
 
     The gap in the contact is brought to ``shift``. Ends without success after ``rounds`` changes of the set
-    or ``limit`` iterations.
+    or ``limit`` iterations. Gap and pressure are an exact pair on return, and so they are at the beginning if
+    that is said to be ``exact``.
     """
-    transforms = 2
-    _evaluate(plans, system, at, bank, work)
-    restart, last, slot = True, 1.0, 0
+    transforms = 0
+    if not exact:
+        evaluate(plans, system, at, work)
+        transforms += 2
+    restart, exact, last, slot, iteration = True, True, 0.0, 0, 0
+    list_near(contact)
     for iteration in range(limit):
-        if restart:
-            deflate(system, at, bank, work, shift)
-        opened, tension = _judge(system, at, work, shift)
-        overlap = 0.0
-        if opened <= _NEAR * tolerance or (restart and _lowest_outside(at) < shift):
-            overlap = spread(system, at, bank, work, shift)
-        if max(opened, overlap, tension) <= tolerance:
+        opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
+        if restart and deflate(system, at, contact, bank, work, shift):
+            exact = False
+            opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
+        if max(opened, tension, overlap) <= tolerance and not exact:
+            evaluate(plans, system, at, work)
+            transforms, exact, last = transforms + 2, True, 0.0
+            opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
+        if max(opened, tension, overlap) <= tolerance:
             return True, transforms, iteration
         # What overlaps joins at once; what pulls leaves when the pressure is known well enough.
         takes = overlap > max(opened, tolerance)
         leaves = tension > 0.0 and opened <= max(_WELL_UNDER * tension, tolerance)
-        if takes or leaves:
+        restart = takes or leaves
+        if restart:
             if rounds == 0:
-                return False, transforms, iteration
+                break
             rounds -= 1
-            spread(system, at, bank, work, shift)
-            if _update(system, at, bank, shift):
-                transforms += 2
-                _evaluate(plans, system, at, bank, work)
-            else:
-                begin_set(at, bank, work)
-            restart = True
+            changed = _update(system, at, contact, bank, shift, exact)
+            if changed:
+                evaluate(plans, system, at, work)
+                transforms, exact = transforms + 2, True
+            if exact:
+                list_near(contact)
+            last = 0.0
             continue
-        # z = M r, the pressure that would close the gaps, were there no end to the contact.
-        _precondition(plans, system, at, work, shift)
+        # z = kappa r, the pressure that would close the gaps, were there no end to the contact.
+        _precondition(plans, system, at, contact, work, shift)
         previous, slot = slot, free_slot(bank)
-        if slot == 0:
-            # All rows are in use: add up what they have done.
-            spread(system, at, bank, work, shift)
-            begin_set(at, bank, work)
-            slot = free_slot(bank)
-        product, slope = direct(system, at, bank, work, shift, slot, previous, 0.0 if restart else 1.0 / last)
+        product, slope = direct(
+            system, at, contact, bank, work, shift, slot, previous, 1.0 / last if last > 0.0 else 0.0
+        )
         _apply(plans, system, bank, work, slot)
         transforms += 4
-        curvature = 0.0
-        for m in range(at.size[0]):
-            i = at.points[m]
-            curvature += bank.direction[slot, i] * bank.change[slot, i]
+        curvature = dot(contact, bank.direction[slot], bank.change[slot])
         if not (curvature > 0.0 and slope > 0.0):
-            spread(system, at, bank, work, shift)
-            return False, transforms, iteration
+            break
         bank.age[slot] = bank.age.max() + 1
-        step(at, bank, slot, slope / curvature)
-        restart, last = False, product
-    spread(system, at, bank, work, shift)
-    return False, transforms, limit
+        step(at, contact, bank, slot, slope / curvature)
+        exact, last = False, product
+    if not exact:
+        evaluate(plans, system, at, work)
+        transforms += 2
+        _judge(system, at, contact, work, shift, True)
+    return False, transforms, iteration
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _evaluate(plans: Plans, system: System, at: Iterate, bank: Bank, work: Work) -> None:
-    """Gap of the pressures, from which the contact set is begun."""
+def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
+    """Gap of the pressure, at every point, and the level from which depths count."""
     forward(plans, at.p, at.spectrum)
     for k in range(work.spectrum.size):
         work.spectrum[k] = system.compliance[k] * at.spectrum[k]
-    backward(plans, work.spectrum, at.base)
+    backward(plans, work.spectrum, at.gap)
     for i in range(at.gap.size):
-        at.base[i] += system.gap0[i]
-    for m in range(at.size[0]):
-        at.gap[at.points[m]] = at.base[at.points[m]]
-    bank.length[:] = 0.0
-    work.offset[0] = 0.0
+        at.gap[i] += system.gap0[i]
+    work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
+    work.level[2] = 0.0
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def begin_set(at: Iterate, bank: Bank, work: Work) -> None:
-    """Count the steps along the directions from here."""
-    if bank.length[0] != 0.0:
-        for k in range(at.spectrum.size):
-            at.spectrum[k] *= 1.0 + bank.length[0]
-    for j in range(1, bank.length.size):
-        if bank.length[j] != 0.0:
-            for k in range(at.spectrum.size):
-                at.spectrum[k] += bank.length[j] * bank.spectrum[j, k]
-    for i in range(at.gap.size):
-        at.base[i] = at.gap[i]
-    bank.length[:] = 0.0
-    work.offset[0] = 0.0
-
-
-@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
-def _lowest_outside(at: Iterate) -> float:
-    """Lowest gap outside the contact with which the contact set was begun."""
-    lowest = _FAR
-    for i in range(at.base.size):
-        outside = at.base[i] + _FAR * at.contact[i]
-        lowest = outside if outside < lowest else lowest
-    return lowest
-
-
-@nb.njit(nogil=True, cache=True)
-def begin(at: Iterate, bank: Bank, guess: FloatArray) -> None:
-    """Take a guess of the pressure over, and the contact set that it shows."""
-    for i in range(guess.size):
-        touches = guess[i] > 0.0
-        if at.contact[i] > 0.0 and not touches:
-            let_go(at, bank, i)
-        at.p[i] = guess[i] if touches else 0.0
-        at.contact[i] = 1.0 if touches else 0.0
-    list_points(at)
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def release(
-    plans: Plans,
-    compliance: FloatArray,
-    b: ComplexArray,
-    h: FloatArray,
-    free: ComplexArray,
-    work: ComplexArray,
-    gap0: FloatArray,
+def _precondition(
+    plans: Plans, system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> None:
-    """The surface without pressure: its transform per point, and its gap."""
-    for k in range(free.size):
-        free[k] = compliance[k] * b[k]
-        work[k] = free[k]
-    backward(plans, work, gap0)
-    for i in range(gap0.size):
-        gap0[i] = h[i] - gap0[i]
-
-
-@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
-def spread(system: System, at: Iterate, bank: Bank, work: Work, shift: float) -> float:
-    """Bring the gaps outside the contact up to date, and their scale; return the overlap there."""
-    n = at.gap.size
-    for first in range(0, n, _BLOCK):
-        end = min(first + _BLOCK, n)
-        for i in range(first, end):
-            at.gap[i] = at.base[i] + work.offset[0] + bank.length[0] * (at.base[i] - system.gap0[i])
-        for j in range(1, bank.length.size):
-            length = bank.length[j]
-            if length != 0.0:
-                for i in range(first, end):
-                    at.gap[i] += length * bank.change[j, i]
-    overlap, deepest, total = 0.0, -_FAR, 0.0
-    for i in range(n):
-        outside = at.gap[i] - shift + _FAR * at.contact[i]
-        overlap = outside if outside < overlap else overlap
-        below = at.gap[i] - system.h[i]
-        deepest = below if below > deepest else deepest
-        total += below
-    work.scales[1] = max(deepest - min(total / n, 0.0), 1e-300)
-    return float(-overlap / work.scales[1])
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _precondition(plans: Plans, system: System, at: Iterate, work: Work, shift: float) -> None:
     """Work.z = kappa r, everywhere."""
-    for i in range(work.z.size):
-        work.z[i] = (shift - at.gap[i]) * at.contact[i]
+    work.z[:] = 0.0
+    for k in range(contact.counts[0]):
+        z = work.z[contact.runs[k, 0] : contact.runs[k, 1]]
+        gap = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(z.size):
+            z[i] = shift - gap[i]
     forward(plans, work.z, work.spectrum)
     for k in range(work.spectrum.size):
         work.spectrum[k] *= system.stiffness[k]
@@ -196,78 +123,87 @@ def _precondition(plans: Plans, system: System, at: Iterate, work: Work, shift: 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _apply(plans: Plans, system: System, bank: Bank, work: Work, slot: int) -> None:
     """What the direction does to the gaps."""
-    forward(plans, bank.direction[slot], bank.spectrum[slot])
+    forward(plans, bank.direction[slot], work.spectrum)
     for k in range(work.spectrum.size):
-        work.spectrum[k] = system.compliance[k] * bank.spectrum[slot, k]
+        work.spectrum[k] *= system.compliance[k]
     backward(plans, work.spectrum, bank.change[slot])
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _judge(system: System, at: Iterate, work: Work, shift: float) -> tuple[float, float]:
-    """Span of the gaps in the contact and the tension there, in the scales of the residual.
+def _judge(
+    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, everywhere: bool
+) -> tuple[float, float, float]:
+    """Span of the gaps in the contact, tension there, and overlap near it or everywhere, each scaled.
 
     Under a given load the depth is set first, so that the gap in the contact is right in the mean.
     """
-    gap, p = at.gap, at.p
-    if system.load and at.size[0] > 0:
-        mean = 0.0
-        for m in range(at.size[0]):
-            mean += gap[at.points[m]]
-        mean = mean / at.size[0] - shift
-        for m in range(at.size[0]):
-            gap[at.points[m]] -= mean
-        work.offset[0] -= mean
+    if system.load and contact.counts[2] > 0:
+        excess = mean(contact, at.gap) - shift
+        work.level[0] -= excess
+        work.level[2] += excess
+        if everywhere:
+            for i in range(at.gap.size):
+                at.gap[i] -= excess
+        else:
+            for k in range(contact.counts[1]):
+                for i in range(contact.near[k, 0], contact.near[k, 1]):
+                    at.gap[i] -= excess
     highest, deepest, lowest, largest = 0.0, 0.0, 0.0, 0.0
-    for m in range(at.size[0]):
-        i = at.points[m]
-        highest = max(highest, gap[i] - shift)
-        deepest = min(deepest, gap[i] - shift)
-        lowest = min(lowest, p[i])
-        largest = max(largest, p[i])
-        if gap[i] - system.h[i] > work.scales[1]:
-            work.scales[1] = gap[i] - system.h[i]
-    work.scales[0], depth = scales(largest, work.scales[1], system.softest)
-    return (highest - deepest) / depth, -lowest / work.scales[0]
+    for k in range(contact.counts[0]):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            highest = max(highest, at.gap[i] - shift)
+            deepest = min(deepest, at.gap[i] - shift)
+            lowest = min(lowest, at.p[i])
+            largest = max(largest, at.p[i])
+    overlap, below = 0.0, work.scales[1] + min(work.level[0], 0.0)
+    if everywhere:
+        overlap, below = _outside(system, at, contact, shift)
+    else:
+        for k in range(contact.counts[1]):
+            for i in range(contact.near[k, 0], contact.near[k, 1]):
+                overlap = min(overlap, at.gap[i] - shift + _FAR * contact.member[i])
+                below = max(below, at.gap[i] - system.h[i])
+    work.scales[0], work.scales[1] = scales(largest, below - min(work.level[0], 0.0), system.softest)
+    return (highest - deepest) / work.scales[1], -lowest / work.scales[0], -overlap / work.scales[1]
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> tuple[float, float]:
+    """Overlap outside the contact, as a gap, and deepest point."""
+    overlap, below = np.zeros(LANES), np.full(LANES, -_FAR)
+    for first in range(0, at.gap.size, LANES):
+        gap, h = at.gap[first : first + LANES], system.h[first : first + LANES]
+        member = contact.member[first : first + LANES]
+        for i in range(gap.size):
+            outside = gap[i] - shift + _FAR * member[i]
+            overlap[i] = outside if outside < overlap[i] else overlap[i]
+            depth = gap[i] - h[i]
+            below[i] = depth if depth > below[i] else below[i]
+    return overlap.min(), below.max()
 
 
 @nb.njit(nogil=True, cache=True)
-def _update(system: System, at: Iterate, bank: Bank, shift: float) -> bool:
+def _update(
+    system: System, at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool
+) -> bool:
     """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed.
 
     A given load is carried by the points that stay.
     """
-    changed, load = False, at.p.sum()
-    for i in range(at.p.size):
-        if at.contact[i] > 0.0:
+    changed, load = False, at.p.sum() if system.load else 0.0
+    for k in range(1 if everywhere else contact.counts[1]):
+        first, end = (0, at.p.size) if everywhere else (contact.near[k, 0], contact.near[k, 1])
+        for i in range(first, end):
+            if contact.member[i] == 0.0 and at.gap[i] < shift:
+                contact.member[i] = 1.0
+    for k in range(contact.counts[0]):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
             if at.p[i] < 0.0:
-                let_go(at, bank, i)
+                let_go(contact, bank, at.p, i)
                 changed = True
-        elif at.gap[i] < shift:
-            at.contact[i] = 1.0
     if changed and system.load:
         share = load / at.p.sum()
         for i in range(at.p.size):
             at.p[i] *= share
-    list_points(at)
+    list_runs(contact)
     return changed
-
-
-@nb.njit(nogil=True, cache=True)
-def let_go(at: Iterate, bank: Bank, i: int) -> None:
-    """Take a point out of the contact, and with it the directions that move it."""
-    at.contact[i] = 0.0
-    at.p[i] = 0.0
-    for j in range(1, bank.age.size):
-        if bank.direction[j, i] != 0.0:
-            bank.age[j] = 0
-
-
-@nb.njit(nogil=True, cache=True)
-def list_points(at: Iterate) -> None:
-    """Write down the points of the contact set."""
-    count = 0
-    for i in range(at.contact.size):
-        if at.contact[i] > 0.0:
-            at.points[count] = i
-            count += 1
-    at.size[0] = count

@@ -1,55 +1,46 @@
-"""What the active-set solver works on: the problem in pressures, the iterate, the directions it keeps."""
+"""What the active-set solver works on: the contact set, and the directions that it keeps."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.contact.transforms import ComplexArray
 
 IndexArray = npt.NDArray[np.int64]
 
-
-class System(NamedTuple):
-    """The problem in pressures, in units of one grid point: gap = gap0 + A p."""
-
-    compliance: FloatArray  # A: 1/kappa, and 0 at q = 0 where the mean of u is fixed or the load is given
-    stiffness: FloatArray  # kappa, the preconditioner
-    gap0: FloatArray  # gap without pressure
-    h: FloatArray
-    softest: float  # kappa_1
-    load: bool  # whether the mean of p is given, and the gap known up to a shift only
+_BLOCK = 64  # points that are passed over at once where nothing is in contact
 
 
-class Iterate(NamedTuple):
-    """Pressure, gap and contact set."""
+class ContactSet(NamedTuple):
+    """The points in contact, as stretches of them: what is done with them is then done to contiguous memory.
 
-    p: FloatArray
-    gap: FloatArray  # kept up in the contact, elsewhere as of the last `spread`
-    base: FloatArray  # gap of the pressure with which the present contact set was begun
-    spectrum: ComplexArray  # transform of that pressure
-    contact: FloatArray  # 1 in the contact set C, 0 elsewhere
-    points: IndexArray  # the points of C; the first ``size[0]`` entries count
-    size: IndexArray
+    On a surface in two directions stretches lie along the last axis.
+    """
+
+    member: FloatArray  # 1 in the contact set C, 0 elsewhere
+    runs: IndexArray  # first point of each stretch, and the point after its last
+    near: IndexArray  # likewise for the points in C or close to it
+    counts: IndexArray  # of runs, near, points in C; how often the set was listed; how many points are close
 
 
 class Bank(NamedTuple):
     """Directions and what they do; the rows but the first are kept from one step to the next.
 
-    Row 0 is the pressure with which the contact set was begun. What it does is known, base - gap0, and so is
-    its transform: of this row only the entries in the contact are written. Rows are longer than the fields,
-    so that each begins where FFTW wants it.
+    Row 0 is the pressure with which the present contact set was begun; of this row only the entries in the
+    contact are written, and near it those of what it does. Rows are longer than the fields, so that each
+    begins where FFTW wants it.
     """
 
-    direction: FloatArray
+    direction: FloatArray  # 0 outside C
     change: FloatArray  # A direction
-    spectrum: ComplexArray  # transform of the direction
     age: IndexArray  # order in which they came, 0 for none
     deflating: npt.NDArray[np.bool_]  # whether the solve is kept conjugate to it
-    length: FloatArray  # how far the pressure has gone along it since the present contact set was begun
     gram: FloatArray  # direction_i A direction_j, factored
 
 
@@ -60,4 +51,87 @@ class Work(NamedTuple):
     spectrum: ComplexArray
     coefficients: FloatArray
     scales: FloatArray  # of pressure and gap in the residual
-    offset: FloatArray  # shift of the gaps under a given load; one entry
+    level: FloatArray  # mean of -u; mean of u without pressure; depth given way to: gap = gap0 + A p - depth
+
+
+@nb.njit(nogil=True, cache=True)
+def list_runs(contact: ContactSet) -> None:
+    """Write down the stretches of the contact set."""
+    member, runs = contact.member, contact.runs
+    count, points, inside = 0, 0, False
+    for first in range(0, member.size, _BLOCK):
+        block = member[first : first + _BLOCK]
+        total = block.sum()
+        points += int(total)
+        if total == (block.size if inside else 0.0):
+            continue
+        for i in range(block.size):
+            if (block[i] > 0.0) != inside:
+                if inside:
+                    runs[count, 1] = first + i
+                    count += 1
+                else:
+                    runs[count, 0] = first + i
+                inside = not inside
+    if inside:
+        runs[count, 1] = member.size
+        count += 1
+    contact.counts[0], contact.counts[2] = count, points
+    contact.counts[3] += 1
+
+
+@nb.njit(nogil=True, cache=True)
+def list_near(contact: ContactSet) -> None:
+    """Write down the stretches within reach of the contact set; the gap must be known at all of them."""
+    runs, near, count, reach = contact.runs, contact.near, 0, contact.counts[4]
+    for k in range(contact.counts[0]):
+        first = max(runs[k, 0] - reach, 0)
+        end = min(runs[k, 1] + reach, contact.member.size)
+        if count > 0 and first <= near[count - 1, 1]:
+            near[count - 1, 1] = end
+        else:
+            near[count, 0], near[count, 1] = first, end
+            count += 1
+    contact.counts[1] = count
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def dot(contact: ContactSet, x: FloatArray, y: FloatArray) -> float:
+    """Sum of x y over the contact."""
+    total = 0.0
+    for k in range(contact.counts[0]):
+        xs = x[contact.runs[k, 0] : contact.runs[k, 1]]
+        ys = y[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(xs.size):
+            total += xs[i] * ys[i]
+    return total
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def mean(contact: ContactSet, x: FloatArray) -> float:
+    """Mean of x over the contact."""
+    total = 0.0
+    for k in range(contact.counts[0]):
+        xs = x[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(xs.size):
+            total += xs[i]
+    return float(total / contact.counts[2])
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def add(runs: IndexArray, count: int, factor: float, x: FloatArray, y: FloatArray) -> None:
+    """Add a multiple of x to y, over the contact or near it."""
+    for k in range(count):
+        xs, ys = x[runs[k, 0] : runs[k, 1]], y[runs[k, 0] : runs[k, 1]]
+        for i in range(xs.size):
+            ys[i] += factor * xs[i]
+
+
+@nb.njit(nogil=True, cache=True)
+def let_go(contact: ContactSet, bank: Bank, p: FloatArray, i: int) -> None:
+    """Take a point out of the contact, and with it the directions that move it."""
+    contact.member[i] = 0.0
+    p[i] = 0.0
+    for j in range(1, bank.age.size):
+        if bank.direction[j, i] != 0.0:
+            bank.age[j] = 0

@@ -20,8 +20,17 @@ from typing import ClassVar, Literal, NamedTuple
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_state import Iterate, System
-from gfmdlayer.contact.dual import accept, admit, deepest, in_pressures, known, met, set_pressure
+from gfmdlayer.contact.dual import (
+    Iterate,
+    System,
+    accept,
+    admit,
+    deepest,
+    in_pressures,
+    known,
+    met,
+    set_pressure,
+)
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, Problem, Solution
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
@@ -58,8 +67,7 @@ class ConjugateGradient:
         self._tolerance = tolerance
         self._max_iterations = max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        none, no_points = np.zeros(0), np.zeros(0, dtype=np.int64)
-        self._at = Iterate(field(), field(), none, spectrum(), none, no_points, no_points)
+        self._at = Iterate(field(), field(), spectrum())
         self._search = Search(field(), field(), spectrum())
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
@@ -80,7 +88,7 @@ class ConjugateGradient:
             left = self._max_iterations - iterations
             more, done = iterate(self._transforms.plans, system, at, self._search, aim, within, left)
             transforms, iterations = transforms + more, iterations + done
-            solution = accept(problem, system, free, at, tolerance, transforms, iterations)
+            solution = accept(problem, system, free, at, tolerance, (transforms + 1) // 2, iterations)
             if solution.converged:
                 return solution
         return admit(problem, system, at, self._transforms, solution)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import numba as nb
 
-from gfmdlayer.contact.active_set_state import Bank, Iterate, System, Work
+from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work, add, dot, mean
+from gfmdlayer.contact.dual import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 
 _INDEPENDENT = 1e-8  # part of a direction, in energy, that those before it do not hold already
+_STRETCH = 30  # points that cost as much as going from one stretch of the contact to the next
+_PASSES = 4.0  # over the whole surface, that all directions together may cost
 
 
 @nb.njit(nogil=True, cache=True)
@@ -21,67 +24,73 @@ def free_slot(bank: Bank) -> int:
     """The row of the oldest direction that the solve does not need."""
     best = 0
     for j in range(1, bank.age.size):
-        if not bank.deflating[j] and bank.length[j] == 0.0 and (best == 0 or bank.age[j] < bank.age[best]):
+        if not bank.deflating[j] and (best == 0 or bank.age[j] < bank.age[best]):
             best = j
     return best
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def deflate(system: System, at: Iterate, bank: Bank, work: Work, shift: float) -> None:
-    """Minimise over the span of the pressure and the newest directions, which needs no transform."""
-    rows = bank.age.size
+@nb.njit(nogil=True, cache=True)
+def deflate(system: System, at: Iterate, contact: ContactSet, bank: Bank, work: Work, shift: float) -> bool:
+    """Minimise over the span of the pressure and the newest directions; return whether there were any.
+
+    This needs no transform.
+    """
+    rows, points = bank.age.size, contact.counts[2]
     bank.deflating[:] = False
+    if points == 0:
+        return False
     # Under a given load the pressure cannot be scaled.
-    if not system.load and at.size[0] > 0:
-        for m in range(at.size[0]):
-            i = at.points[m]
-            bank.direction[0, i] = at.p[i]
-            bank.change[0, i] = at.base[i] - system.gap0[i]
+    if not system.load:
+        _hold_pressure(system, at, contact, bank)
         bank.deflating[0] = True
-    for _ in range((rows - 1) // 2):
+    worth = int(_PASSES * at.p.size / (points + _STRETCH * contact.counts[0]))
+    for _ in range(min((rows - 1) // 2, worth)):
         newest = 0
         for j in range(1, rows):
             if not bank.deflating[j] and bank.age[j] > 0 and (newest == 0 or bank.age[j] > bank.age[newest]):
                 newest = j
         if newest > 0:
             bank.deflating[newest] = True
-    _factor(at, bank)
+    _factor(contact, bank)
+    _residual(at, contact, work.z, shift)
     c = work.coefficients
     for j in range(rows):
-        c[j] = 0.0
-        if bank.deflating[j]:
-            for m in range(at.size[0]):
-                i = at.points[m]
-                c[j] += bank.direction[j, i] * (shift - at.gap[i])
+        c[j] = dot(contact, bank.direction[j], work.z) if bank.deflating[j] else 0.0
     _solve_factored(bank, c)
     for j in range(rows):
         if bank.deflating[j]:
-            step(at, bank, j, c[j])
+            step(at, contact, bank, j, c[j])
+    return bool(bank.deflating.any())
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def step(at: Iterate, bank: Bank, j: int, length: float) -> None:
-    """Go along a direction, in the contact."""
-    bank.length[j] += length
-    for m in range(at.size[0]):
-        i = at.points[m]
-        at.p[i] += length * bank.direction[j, i]
-        at.gap[i] += length * bank.change[j, i]
+def _hold_pressure(system: System, at: Iterate, contact: ContactSet, bank: Bank) -> None:
+    """Take the pressure as row 0."""
+    direction, change = bank.direction[0], bank.change[0]
+    for k in range(contact.counts[0]):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            direction[i] = at.p[i]
+    for k in range(contact.counts[1]):
+        for i in range(contact.near[k, 0], contact.near[k, 1]):
+            change[i] = at.gap[i] - system.gap0[i]
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _factor(at: Iterate, bank: Bank) -> None:
+@nb.njit(nogil=True, cache=True)
+def step(at: Iterate, contact: ContactSet, bank: Bank, j: int, length: float) -> None:
+    """Go along a direction; the gap follows in the contact and near it."""
+    add(contact.runs, contact.counts[0], length, bank.direction[j], at.p)
+    add(contact.near, contact.counts[1], length, bank.change[j], at.gap)
+
+
+@nb.njit(nogil=True, cache=True)
+def _factor(contact: ContactSet, bank: Bank) -> None:
     """Factor the Gram matrix of the deflation as L D L^T, leaving out what depends on what came before."""
     gram, used = bank.gram, bank.deflating
     for j in range(used.size):
         if not used[j]:
             continue
         for i in range(j + 1):
-            gram[j, i] = 0.0
-            if used[i]:
-                for m in range(at.size[0]):
-                    n = at.points[m]
-                    gram[j, i] += bank.direction[j, n] * bank.change[i, n]
+            gram[j, i] = dot(contact, bank.direction[j], bank.change[i]) if used[i] else 0.0
         alone = gram[j, j]
         for i in range(j):
             if used[i]:
@@ -113,9 +122,20 @@ def _solve_factored(bank: Bank, c: FloatArray) -> None:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _residual(at: Iterate, contact: ContactSet, z: FloatArray, shift: float) -> None:
+    """Write how far the gaps in the contact are from the one that is aimed at."""
+    for k in range(contact.counts[0]):
+        zs = z[contact.runs[k, 0] : contact.runs[k, 1]]
+        gaps = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(zs.size):
+            zs[i] = shift - gaps[i]
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def direct(
     system: System,
     at: Iterate,
+    contact: ContactSet,
     bank: Bank,
     work: Work,
     shift: float,
@@ -127,36 +147,41 @@ def direct(
 
     Under a given load directions have no mean.
     """
-    z, c = work.z, work.coefficients
-    mean = 0.0
+    z, c, d = work.z, work.coefficients, bank.direction[slot]
+    runs, count = contact.runs, contact.counts[0]
     if system.load:
-        for m in range(at.size[0]):
-            mean += z[at.points[m]]
-        mean /= at.size[0]
-    product = 0.0
-    for m in range(at.size[0]):
-        i = at.points[m]
-        z[i] -= mean
-        product += (shift - at.gap[i]) * z[i]
+        excess = mean(contact, z)
+        for k in range(count):
+            for i in range(runs[k, 0], runs[k, 1]):
+                z[i] -= excess
     for j in range(c.size):
-        c[j] = 0.0
-        if bank.deflating[j]:
-            for m in range(at.size[0]):
-                i = at.points[m]
-                c[j] += bank.change[j, i] * z[i]
+        c[j] = dot(contact, bank.change[j], z) if bank.deflating[j] else 0.0
     _solve_factored(bank, c)
+    product = _against_residual(at, contact, z, shift)
     memory *= product
-    if slot != previous or memory == 0.0:
-        bank.direction[slot, :] = 0.0
-    for m in range(at.size[0]):
-        i = at.points[m]
-        d = z[i] + (memory * bank.direction[previous, i] if memory > 0.0 else 0.0)
-        for j in range(c.size):
-            if bank.deflating[j]:
-                d -= c[j] * bank.direction[j, i]
-        bank.direction[slot, i] = d
-    slope = 0.0
-    for m in range(at.size[0]):
-        i = at.points[m]
-        slope += (shift - at.gap[i]) * bank.direction[slot, i]
-    return product, slope
+    if bank.age[slot] == 0:
+        d[:] = 0.0  # it moves points that have left the contact
+    if memory > 0.0:
+        before = bank.direction[previous]
+        for k in range(count):
+            for i in range(runs[k, 0], runs[k, 1]):
+                d[i] = z[i] + memory * before[i]
+    else:
+        for k in range(count):
+            for i in range(runs[k, 0], runs[k, 1]):
+                d[i] = z[i]
+    for j in range(c.size):
+        if bank.deflating[j]:
+            add(runs, count, -c[j], bank.direction[j], d)
+    return product, _against_residual(at, contact, d, shift)
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _against_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: float) -> float:
+    total = 0.0
+    for k in range(contact.counts[0]):
+        xs = x[contact.runs[k, 0] : contact.runs[k, 1]]
+        gaps = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(xs.size):
+            total += (shift - gaps[i]) * xs[i]
+    return total

@@ -12,8 +12,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_state import Iterate, System
-from gfmdlayer.contact.dual import met
+from gfmdlayer.contact.dual import Iterate, System, met
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward

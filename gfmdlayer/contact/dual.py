@@ -7,18 +7,38 @@ and gap = gap0 + A p; see `active_set`.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_state import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Problem, Solution, extent, judged, scales, violation
+from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution, extent, judged, scales, violation
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
-_ROUNDING = 1e-12  # part of the depth
+_ROUNDING = 1e-12  # part of the height of the punch
+_CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
 _LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
+
+
+class System(NamedTuple):
+    """The problem in pressures, in units of one grid point: gap = gap0 + A p."""
+
+    compliance: FloatArray  # A: 1/kappa, and 0 at q = 0 where the mean of u is fixed or the load is given
+    stiffness: FloatArray  # kappa
+    gap0: FloatArray  # gap without pressure
+    h: FloatArray
+    softest: float  # kappa_1
+    load: bool  # whether the mean of p is given, and the gap known up to a shift only
+
+
+class Iterate(NamedTuple):
+    """A pressure and its gap."""
+
+    p: FloatArray
+    gap: FloatArray
+    spectrum: ComplexArray  # transform of the pressure
 
 
 def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, ComplexArray]:
@@ -47,7 +67,7 @@ def accept(
     free: ComplexArray,
     at: Iterate,
     tolerance: float,
-    transforms: int,
+    pairs: int,
     iterations: int,
 ) -> Solution:
     """Raise the pressure until nothing overlaps, and judge the state that this gives."""
@@ -57,15 +77,15 @@ def accept(
     spectrum = _displaced(system, at, free, lift)
     if system.load:
         spectrum[0] = displacement.sum()
-    _, depth = extent(pressure, displacement)
+    clear = overlap == 0.0 or overlap <= _CLAMPED * extent(pressure, displacement)[1]
     return judged(
         problem,
         displacement,
         pressure,
         spectrum,
-        transforms=(transforms + 1) // 2,
+        transforms=pairs,
         iterations=iterations,
-        within=tolerance if overlap <= _ROUNDING * depth else -1.0,
+        within=tolerance if clear else -1.0,
     )
 
 
@@ -80,11 +100,21 @@ def known(problem: Problem, transforms: Transforms) -> Solution | None:
     h = problem.obstacle
     if problem.mean_pressure == 0.0:
         return _resting(problem, transforms)
-    if not problem.mean_is_fixed or not h.mean() <= _ROUNDING * np.abs(h).max():
+    if not problem.mean_is_fixed or has_room(h):
         return None
     project(h.copy(), h, mean_is_fixed=True)
     # u = h is all that is admissible; its pressure is that at which contact becomes full.
     return _state(problem, transforms, h.copy(), None, 1, 0, converged=True)
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def has_room(h: FloatArray) -> bool:
+    """Whether the punch displaces less than the cell holds: the mean of h is positive, beyond rounding."""
+    total, size = 0.0, 0.0
+    for i in range(h.size):
+        total += h[i]
+        size += abs(h[i])
+    return not total <= _ROUNDING * size  # NaN is for the solver to find
 
 
 def _resting(problem: Problem, transforms: Transforms) -> Solution:
@@ -150,24 +180,36 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
     """
     n = at.gap.size
     lift, lowest = 0.0, 0.0
-    for i in range(n):
-        if at.gap[i] < 0.0:
-            lowest = min(lowest, at.gap[i])
-            effect = at.gap[i] - system.gap0[i]
-            if effect > 0.0:
-                lift = max(lift, -at.gap[i] / effect)
+    for first in range(0, n, LANES):
+        gap, gap0, below = at.gap[first : first + LANES], system.gap0[first : first + LANES], 0.0
+        for i in range(gap.size):
+            below += 1.0 if gap[i] < 0.0 else 0.0
+        if below > 0.0:
+            for i in range(gap.size):
+                lowest = min(lowest, gap[i])
+                effect = gap[i] - gap0[i]
+                if gap[i] < 0.0 and effect > 0.0:
+                    lift = max(lift, -gap[i] / effect)
     shift = 0.0
     if system.load:
         lift, shift = 0.0, -lowest
     elif lift > _LARGEST_LIFT:
         lift = 0.0
-    left = 0.0
+    left = np.zeros(LANES)
+    for first in range(0, n, LANES):
+        gap, gap0, h = (
+            at.gap[first : first + LANES],
+            system.gap0[first : first + LANES],
+            system.h[first : first + LANES],
+        )
+        us = u[first : first + LANES]
+        for i in range(gap.size):
+            opening = gap[i] + shift + lift * (gap[i] - gap0[i])
+            left[i] = opening if opening < left[i] else left[i]
+            us[i] = h[i] - (0.0 if opening < 0.0 else opening)  # NaN stays
     for i in range(n):
-        gap = at.gap[i] + shift + lift * (at.gap[i] - system.gap0[i])
-        left = max(left, -gap)
-        u[i] = system.h[i] - (0.0 if gap < 0.0 else gap)  # NaN stays
         pressure[i] = (1.0 + lift) * at.p[i]
-    return lift, left
+    return lift, -left.min()
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

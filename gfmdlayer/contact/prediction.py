@@ -16,12 +16,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import FASTMATH
+
+_BLOCK = 64  # points that are passed over together where nothing is in contact
+
+
+Weights = tuple[float, float, float]
+Fields = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class DisplacementPrediction:
@@ -34,7 +41,8 @@ class DisplacementPrediction:
     """
 
     def __init__(self, size: int) -> None:
-        self._past: deque[tuple[float, FloatArray]] = deque(maxlen=3)
+        self._times: deque[float] = deque(maxlen=3)
+        self._past: deque[FloatArray] = deque(maxlen=3)
         self._nothing = np.zeros(size)
 
     def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
@@ -43,30 +51,29 @@ class DisplacementPrediction:
         At a kink of the trajectory what came before says nothing about what follows.
         """
         if kink:
+            self._times.clear()
             self._past.clear()
-        self._past.append((time, displacement))
+        self._times.append(time)
+        self._past.append(displacement)
 
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
-        weights, fields = _weighted(
-            [t for t, _ in self._past], [u for _, u in self._past], time, self._nothing
-        )
-        return _combined(weights, fields)
+        if not self._times:
+            return self._nothing.copy()
+        return _combined(_weights(self._times, time), _three(self._past))
 
 
-def _weighted(
-    times: list[float], fields: list[FloatArray], time: float, nothing: FloatArray
-) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Lagrange's weights for a time, and three fields; without weight where there are fewer."""
-    missing = 3 - len(times)
-    weights = [math.prod((time - s) / (t - s) for s in times if s != t) for t in times]
-    return np.array([0.0] * missing + weights), (nothing,) * missing + tuple(fields)
+def _weights(times: Sequence[float], time: float) -> Weights:
+    """Lagrange's weights for a time; zero where there are fewer than three points to go through."""
+    first, second, third = (0.0,) * (3 - len(times)) + tuple(
+        math.prod(((time - s) / (t - s) for s in times if s != t), start=1.0) for t in times
+    )
+    return first, second, third
 
 
-class _Past(NamedTuple):
-    time: float
-    pressure: FloatArray
-    gap: FloatArray
+def _three(past: Sequence[FloatArray]) -> Fields:
+    """Three fields; what is missing will have no weight."""
+    return past[0], past[-2] if len(past) > 1 else past[0], past[-1]
 
 
 class PressurePrediction:
@@ -79,7 +86,9 @@ class PressurePrediction:
     """
 
     def __init__(self, size: int) -> None:
-        self._past: deque[_Past] = deque(maxlen=3)
+        self._times: deque[float] = deque(maxlen=3)
+        self._pressures: deque[FloatArray] = deque(maxlen=3)
+        self._gaps: deque[FloatArray] = deque(maxlen=3)
         self._nothing = np.zeros(size)
         self._mu = 0.0
         self._moves = 0
@@ -89,85 +98,86 @@ class PressurePrediction:
 
         At a kink of the trajectory what came before says nothing about what follows.
         """
-        if self._past:
-            last = self._past[-1]
-            weights, _, gaps = self._stacked(time)
-            self._mu, moved = _learn(weights, gaps, last.pressure, pressure, self._mu)
+        if self._times:
+            weights, gaps = _weights(self._times, time), _three(self._gaps)
+            self._mu, moved = _learn(weights, gaps, self._pressures[-1], pressure, self._mu)
             self._moves = self._moves + 1 if moved else 0
         if kink:
-            self._past.clear()
-        self._past.append(_Past(time, pressure, gap))
+            for past in (self._times, self._pressures, self._gaps):
+                past.clear()
+        self._times.append(time)
+        self._pressures.append(pressure)
+        self._gaps.append(gap)
 
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
-        if not self._past:
+        if not self._times:
             return self._nothing.copy()
-        weights, pressures, gaps = self._stacked(time)
-        return _extrapolate(weights, pressures, gaps, self._mu, self._moves > 1)
-
-    def _stacked(self, time: float) -> tuple[FloatArray, tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        times = [past.time for past in self._past]
-        first = self._past[0]
-        weights, pressures = _weighted(times, [past.pressure for past in self._past], time, first.pressure)
-        _, gaps = _weighted(times, [past.gap for past in self._past], time, first.gap)
-        return weights, pressures, gaps
+        pressures, gaps = _three(self._pressures), _three(self._gaps)
+        return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1)
 
 
-@nb.njit(nogil=True, cache=True)
-def _learn(
-    w: FloatArray, gaps: tuple[FloatArray, ...], last: FloatArray, now: FloatArray, mu: float
-) -> tuple[float, bool]:
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _learn(w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float) -> tuple[float, bool]:
     """Mu from the points that came into contact, and whether the contact changed at all."""
     squares, predicted, moved = 0.0, 0.0, False
-    for i in range(now.size):
-        if (now[i] > 0.0) != (last[i] > 0.0):
-            moved = True
-            if now[i] > 0.0:
-                s = -(
-                    w[0] * _two_thirds(gaps[0][i])
-                    + w[1] * _two_thirds(gaps[1][i])
-                    + w[2] * _two_thirds(gaps[2][i])
-                )
+    for first in range(0, now.size, _BLOCK):
+        new, old, others = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0
+        for i in range(new.size):
+            others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
+        if others == 0.0:
+            continue
+        moved = True
+        for i in range(first, first + new.size):
+            if now[i] > 0.0 >= last[i]:
+                s = 0.0
+                for j in range(3):
+                    s -= w[j] * _two_thirds(gaps[j][i])
                 if s > 0.0:
                     squares += now[i] ** 2
                     predicted += s
     return (squares / predicted if predicted > 0.0 else mu), moved
 
 
-@nb.njit(nogil=True, cache=True)
-def _extrapolate(
-    w: FloatArray, p: tuple[FloatArray, ...], gaps: tuple[FloatArray, ...], mu: float, moving: bool
-) -> FloatArray:
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _extrapolate(w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool) -> FloatArray:
+    """Extrapolate point by point, where there is contact or may be; most points are far from it."""
     guess = np.empty(p[0].size)
-    for i in range(guess.size):
-        if (p[0][i] > 0.0 and p[1][i] > 0.0 and p[2][i] > 0.0) or (not moving and p[2][i] > 0.0):
-            if moving:
-                s = w[0] * p[0][i] ** 2 + w[1] * p[1][i] ** 2 + w[2] * p[2][i] ** 2
-                guess[i] = np.sqrt(s) if s > 0.0 else 0.0
-            else:
-                linear = _combine(w, p, i)
-                guess[i] = linear if linear > 0.0 else 0.0
-        elif p[2][i] <= 0.0 and 2.0 * _combine(w, gaps, i) > gaps[2][i]:
-            guess[i] = 0.0  # far from closing
+    for first in range(0, guess.size, _BLOCK):
+        end, doubtful = min(first + _BLOCK, guess.size), 0.0
+        p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
+        gap0, gap1, gap2 = gaps[0][first:end], gaps[1][first:end], gaps[2][first:end]
+        for i in range(p0.size):
+            opening = 2.0 * (w[0] * gap0[i] + w[1] * gap1[i] + w[2] * gap2[i]) - gap2[i]
+            doubtful += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
+        if doubtful == 0.0:
+            guess[first:end] = 0.0
         else:
-            s = 0.0
-            for j in range(3):
-                s += w[j] * (p[j][i] ** 2 if p[j][i] > 0.0 else -mu * _two_thirds(gaps[j][i]))
-            guess[i] = np.sqrt(s) if s > 0.0 else 0.0
+            for i in range(p0.size):
+                guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
     return guess
 
 
+@nb.njit(nogil=True)
+def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
+    """Pressure at one point, from those of three steps and the gaps."""
+    pressed = p[0] > 0.0 and p[1] > 0.0 and p[2] > 0.0
+    if p[2] > 0.0 and not moving:
+        return max(w[0] * p[0] + w[1] * p[1] + w[2] * p[2], 0.0)
+    if p[2] <= 0.0 and 2.0 * (w[0] * gap[0] + w[1] * gap[1] + w[2] * gap[2]) > gap[2]:
+        return 0.0  # far from closing
+    s = 0.0
+    for j in range(3):
+        s += w[j] * (p[j] ** 2 if pressed or p[j] > 0.0 else -mu * _two_thirds(gap[j]))
+    return np.sqrt(s) if s > 0.0 else 0.0
+
+
 @nb.njit(nogil=True, cache=True)
-def _combined(w: FloatArray, fields: tuple[FloatArray, ...]) -> FloatArray:
+def _combined(w: Weights, fields: Fields) -> FloatArray:
     field = np.empty(fields[0].size)
     for i in range(field.size):
-        field[i] = _combine(w, fields, i)
+        field[i] = w[0] * fields[0][i] + w[1] * fields[1][i] + w[2] * fields[2][i]
     return field
-
-
-@nb.njit(nogil=True)
-def _combine(w: FloatArray, fields: tuple[FloatArray, ...], i: int) -> float:
-    return float(w[0] * fields[0][i] + w[1] * fields[1][i] + w[2] * fields[2][i])
 
 
 @nb.njit(nogil=True)

@@ -26,6 +26,10 @@ from gfmdlayer.contact.transforms import ComplexArray
 # Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
 FASTMATH = {"reassoc", "contract"}
 
+# Numbers of which maxima are kept side by side: vector units compare them at once, where a single maximum
+# waits for each comparison in turn.
+LANES = 64
+
 # Pressures count against at least this part of what the softest mode carries at the depth of the surface.
 # Without it a surface that nothing touches would measure rounding errors against rounding errors: those reach
 # 1e-16 n/2 of that pressure, 1e-10 at n = 2^20, which a tolerance of 1e-6 then still tells from contact.
@@ -131,28 +135,21 @@ def scales(largest_pressure: float, deepest: float, softest: float) -> tuple[flo
     return max(largest_pressure, _NO_PRESSURE * softest * depth, 1e-300), depth
 
 
-@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
     """Largest pressure and deepest point of a state without NaN.
 
     Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
     anywhere.
     """
-    largest, lowest, total = 0.0, np.inf, 0.0
-    for i in range(u.size):
-        largest = pressure[i] if pressure[i] > largest else largest
-        lowest = u[i] if u[i] < lowest else lowest
-        total += u[i]
-    return largest, max(total / u.size, 0.0) - lowest
-
-
-@nb.njit(nogil=True, cache=True, fastmath={*FASTMATH, "nnan", "nsz"})
-def _worst(pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float) -> float:
-    worst = 0.0
-    for i in range(u.size):
-        off = violation(pressure[i], h[i] - u[i], per_pressure, per_gap)
-        worst = off if off > worst else worst
-    return worst
+    largest, lowest, total = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    for first in range(0, u.size, LANES):
+        ps, us = pressure[first : first + LANES], u[first : first + LANES]
+        for i in range(us.size):
+            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
+            lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
+            total += us[i]
+    return largest.max(), max(total / u.size, 0.0) - lowest.min()
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -169,16 +166,19 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
     largest, deepest = extent(pressure, u)
     pressure_scale, depth = scales(largest, deepest, softest)
     per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
-    touching, total, gaps = 0.0, 0.0, 0.0
-    for i in range(u.size):
-        gap = h[i] - u[i]
-        touching += 1.0 if pressure[i] * per_pressure > gap * per_gap else 0.0
-        total += pressure[i]
-        gaps += gap
+    worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
+    for first in range(0, u.size, LANES):
+        ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
+        for i in range(us.size):
+            gap = hs[i] - us[i]
+            off = violation(ps[i], gap, per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+            touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
+            total += ps[i]
+            gaps += gap
     # The maxima are blind to NaN; the sums are not.
     known = np.isfinite(total) and np.isfinite(gaps)
-    worst = _worst(pressure, u, h, per_pressure, per_gap) if known else np.nan
-    return worst, touching / u.size, total / u.size
+    return worst.max() if known else np.nan, touching / u.size, total / u.size
 
 
 def judged(
