@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from gfmdlayer.contact.grid import FloatArray, Grid
-from gfmdlayer.contact.punch import Shape, cylinder, flat, parabola, profile, sinusoid, wedge
+from gfmdlayer.contact.punch import Shape, cone, cylinder, flat, parabola, profile, sinusoid, sphere
 from gfmdlayer.tables import TableError
 
 LINE = Grid((16,), (1.0,))
 SQUARE = Grid((16, 16), (1.0, 1.0))
 ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
     "parabola": (parabola(0.25), lambda r: r**2 / 0.5),
-    "cylinder": (cylinder(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
-    "wedge": (wedge(0.3), lambda r: 0.3 * r),
+    "sphere": (sphere(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
+    "cone": (cone(0.3), lambda r: 0.3 * r),
     "flat": (flat(0.4, 0.1), lambda r: np.where(r < 0.2, 0.0, (r - 0.2) ** 2 / 0.2)),
 }
 
