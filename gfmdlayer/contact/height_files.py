@@ -106,14 +106,14 @@ def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
             if set(chosen.dims) == {"x", "y"}:
                 chosen = chosen.transpose("x", "y")
             values = chosen.to_numpy().astype(np.float64)
-            coordinates = [(str(dim), found.coords.get(dim)) for dim in chosen.dims]
+            coordinates = {str(dim): found[dim].to_numpy() for dim in chosen.dims if dim in found.coords}
     except (OSError, TypeError, ValueError, KeyError) as error:
         if isinstance(error, TableError):
             raise
         raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
-    if any(x is None for _, x in coordinates):
+    if len(coordinates) < values.ndim:
         return Heights(values)
-    return Heights(values, tuple(_length(file, dim, x.to_numpy()) for dim, x in coordinates if x is not None))
+    return Heights(values, tuple(_length(file, name, x) for name, x in coordinates.items()))
 
 
 def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
