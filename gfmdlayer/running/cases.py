@@ -13,7 +13,7 @@ from gfmdlayer.running.folder import Folder, write_whole
 from gfmdlayer.running.interrupts import Stopped
 from gfmdlayer.running.schedule import Outcome
 from gfmdlayer.running.status_file import StatusFile
-from gfmdlayer.sweep import Case
+from gfmdlayer.sweep import Case, remarks
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -83,6 +83,8 @@ def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump(), "digest": digest(config)}
     if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
         found["tau"] = config.layer.material.tau
+    if said := remarks([config]):
+        found["warnings"] = "\n".join(said)
     return found
 
 

@@ -17,7 +17,7 @@ from gfmdlayer.running.executors import Team
 from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
-from gfmdlayer.sweep import Case, cases
+from gfmdlayer.sweep import Case, cases, remarks
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,8 @@ def run_sweep(
         outcomes = {case.index: Outcome(case.index, "complete") for case in every}
         with Reporter(folder, len(every), len(every) - len(todo), report) as reporter:
             reporter.note(_opening(len(every), len(todo), team))
+            for remark in remarks(case.config for case in every):
+                reporter.note(f"warning: {remark}")
             task = partial(run_case, folder=folder, wisdom=warm_up(todo))
             for outcome in Schedule(team, task, folder, reporter.ended).run(todo):
                 outcomes[outcome.index] = outcome
