@@ -9,7 +9,8 @@ import numpy as np
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.grid import FloatArray, Grid
-from gfmdlayer.contact.punch import SHAPES
+from gfmdlayer.contact.punch import Shape, make_shape
+from gfmdlayer.contact.topography import Topography
 from gfmdlayer.tables import TableError
 from gfmdlayer.trajectory import RampHold, Table, Trajectory
 
@@ -27,8 +28,27 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     TableError
         If the heights come from a file that cannot be used.
     """
-    heights = SHAPES[config.punch.shape](**config.punch.model_dump(exclude={"shape"}))(grid)
-    return np.ravel(heights)
+    return np.ravel(_shape(config)(grid))
+
+
+def _shape(config: Config) -> Shape:
+    return make_shape(config.punch.model_dump())
+
+
+def remarks(configs: Iterable[Config]) -> list[str]:
+    """Tell what is done to the measured surfaces of the cases before they are used.
+
+    Raises
+    ------
+    TableError
+        If a file cannot be used.
+    """
+    found = dict[str, None]()
+    for config in {(config.grid, config.punch): config for config in configs}.values():
+        shape = _shape(config)
+        if isinstance(shape, Topography):
+            found |= dict.fromkeys(shape.continued(make_grid(config))[1])
+    return list(found)
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -70,7 +90,7 @@ def _objections(config: Config) -> Iterator[tuple[str, str]]:
     try:
         heights = make_punch(config, make_grid(config))
     except TableError as error:
-        yield "punch.file", str(error)
+        yield ("punch.file" if hasattr(config.punch, "file") else "punch"), str(error)
         return
     try:
         trajectory = make_trajectory(config)

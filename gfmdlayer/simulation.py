@@ -84,6 +84,7 @@ def simulate(
     recorder: Recorder,
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
+    threads: int = 1,
 ) -> None:
     """Run one case.
 
@@ -97,6 +98,8 @@ def simulate(
         Called with the simulated time after each attempt at a step; may raise to stop.
     wisdom : str, optional
         FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def simulate(
         If the file of a punch or a trajectory cannot be used.
     """
     grid = make_grid(config)
-    transforms = Transforms(grid.shape, wisdom)
+    transforms = Transforms(grid.shape, wisdom, threads=threads)
     solver = make_solver(config, transforms)
     integrator = make_integrator(config, grid)
     loading = make_loading(config, grid)
@@ -167,7 +170,7 @@ class Attempts:
         }
 
 
-def warm_up(config: Config, wisdom_folder: Path | None = None) -> str:
+def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
     """Compile the kernels that a case needs and plan its transforms; return FFTW's wisdom for `simulate`.
 
     Plans are kept in the wisdom folder, by default the user's cache: runs with the same plans agree in every
@@ -182,7 +185,7 @@ def warm_up(config: Config, wisdom_folder: Path | None = None) -> str:
     if isinstance(integrator, Corrected):
         integrator.error(solution.spectrum, moving=True)
     integrator.advance(solution.spectrum)
-    return planned(config.grid.points, wisdom_folder or user_cache())
+    return planned(config.grid.points, wisdom_folder or user_cache(), threads)
 
 
 def make_solver(config: Config, transforms: Transforms) -> Solver:

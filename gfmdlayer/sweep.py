@@ -70,6 +70,16 @@ def objections(config: Config) -> Iterable[tuple[str, str]]:
     return inputs.objections(doubtful)
 
 
+def remarks(configs: Iterable[Config]) -> list[str]:
+    """Tell what is done to measured surfaces before they are used; light where there are none."""
+    measured = [config for config in configs if config.punch.shape == "topography"]
+    if not measured:
+        return []
+    from gfmdlayer import inputs
+
+    return inputs.remarks(measured)
+
+
 def label(values: dict[str, object]) -> str:
     """Write swept values for people: ``thickness = 0.1, Ginf = 10``."""
     short = [key.rpartition(".")[2] for key in values]

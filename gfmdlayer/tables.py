@@ -73,6 +73,30 @@ def read_columns(
     return np.array(rows)
 
 
+def read_matrix(path: Path) -> npt.NDArray[np.float64]:
+    """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan.
+
+    Raises
+    ------
+    TableError
+        Naming file and line.
+    """
+    rows: list[list[float]] = []
+    for number, text, words in read_lines(path):
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            if not rows and not any(is_number(word) for word in words):
+                continue  # the names of the columns
+            raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be numbers") from None
+        if rows and len(row) != len(rows[0]):
+            raise TableError(f"{path}:{number}: holds {len(row)} numbers; must be {len(rows[0])}, as above")
+        rows.append(row)
+    if not rows:
+        raise TableError(f"{path}: holds no numbers")
+    return np.array(rows)
+
+
 def read_lines(path: Path) -> list[tuple[int, str, list[str]]]:
     """Return number, text and words of the lines of a file that hold more than a comment.
 

@@ -13,6 +13,7 @@ Sections
     run         a whole run over its bare FFT pairs
     work        error against work: integrator, solver, step length
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
+    rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
 """
 
 from __future__ import annotations
@@ -26,14 +27,21 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, pairs, peer, whole_run, work
+from benchmarks import iteration, pairs, peer, rough, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.plot_style import check_suffix
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import ResultsError
 
-SECTIONS = {"iteration": iteration, "pairs": pairs, "run": whole_run, "work": work, "peer": peer}
+SECTIONS = {
+    "iteration": iteration,
+    "pairs": pairs,
+    "run": whole_run,
+    "work": work,
+    "peer": peer,
+    "rough": rough,
+}
 QUICK = ("iteration", "pairs", "run")
 
 

@@ -89,6 +89,14 @@ def test_error_falls_with_work_by_the_order_of_the_integrator(tmp_path: Path) ->
         assert error["exponential", 0.02] < 0.1 * error["backward_euler", 0.02]
 
 
+def test_a_rough_surface_is_run_on_each_grid(tmp_path: Path) -> None:
+    found = tables(tmp_path, "--only rough --points 32 64 --steps 3 --repetitions 1")
+    assert [row["grid"] for row in found["rough-layer"]] == ["32 x 32", "64 x 64"]
+    for row in found["rough-layer"]:
+        assert row["FFT pairs a step"] >= 2
+        assert row["run / bare pairs"] > 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

@@ -263,3 +263,40 @@ def test_a_reader_that_leaves_is_no_error() -> None:
         ["bash", "-c", f"({command}) | true"], capture_output=True, text=True, check=True
     )
     assert process.stderr == "0\n"
+
+
+def test_what_is_done_to_a_measured_surface_is_told_by_check_by_the_log_and_by_the_file() -> None:
+    heights = np.cos(2 * np.pi * np.arange(32) / 32) + 0.1 * np.arange(32)
+    heights[5] = np.nan
+    np.save("measured.npy", heights)
+    punch = "punch: {shape: topography, file: measured.npy, unit: 0.1, detrend: plane"
+    Path("refused.yaml").write_text(TINY + punch + "}\n")
+    refused = gfmdlayer("check", "refused.yaml")
+    assert refused.returncode == 2
+    assert "refused.yaml:6:34: punch.file:" in refused.stderr
+    assert "1 of 32 points have no height, the first at index [5]" in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+    Path("rough.yaml").write_text(TINY + punch + ", fill: membrane, taper: 0.2}\n")
+    told, ran = gfmdlayer("check", "rough.yaml"), gfmdlayer("run", "rough.yaml", "--out", "out")
+    assert (told.returncode, ran.returncode) == (0, 0)
+    done = [
+        "1 of 32 points have no height; a membrane between their neighbours fills them in",
+        "the plane of least squares was subtracted; rms height from",
+        "heights fade out over 0.2 of the cell; rms height from",
+    ]
+    with h5py.File("out/cases/0001.h5") as file:
+        kept = str(file.attrs["warnings"])
+    for text in done:
+        assert f"warning: {Path('measured.npy').absolute()}: {text}" in told.stdout
+        assert ran.stderr.count(text) == 1
+        assert text in kept
+
+
+def test_threads_are_told_and_fewer_than_one_refused() -> None:
+    ran = gfmdlayer("run", "tiny.yaml", "--out", "out", "--threads", "2")
+    assert ran.returncode == 0
+    assert "1 process, 2 threads each" in ran.stderr
+    refused = gfmdlayer("run", "tiny.yaml", "--out", "other", "--threads", "0")
+    assert refused.returncode == 2
+    assert "--threads 0: must be 1 or more" in refused.stderr

@@ -156,6 +156,96 @@ REFUSED = {
         "2:54: punch.wavelength: got 1.5",
         "the period divided by a whole number",
     ),
+    "two radii on a line": (
+        "punch: {radius: [1, 2]}",
+        "2:17: punch.radius: got [1.0, 2.0]",
+        "must be one number, or grid.points two numbers",
+    ),
+    "three radii": (
+        "grid: {points: [64, 64]}\npunch: {radius: [1, 2, 3]}",
+        "3:17: punch.radius: got 3 values",
+        "one number, or two, one for each direction",
+    ),
+    "a radius of two that is negative": (
+        "grid: {points: [64, 64]}\npunch: {radius: [1, -2]}",
+        "3:21: punch.radius[1]: got -2",
+        "a number > 0 or .inf",
+    ),
+    "flat all over": (
+        "grid: {points: [64, 64]}\npunch: {radius: [.inf, .inf]}",
+        "3:17: punch.radius: got [.inf, .inf], which is flat all over",
+        "must not be",
+    ),
+    "pyramid on a line": (
+        "punch: {shape: pyramid}",
+        "2:16: punch.shape: got the text 'pyramid'",
+        "another shape, or grid.points two numbers",
+    ),
+    "cylinder along the line": (
+        "punch: {shape: cylinder, radius: 1, along: x}",
+        "2:44: punch.along: got 'x'",
+        "must be y, or grid.points two numbers",
+    ),
+    "sphere too small in y": (
+        "grid: {points: [64, 64], period: [1, 3]}\npunch: {shape: sphere, radius: 1}",
+        "3:32: punch.radius: got 1.0",
+        "half the period in y, 3.0",
+    ),
+    "sphere too small for its part of the cell": (
+        "punch: {shape: array, counts: 4, element: {shape: sphere, radius: 0.1}}",
+        "2:67: punch.element.radius: got 0.1",
+        "half the period over 4 in x, 0.25",
+    ),
+    "misspelt key of an element": (
+        "grid: {points: [64, 64]}\npunch: {shape: array, counts: 4, element: {shape: pyramid, angel: 60}}",
+        "3:60: punch.element.angel: unknown key",
+        "did you mean 'angle'?",
+    ),
+    "unknown element": (
+        "punch: {shape: array, counts: 4, element: {shape: spher}}",
+        "2:51: punch.element.shape: got the text 'spher'",
+        "did you mean 'sphere'?",
+    ),
+    "counts of a surface on a line": (
+        "punch: {shape: array, counts: [4, 2], element: {radius: 1}}",
+        "2:31: punch.counts: got 2 numbers",
+        "must be one number",
+    ),
+    "rough without a size": (
+        "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.1, seed: 1}",
+        "punch.rms_slope: missing",
+        "one of rms_slope and rms_height",
+    ),
+    "rough of two sizes": (
+        "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.1, seed: 1, rms_slope: 1, rms_height: 1}",
+        "2:95: punch.rms_height: given beside rms_slope",
+        "one of rms_slope and rms_height",
+    ),
+    "rougher than the grid": (
+        "grid: {points: 9}\npunch: {shape: self_affine, hurst: 1, short_cutoff: 0.2, seed: 1, rms_slope: 1}",
+        "3:53: punch.short_cutoff: got 0.2",
+        "must be > 0.2222222222222222, two spacings of the grid",
+    ),
+    "roll-off below the short cut-off": (
+        "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.1, roll_off: 0.05, seed: 1, rms_slope: 1}",
+        "2:70: punch.roll_off: got 0.05, below short_cutoff = 0.1",
+        "longer wave",
+    ),
+    "roll-off beyond the period": (
+        "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.1, roll_off: 1.5, seed: 1, rms_slope: 1}",
+        "2:70: punch.roll_off: got 1.5",
+        "must be <= the period, 1.0",
+    ),
+    "taper beyond the cell": (
+        "punch: {shape: topography, file: case.yaml, taper: 1.5}",
+        "2:52: punch.taper: got 1.5",
+        "a number from 0 to 1",
+    ),
+    "unknown fill": (
+        "punch: {shape: topography, file: case.yaml, fill: zero}",
+        "2:51: punch.fill: got the text 'zero'",
+        "none or membrane",
+    ),
     "profile not there": (
         "punch: {shape: profile, file: a.npy}",
         "2:31: punch.file: a.npy does not exist",
@@ -623,6 +713,22 @@ def test_what_is_dumped_loads_as_an_equal_configuration(tmp_path: Path, data: di
     assert again == config
     assert again.dump() == config.dump()
     assert pickle.loads(pickle.dumps(config)) == config
+
+
+@pytest.mark.parametrize(
+    "punch",
+    [
+        "{radius: [1.0, .inf]}",
+        "{shape: sinusoid, amplitude: [0.1, 0], wavelength: 0.5}",
+        "{shape: array, counts: [2, 3], element: {shape: flat, width: [0.1, 0.2], edge_radius: 0.01}}",
+        "{shape: self_affine, hurst: 0.8, short_cutoff: 0.1, roll_off: 0.3, rms_slope: 0.1, seed: 7}",
+        "{shape: topography, file: case.yaml, fill: membrane, detrend: plane, taper: 0.2}",
+    ],
+)
+def test_a_punch_is_dumped_as_it_was_given(tmp_path: Path, punch: str) -> None:
+    config = load(write(tmp_path, "name: x\ngrid: {points: [32, 48]}\npunch: " + punch))
+    assert load(write(tmp_path, config.dump())) == config
+    assert digest(config.with_values({"solver.tolerance": 1e-5})) != digest(config)
 
 
 def test_dump_writes_out_every_default_readably() -> None:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer.running.executors import launched_size, one_thread_each
+from gfmdlayer.running.executors import LauncherError, launched_size, threads_each
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 TINY = """\
@@ -181,10 +181,18 @@ def test_launchers_are_known_by_their_variables(environment: dict[str, str], siz
 
 
 def test_threads_are_one_each_unless_asked() -> None:
+    environment: dict[str, str] = {}
+    assert threads_each(environment) == 1
+    assert set(environment.values()) == {"1"}
     environment = {"OMP_NUM_THREADS": "4"}
-    one_thread_each(environment)
+    assert threads_each(environment) == 4
     assert environment["OMP_NUM_THREADS"] == "4"
     assert environment["OPENBLAS_NUM_THREADS"] == "1"
+    assert threads_each(environment, 2) == 2
+    assert environment["OMP_NUM_THREADS"] == "2"
+    assert threads_each({"OMP_NUM_THREADS": "3,2"}) == 3  # for nested regions
+    with pytest.raises(LauncherError, match="--threads 0: must be 1 or more"):
+        threads_each(environment, 0)
 
 
 def test_mpi_is_not_loaded_without_a_launcher() -> None:

@@ -9,15 +9,29 @@ import numpy as np
 import pytest
 
 from gfmdlayer.contact.grid import FloatArray, Grid
-from gfmdlayer.contact.punch import Shape, cylinder, flat, parabola, profile, sinusoid, wedge
+from gfmdlayer.contact.punch import (
+    SHAPES,
+    Analytic,
+    Shape,
+    array,
+    cone,
+    cylinder,
+    flat,
+    parabola,
+    profile,
+    pyramid,
+    sinusoid,
+    sphere,
+    wedge,
+)
 from gfmdlayer.tables import TableError
 
 LINE = Grid((16,), (1.0,))
 SQUARE = Grid((16, 16), (1.0, 1.0))
 ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
     "parabola": (parabola(0.25), lambda r: r**2 / 0.5),
-    "cylinder": (cylinder(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
-    "wedge": (wedge(0.3), lambda r: 0.3 * r),
+    "sphere": (sphere(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
+    "cone": (cone(0.3), lambda r: 0.3 * r),
     "flat": (flat(0.4, 0.1), lambda r: np.where(r < 0.2, 0.0, (r - 0.2) ** 2 / 0.2)),
 }
 
@@ -44,6 +58,86 @@ def test_a_large_cylinder_keeps_its_digits() -> None:
     # R - (R^2 - x^2)^(1/2) = x^2/2R (1 + x^2/4R^2 + ...), which the difference itself would lose at R = 1e8.
     x = LINE.coordinates[0]
     np.testing.assert_allclose(cylinder(1e8)(LINE), x**2 / 2e8, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("shape", "closed_form"),
+    [
+        (cylinder(0.5), lambda x, y: 0.5 - np.sqrt(0.25 - x**2) + 0 * y),
+        (cylinder(0.75, along="x"), lambda x, y: 0.75 - np.sqrt(0.5625 - y**2) + 0 * x),
+        (wedge(0.3), lambda x, y: 0.3 * np.abs(x) + 0 * y),
+        (wedge(0.3, along="x"), lambda x, y: 0.3 * np.abs(y) + 0 * x),
+        (parabola((0.2, 0.5)), lambda x, y: x**2 / 0.4 + y**2),
+        (parabola((0.2, np.inf)), lambda x, y: x**2 / 0.4 + 0 * y),
+        (
+            flat((0.4, 0.6), 0.1),
+            lambda x, y: (np.maximum(np.abs(x) - 0.2, 0) ** 2 + np.maximum(np.abs(y) - 0.3, 0) ** 2) / 0.2,
+        ),
+        (flat((0.4, np.inf), 0.1), lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y),
+        (
+            sinusoid((0.02, 0.0), (0.5, np.inf)),
+            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0 * y,
+        ),
+        (
+            sinusoid((0.02, 0.01), (0.5, 1.5)),
+            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y)),
+        ),
+    ],
+)
+def test_shapes_of_two_directions_follow_their_closed_form(
+    shape: Shape, closed_form: Callable[[FloatArray, FloatArray], FloatArray]
+) -> None:
+    grid = Grid((16, 15), (1.0, 1.5))
+    x, y = np.arange(16)[:, np.newaxis] / 16 - 0.5, np.arange(15) / 10 - 0.75
+    np.testing.assert_allclose(shape(grid), closed_form(x, y), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(("angle", "faces", "area"), [(65.27, 3, 24.5), (68.0, 4, 24.5)])
+def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle: float, faces: int, area: float) -> None:
+    grid = Grid((400, 400), (8.0, 8.0))
+    heights = pyramid(angle, faces)(grid)
+    x, y = np.meshgrid(*grid.coordinates, indexing="ij")
+    r, turn = np.hypot(x, y), np.arctan2(y, x)
+    # On the bisector of a face the slope is that of the face; a turn by a face changes nothing.
+    face = (np.abs(y) < 1e-12) & (x > 0)
+    np.testing.assert_allclose(heights[face], r[face] / np.tan(np.radians(angle)), rtol=1e-12)
+    away = (turn + np.pi / faces) % (2 * np.pi / faces) - np.pi / faces
+    exact = r * np.cos(away) / np.tan(np.radians(angle))
+    np.testing.assert_allclose(heights, exact, rtol=1e-9, atol=1e-12)
+    # Area of the cross-section at unit depth, 24.5 for either (Oliver and Pharr, J. Mater. Res. 7 (1992)).
+    depth, half_a_cell = 0.5, 0.01
+    inner = depth * np.tan(np.radians(angle))  # of its inscribed circle
+    assert (heights < depth).mean() * 64 / depth**2 == pytest.approx(area, rel=2 * half_a_cell / inner)
+
+
+@pytest.mark.parametrize("counts", [(1,), (2,), (3, 2)])
+@pytest.mark.parametrize("name", ["parabola", "cone", "flat", "pyramid"])
+def test_an_array_repeats_its_element(name: str, counts: tuple[int, ...]) -> None:
+    keys = {"parabola": {"radius": 0.2}, "cone": {"slope": 0.4}, "flat": {"width": 0.1, "edge_radius": 0.05}}
+    keys["pyramid"] = {"angle": 65.27, "faces": 3}
+    nx, ny = counts if len(counts) == 2 else counts * 2
+    one = SHAPES[name](**keys[name])(Grid((16, 18), (1.0, 1.5)))
+    many = SHAPES["array"](element={"shape": name} | keys[name], counts=counts)(
+        Grid((16 * nx, 18 * ny), (nx * 1.0, ny * 1.5))
+    )
+    np.testing.assert_allclose(many, np.tile(one, (nx, ny)), atol=1e-14)
+
+
+@pytest.mark.parametrize("name", [*ROUND, "wedge", "pyramid", "array"])
+def test_a_shape_moves_along_x_by_whole_points_exactly_and_by_parts_of_one_as_a_function(name: str) -> None:
+    others = {
+        "wedge": wedge(0.3),
+        "pyramid": pyramid(65.27, 3),
+        "array": array({"shape": "parabola", "radius": 0.5}, (2,)),
+    }
+    shape = ROUND[name][0] if name in ROUND else others[name]
+    assert isinstance(shape, Analytic)
+    rest = shape(SQUARE)
+    for cells in (1, 5, -3, 16, 37):
+        np.testing.assert_allclose(shape(SQUARE, cells / 16), np.roll(rest, cells, axis=0), atol=1e-14)
+    # Half a cell further the points of a grid twice as fine take over.
+    fine = shape(Grid((32, 16), (1.0, 1.0)))
+    np.testing.assert_allclose(shape(SQUARE, 1 / 32), np.roll(fine, 1, axis=0)[::2], atol=1e-14)
 
 
 def test_sinusoid_is_lowest_in_the_middle_and_repeats() -> None:

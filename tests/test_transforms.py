@@ -65,6 +65,25 @@ def test_the_same_wisdom_gives_the_same_bits(shape: tuple[int, ...]) -> None:
         assert sorted(again.wisdom.splitlines()) == sorted(known.splitlines())
 
 
+@pytest.mark.parametrize("shape", [(512, 512), (513, 511)])
+def test_threads_change_a_transform_by_rounding_only(shape: tuple[int, ...]) -> None:
+    u = fields(shape)
+    one, two = Transforms(shape, time_limit=0.1), Transforms(shape, time_limit=0.1, threads=2)
+    spectrum = one.forward(u)
+    # log2(n) butterflies of a rounding each, on values that add up to n^(1/2).
+    bound = 20 * np.finfo(float).eps
+    np.testing.assert_allclose(two.forward(u), spectrum, atol=bound * np.abs(spectrum).max())
+    np.testing.assert_allclose(two.backward(spectrum) / u.size, u.ravel(), atol=bound * np.abs(u).max())
+
+
+def test_plans_for_threads_are_kept_apart(tmp_path: Path) -> None:
+    wisdom.planned((64,), tmp_path)
+    wisdom.planned((64,), tmp_path, threads=2)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert len(names) == 2
+    assert names[0].replace("-2threads", "") == names[1]
+
+
 def test_wisdom_of_another_fftw_is_passed_over() -> None:
     u = fields((16,))
     np.testing.assert_allclose(Transforms((16,), "(no such thing)").forward(u), np.fft.rfft(u), atol=1e-14)
@@ -86,8 +105,8 @@ def test_of_two_runs_that_measure_at_once_both_use_the_plans_of_the_first(
     kept.unlink()
 
     class MeasuresWhileAnotherFinishes(Transforms):
-        def __init__(self, shape: tuple[int, ...]) -> None:
-            super().__init__(shape)
+        def __init__(self, shape: tuple[int, ...], threads: int) -> None:
+            super().__init__(shape, threads=threads)
             kept.write_text("the other's")
 
     monkeypatch.setattr(wisdom, "Transforms", MeasuresWhileAnotherFinishes)

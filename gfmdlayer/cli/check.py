@@ -30,7 +30,7 @@ def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
     from gfmdlayer.config import ConfigError, load
     from gfmdlayer.running.cost import estimate, total
-    from gfmdlayer.sweep import cases, label, objections
+    from gfmdlayer.sweep import cases, label, objections, remarks
 
     try:
         config = load(options.config, options.set, objections)
@@ -45,6 +45,8 @@ def check(options: argparse.Namespace) -> int:
     print(f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}")
     print(f"memory     about {_in_bytes(cost.memory)} a process")
     print(f"disk       about {_in_bytes(cost.storage)} in {default_directory(config)}")
+    for remark in remarks(case.config for case in every):
+        print(f"warning: {remark}")
     return COMPLETE
 
 

@@ -37,6 +37,12 @@ def register(verbs: Verbs) -> None:
         "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
     )
     added.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    added.add_argument(
+        "--threads",
+        metavar="N",
+        type=int,
+        help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
+    )
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
 
 
@@ -44,16 +50,16 @@ def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
     from gfmdlayer.running import cases, executors, interrupts
 
-    executors.one_thread_each(os.environ)
     interrupts.listen()
     try:
+        threads = executors.threads_each(os.environ, options.threads)
         with executors.assemble(options.jobs, cases.prepare) as team:
-            return COMPLETE if team is None else _run(options, team)
+            return COMPLETE if team is None else _run(options, team, threads)
     except executors.LauncherError as error:
         return refuse(str(error))
 
 
-def _run(options: argparse.Namespace, team: Team) -> int:
+def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     from gfmdlayer.config import ConfigError, load
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.running.folder import FolderError
@@ -64,7 +70,7 @@ def _run(options: argparse.Namespace, team: Team) -> int:
     try:
         config = load(options.config, options.set, objections)
         directory = default_directory(config) if options.out is None else options.out
-        summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr))
+        summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr), threads)
     except ConfigError as error:
         return refuse(*error.problems)
     except FolderError as error:

@@ -6,30 +6,40 @@ its place, its key and what is allowed. `digest` names what determines a case's 
 
 from gfmdlayer.config.model import Config, digest
 from gfmdlayer.config.problems import ConfigError
+from gfmdlayer.config.punches import (
+    Array,
+    Cone,
+    Cylinder,
+    Flat,
+    Parabola,
+    Profile,
+    Punch,
+    Pyramid,
+    SelfAffine,
+    Sinusoid,
+    Sphere,
+    Topography,
+    Wedge,
+)
 from gfmdlayer.config.reader import load
 from gfmdlayer.config.sections import (
     Branch,
-    Cylinder,
-    Flat,
     Grid,
     Halfspace,
     Layer,
     Material,
     Output,
-    Parabola,
-    Profile,
     Prony,
-    Punch,
-    Sinusoid,
     Solver,
     Time,
     Trajectory,
-    Wedge,
     Zener,
 )
 
 __all__ = [
+    "Array",
     "Branch",
+    "Cone",
     "Config",
     "ConfigError",
     "Cylinder",
@@ -43,9 +53,13 @@ __all__ = [
     "Profile",
     "Prony",
     "Punch",
+    "Pyramid",
+    "SelfAffine",
     "Sinusoid",
     "Solver",
+    "Sphere",
     "Time",
+    "Topography",
     "Trajectory",
     "Wedge",
     "Zener",

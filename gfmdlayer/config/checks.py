@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from gfmdlayer.config.problems import Location, Problem, shown, unknown_key
+from gfmdlayer.config.punch_checks import punch_conflicts
 
 if TYPE_CHECKING:
     from gfmdlayer.config.model import Config
@@ -26,7 +27,7 @@ Validate = Callable[[dict[str, object]], list[Problem]]
 
 def conflicts(config: Config) -> Iterator[Problem]:
     """Yield what is wrong between the values of one case."""
-    for check in (_grid, _solid, _punch, _trajectory, _time, _solver, _output):
+    for check in (_grid, _solid, punch_conflicts, _trajectory, _time, _solver, _output):
         yield from check(config)
 
 
@@ -64,43 +65,6 @@ def _solid(config: Config) -> Iterator[Problem]:
             f"got 0 on a {kind}; must be > 0, or halfspace.shear_modulus a number > 0 and finite",
             "halfspace.shear_modulus",
         )
-
-
-def _punch(config: Config) -> Iterator[Problem]:
-    for axis, length in zip("xy", config.grid.period, strict=False):
-        found = _in_cell(config, f"the period in {axis}, {length!r}", length)
-        if found is not None:
-            key, message, *others = found
-            yield _problem(key, message, *others, "grid.period", "punch.shape")
-            return
-
-
-def _in_cell(config: Config, period: str, length: float) -> tuple[str, ...] | None:
-    """Whether the punch fits into the cell: its key, what is wrong, and other keys that this rests on."""
-    punch = config.punch
-    match punch.shape:
-        case "cylinder" if punch.radius < length / 2:
-            return (
-                "punch.radius",
-                f"got {punch.radius!r}: the circle ends inside the cell and has no height beyond; must be a "
-                f"number >= half {period} (a parabola takes any radius)",
-            )
-        case "flat" if punch.width + 2 * punch.edge_radius >= length:
-            return (
-                "punch.width",
-                f"got {punch.width!r} with edge_radius {punch.edge_radius!r}; width + 2 edge_radius must be "
-                f"below {period}",
-                "punch.edge_radius",
-            )
-        case "sinusoid":
-            waves = length / punch.wavelength
-            if waves < 1 - 1e-9 or abs(waves - round(waves)) > 1e-9 * waves:
-                return (
-                    "punch.wavelength",
-                    f"got {punch.wavelength!r}, which does not divide {period}; must be the period divided "
-                    "by a whole number",
-                )
-    return None
 
 
 def _trajectory(config: Config) -> Iterator[Problem]:
@@ -166,7 +130,7 @@ def plainly_possible(config: Config) -> bool:
     L^2/(24 R).
     """
     punch, given = config.punch, config.trajectory
-    if given.file is not None or punch.shape != "parabola":
+    if given.file is not None or punch.shape != "parabola" or isinstance(punch.radius, tuple):
         return False
     room = sum(length**2 for length in config.grid.period) / (24 * punch.radius)
     return given.control == "load" or (given.depth is not None and given.depth < room / 2)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gfmdlayer.config import checks, sections, text
+from gfmdlayer.config import checks, punches, sections, text
 from gfmdlayer.config.problems import ConfigError, InconsistentError, Location, Problem, problems_of
 from gfmdlayer.config.sections import Section
 
@@ -37,7 +37,7 @@ class Config(Section):
     grid: sections.Grid = Field(default_factory=sections.Grid)
     layer: sections.Layer = Field(default_factory=sections.Layer)
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
-    punch: sections.Punch = Field(default_factory=sections.Parabola)
+    punch: punches.Punch = Field(default_factory=punches.Parabola)
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
     time: sections.Time = Field(default_factory=sections.Time)
     solver: sections.Solver = Field(default_factory=sections.Solver)
@@ -153,7 +153,18 @@ def explained(error: ValidationError) -> list[Problem]:
     return problems_of(error, _SECTIONS, _TAGS, known)
 
 
-_TAGS: dict[Location, str] = {("layer", "material"): "model", ("punch",): "shape", ("output", "times"): ""}
+def _by_shape(members: Iterable[type[Section]]) -> dict[str, type[Section]]:
+    return {str(member.model_fields["shape"].default): member for member in members}
+
+
+_TAGS: dict[Location, str] = {
+    ("layer", "material"): "model",
+    ("punch",): "shape",
+    ("punch", "element"): "shape",
+    **{("punch", key): "" for key in punches.EITHER_WAY},
+    **{("punch", "element", key): "" for key in punches.EITHER_WAY},
+    ("output", "times"): "",
+}
 _SECTIONS: dict[Location, type[Section]] = {
     (): Config,
     ("grid",): sections.Grid,
@@ -162,12 +173,8 @@ _SECTIONS: dict[Location, type[Section]] = {
     ("layer", "material", "prony"): sections.Prony,
     ("layer", "material", "prony", "branches"): sections.Branch,
     ("halfspace",): sections.Halfspace,
-    ("punch", "parabola"): sections.Parabola,
-    ("punch", "cylinder"): sections.Cylinder,
-    ("punch", "wedge"): sections.Wedge,
-    ("punch", "flat"): sections.Flat,
-    ("punch", "sinusoid"): sections.Sinusoid,
-    ("punch", "profile"): sections.Profile,
+    **{("punch", shape): each for shape, each in _by_shape(punches.PUNCHES).items()},
+    **{("punch", "array", "element", shape): each for shape, each in _by_shape(punches.ELEMENTS).items()},
     ("trajectory",): sections.Trajectory,
     ("time",): sections.Time,
     ("solver",): sections.Solver,

@@ -220,10 +220,10 @@ _SHAPES = {
 
 
 def _untagged(location: Location, tags: Iterable[Location]) -> Location:
-    for prefix in tags:
+    for prefix in tags:  # an inner union comes behind the outer
         n = len(prefix)
         if location[:n] == prefix and len(location) > n:
-            return location[:n] + location[n + 1 :]
+            location = location[:n] + location[n + 1 :]
     return location
 
 

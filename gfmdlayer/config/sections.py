@@ -28,7 +28,8 @@ from pydantic import (
 from gfmdlayer.config.problems import MustBe, one_of
 
 
-def _sequence(value: object) -> object:
+def sequence(value: object) -> object:
+    """Take a single value for a list of one."""
     return tuple(value) if isinstance(value, (list, tuple)) else (value,)
 
 
@@ -57,16 +58,16 @@ def _not_null(value: object) -> object:
     return value
 
 
-_given = AfterValidator(_not_null)
-_strict = Field(strict=True, allow_inf_nan=False)
-Positive = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite")]
-NotNegative = Annotated[float, _strict, Field(ge=0), MustBe("a number >= 0, finite")]
+given = AfterValidator(_not_null)
+strict = Field(strict=True, allow_inf_nan=False)
+Positive = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite")]
+NotNegative = Annotated[float, strict, Field(ge=0), MustBe("a number >= 0, finite")]
 Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
-Poisson = Annotated[float, _strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
+Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
 Count = Annotated[int, Field(strict=True, ge=1), MustBe("a whole number >= 1")]
 Points = Annotated[int, Field(strict=True, ge=8), MustBe("a whole number >= 8, or two of them, [nx, ny]")]
-Length = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
-Spacing = Annotated[float, _strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
+Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
+Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
 File = Annotated[Path, MustBe("the name of a file"), AfterValidator(_readable)]
 Name = Annotated[
     str,
@@ -85,8 +86,8 @@ class Section(BaseModel):
 class Grid(Section):
     """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly)."""
 
-    points: Annotated[tuple[Points, ...], BeforeValidator(_sequence)] = (16384,)
-    period: Annotated[tuple[Length, ...], BeforeValidator(_sequence), Field(validate_default=True)] = (1.0,)
+    points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = (16384,)
+    period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
 
     @field_validator("points", "period")
     @classmethod
@@ -140,51 +141,7 @@ class Prony(Section):
         return branches
 
 
-class Parabola(Section):
-    """Height x^2/(2 radius) above the apex, Eq. (30)."""
-
-    shape: Literal["parabola"] = "parabola"
-    radius: Positive = 0.25
-
-
-class Cylinder(Section):
-    """Circular cylinder (a sphere on a surface in two directions); `radius` >= half the period."""
-
-    shape: Literal["cylinder"] = "cylinder"
-    radius: Positive
-
-
-class Wedge(Section):
-    """Height slope |x|."""
-
-    shape: Literal["wedge"] = "wedge"
-    slope: Positive
-
-
-class Flat(Section):
-    """Flat over `width`; outside it a parabola of radius `edge_radius` that begins with zero slope."""
-
-    shape: Literal["flat"] = "flat"
-    width: Positive
-    edge_radius: Positive
-
-
-class Sinusoid(Section):
-    """Height amplitude (1 - cos(2 pi x/wavelength)); a whole number of waves fills the period."""
-
-    shape: Literal["sinusoid"] = "sinusoid"
-    amplitude: Positive
-    wavelength: Positive
-
-
-class Profile(Section):
-    """Heights read from a file."""
-
-    shape: Literal["profile"] = "profile"
-    file: File
-
-
-def _tag(key: str, default: str) -> Discriminator:
+def tagged(key: str, default: str) -> Discriminator:
     """Return the rule that picks a member of a union by its `key`, which may be left out for the default."""
 
     def tag(value: object) -> str:
@@ -195,18 +152,14 @@ def _tag(key: str, default: str) -> Discriminator:
     return Discriminator(tag)
 
 
+def _form(value: object) -> str:
+    return "list" if isinstance(value, (list, tuple)) else "number"
+
+
+number_or_list = Discriminator(_form)
 Material = Annotated[
     Annotated[Zener, Tag("zener")] | Annotated[Prony, Tag("prony")],
-    _tag("model", "zener"),
-]
-Punch = Annotated[
-    Annotated[Parabola, Tag("parabola")]
-    | Annotated[Cylinder, Tag("cylinder")]
-    | Annotated[Wedge, Tag("wedge")]
-    | Annotated[Flat, Tag("flat")]
-    | Annotated[Sinusoid, Tag("sinusoid")]
-    | Annotated[Profile, Tag("profile")],
-    _tag("shape", "parabola"),
+    tagged("model", "zener"),
 ]
 
 
@@ -236,16 +189,16 @@ class Trajectory(Section):
 
     control: Annotated[Literal["depth", "load"], one_of("depth", "load")] = "depth"
     kind: Annotated[Literal["ramp_hold", "table"], one_of("ramp_hold", "table")] = "ramp_hold"
-    depth: Annotated[NotNegative | None, _given] = Field(
+    depth: Annotated[NotNegative | None, given] = Field(
         default_factory=lambda data: (
             0.01 if (data.get("control"), data.get("kind")) == ("depth", "ramp_hold") else None
         )
     )
-    load: Annotated[NotNegative | None, _given] = None
-    ramp_time: Annotated[Positive | None, _given] = Field(
+    load: Annotated[NotNegative | None, given] = None
+    ramp_time: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None
     )
-    file: Annotated[File | None, _given] = None
+    file: Annotated[File | None, given] = None
 
 
 class Time(Section):
@@ -253,13 +206,13 @@ class Time(Section):
 
     end: Positive = 8.0
     step: Annotated[
-        Annotated[float, _strict, Field(gt=0)] | Literal["adaptive"],
+        Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
         MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
     ] = 0.005
     integrator: Annotated[
         Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
     ] = "exponential"
-    tolerance: Annotated[Positive | None, _given] = Field(
+    tolerance: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
     )
 
@@ -271,20 +224,16 @@ class Solver(Section):
         Literal["fire", "active_set", "conjugate_gradient"],
         one_of("fire", "active_set", "conjugate_gradient"),
     ] = "fire"
-    tolerance: Annotated[float, _strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
+    tolerance: Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
     inertia: Annotated[
-        Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, _given
+        Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, given
     ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
     max_iterations: Count = 20000
 
 
-def _number_or_list(value: object) -> str:
-    return "list" if isinstance(value, (list, tuple)) else "number"
-
-
 Rows = Annotated[
     Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
-    Discriminator(_number_or_list),
+    number_or_list,
 ]
 
 
@@ -295,4 +244,4 @@ class Output(Section):
     """
 
     snapshots: tuple[NotNegative, ...] = ()
-    times: Annotated[Rows | None, _given] = None
+    times: Annotated[Rows | None, given] = None

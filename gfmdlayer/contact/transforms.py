@@ -28,6 +28,9 @@ from gfmdlayer.contact.grid import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
 
+# Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
+# cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on idle ones they are not measured.
+WORTH_THREADS = 1 << 18
 _MEASURE, _DESTROY_INPUT = 0, 1 << 0  # fftw3.h
 
 _fftw = ctypes.CDLL(pyfftw.pyfftw.__file__)
@@ -40,6 +43,9 @@ for _planner in (_fftw.fftw_plan_dft_r2c, _fftw.fftw_plan_dft_c2r):
         ctypes.c_void_p,
         ctypes.c_uint,
     ]
+_fftw.fftw_init_threads.restype = ctypes.c_int
+_fftw.fftw_plan_with_nthreads.restype = None
+_fftw.fftw_plan_with_nthreads.argtypes = [ctypes.c_int]
 _fftw.fftw_destroy_plan.restype = None
 _fftw.fftw_destroy_plan.argtypes = [ctypes.c_void_p]
 _fftw.fftw_set_timelimit.restype = None
@@ -106,9 +112,18 @@ class Transforms:
         the plan is measured.
     time_limit : float
         Seconds that measuring may take before FFTW settles for the best plan so far.
+    threads : int
+        Threads that a transform may use, where the field has `WORTH_THREADS` points or more. OpenMP runs no
+        more of them than OMP_NUM_THREADS said when the process began.
     """
 
-    def __init__(self, shape: tuple[int, ...], wisdom: str | None = None, time_limit: float = 10.0) -> None:
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        wisdom: str | None = None,
+        time_limit: float = 10.0,
+        threads: int = 1,
+    ) -> None:
         self.shape = shape
         self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
         if wisdom:
@@ -116,12 +131,16 @@ class Transforms:
         field, spectrum = self.empty_field(), self.empty_spectrum()
         dimensions = (ctypes.c_int * len(shape))(*shape)
         _fftw.fftw_set_timelimit(time_limit)
+        if threads > 1 and field.size >= WORTH_THREADS and _fftw.fftw_init_threads():
+            _fftw.fftw_plan_with_nthreads(threads)
         self._forward = _fftw.fftw_plan_dft_r2c(
             len(shape), dimensions, field.ctypes.data, spectrum.ctypes.data, _MEASURE
         )
         self._backward = _fftw.fftw_plan_dft_c2r(
             len(shape), dimensions, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
         )
+        if threads > 1:
+            _fftw.fftw_plan_with_nthreads(1)
         if not (self._forward and self._backward):
             raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
         self.plans = Plans(

@@ -12,16 +12,17 @@ import pyfftw
 from gfmdlayer.contact.transforms import Transforms
 
 
-def planned(shape: tuple[int, ...], folder: Path) -> str:
-    """Wisdom for fields of a shape, from the folder if it is there, else measured and put there.
+def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
+    """Wisdom for fields of a shape and threads, from the folder if it is there, else measured and put there.
 
     Whoever puts it there first wins: of several runs that measure at once, all use the same plans.  Where the
     folder cannot be written, the plans are this run's own.
     """
-    kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}.wisdom"
+    suffix = f"-{threads}threads" if threads > 1 else ""
+    kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}{suffix}.wisdom"
     with suppress(OSError, UnicodeDecodeError):
         return kept.read_text(encoding="ascii")
-    wisdom = Transforms(shape).wisdom
+    wisdom = Transforms(shape, threads=threads).wisdom
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         with NamedTemporaryFile("w", dir=folder, suffix=".part", encoding="ascii") as file:

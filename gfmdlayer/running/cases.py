@@ -13,7 +13,7 @@ from gfmdlayer.running.folder import Folder, write_whole
 from gfmdlayer.running.interrupts import Stopped
 from gfmdlayer.running.schedule import Outcome
 from gfmdlayer.running.status_file import StatusFile
-from gfmdlayer.sweep import Case
+from gfmdlayer.sweep import Case, remarks
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -24,7 +24,7 @@ def prepare() -> None:
     import gfmdlayer.simulation  # noqa: F401
 
 
-def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcome:
+def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None, threads: int = 1) -> Outcome:
     """Run one case into its file; whatever goes wrong with it becomes its outcome.
 
     Parameters
@@ -35,6 +35,8 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcom
         A claimed results folder.
     wisdom : dict, optional
         FFTW wisdom for each shape of the grid, the same for all who compute.
+    threads : int
+        Threads that the transforms may use.
 
     Returns
     -------
@@ -43,7 +45,7 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None) -> Outcom
     """
     begun = time.monotonic()
     try:
-        _simulate(case, folder, (wisdom or {}).get(case.config.grid.points))
+        _simulate(case, folder, (wisdom or {}).get(case.config.grid.points), threads)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -65,7 +67,7 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
-def _simulate(case: Case, folder: Folder, wisdom: str | None) -> None:
+def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> None:
     from gfmdlayer.contact.grid import Grid
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
@@ -76,24 +78,26 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None) -> None:
         axes = Grid(config.grid.points, config.grid.period).coordinates
         coordinates = dict(zip("xy", axes, strict=False))
         with CaseWriter(folder.case(case.index), coordinates, _attributes(config)) as recorder:
-            simulate(config, recorder, status.advance, wisdom)
+            simulate(config, recorder, status.advance, wisdom, threads)
 
 
 def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump(), "digest": digest(config)}
     if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
         found["tau"] = config.layer.material.tau
+    if said := remarks([config]):
+        found["warnings"] = "\n".join(said)
     return found
 
 
-def warm_up(todo: Sequence[Case]) -> Wisdom:
+def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
     """Compile and plan in this process before the others start, once for each kind of case."""
     from gfmdlayer import simulation
 
     wisdom: Wisdom = {}
     for config in {_kind(case.config): case.config for case in todo}.values():
         with suppress(Exception):  # the case will meet it again, and be recorded as failed
-            wisdom[config.grid.points] = simulation.warm_up(config)
+            wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
     return wisdom
 
 

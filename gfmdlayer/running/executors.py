@@ -91,13 +91,36 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
     return 0 if any(variable in environment for variable in RANK_VARIABLES) else None
 
 
-def one_thread_each(environment: MutableMapping[str, str]) -> None:
+def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
     """Ask the numerical libraries for one thread a process, unless the user asked for something else.
 
     Must come before they are imported.
+
+    Parameters
+    ----------
+    environment : mapping of str to str
+        Environment variables, such as `os.environ`.
+    asked : int, optional
+        Threads for the transforms of a process; by default what OMP_NUM_THREADS says, which FFTW's obey.
+
+    Returns
+    -------
+    int
+        Threads for the transforms of a process.
+
+    Raises
+    ------
+    LauncherError
+        Where fewer than one is asked for.
     """
+    if asked is not None:
+        if asked < 1:
+            raise LauncherError(f"--threads {asked}: must be 1 or more")
+        environment["OMP_NUM_THREADS"] = str(asked)
     for variable in THREAD_VARIABLES:
         environment.setdefault(variable, "1")
+    found = environment["OMP_NUM_THREADS"].partition(",")[0]
+    return max(int(found), 1) if found.isdecimal() else 1
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from gfmdlayer.running.executors import Team
 from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
-from gfmdlayer.sweep import Case, cases
+from gfmdlayer.sweep import Case, cases, remarks
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ def run_sweep(
     team: Team,
     restart: bool = False,
     report: Callable[[], Report] | None = None,
+    threads: int = 1,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -57,6 +58,8 @@ def run_sweep(
         Remove earlier results first.
     report : callable, optional
         Makes the report to which progress is told, once the run really begins.
+    threads : int
+        Threads that the transforms of a case may use.
 
     Returns
     -------
@@ -78,8 +81,10 @@ def run_sweep(
         todo = [case for case in every if not _is_done(case, folder)]
         outcomes = {case.index: Outcome(case.index, "complete") for case in every}
         with Reporter(folder, len(every), len(every) - len(todo), report) as reporter:
-            reporter.note(_opening(len(every), len(todo), team))
-            task = partial(run_case, folder=folder, wisdom=warm_up(todo))
+            reporter.note(_opening(len(every), len(todo), team, threads))
+            for remark in remarks(case.config for case in every):
+                reporter.note(f"warning: {remark}")
+            task = partial(run_case, folder=folder, wisdom=warm_up(todo, threads), threads=threads)
             for outcome in Schedule(team, task, folder, reporter.ended).run(todo):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
@@ -100,10 +105,11 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _opening(total: int, todo: int, team: Team) -> str:
+def _opening(total: int, todo: int, team: Team, threads: int) -> str:
     cases = "1 case" if total == 1 else f"{total} cases"
     before = f", {total - todo} complete already" if todo < total else ""
-    return f"{cases}{before}; {team.size} {team.kind}, one thread each"
+    each = "one thread" if threads == 1 else f"{threads} threads"
+    return f"{cases}{before}; {team.size} {team.kind}, {each} each"
 
 
 def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> None:

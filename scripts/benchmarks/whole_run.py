@@ -33,13 +33,13 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
         grid__points=points, time__end=effort.steps * STEP, solver={"method": method, "tolerance": 1e-6}
     )
     wisdom = warm_up(config)
-    pairs = _run(config, wisdom)
+    pairs = run_to_file(config, wisdom)
     return {
         "solver": method,
         "n": points,
         "pairs": pairs,
         "run / bare pairs": ratio(
-            lambda: _run(config, wisdom),
+            lambda: run_to_file(config, wisdom),
             bare_pairs(Transforms(config.grid.points, wisdom), pairs),
             effort.repetitions,
         ),
@@ -47,7 +47,7 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
     }
 
 
-def _run(config: Config, wisdom: str) -> int:
+def run_to_file(config: Config, wisdom: str) -> int:
     """Run a case into a temporary folder; return the FFT pairs that it took."""
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
