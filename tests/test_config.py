@@ -257,6 +257,32 @@ REFUSED = {
         "3:21: output.times[1]: got 0.5 after 1.0",
         "increase",
     ),
+    "histogram without its end": (
+        "output: {histograms: {gap: {bins: 9}}}",
+        "2:23: output.histograms.gap.max: missing",
+        "a number > 0",
+    ),
+    "beginning of a linear histogram": (
+        "output: {histograms: {gap: {max: 1, min: 0.1}}}",
+        "2:42: output.histograms.gap.min: given, but scale is linear",
+        "be log",
+    ),
+    "logarithmic histogram without its beginning": (
+        "output: {histograms: {gap: {max: 1, scale: log}}}",
+        "2:23: output.histograms.gap.min: missing",
+        "> 0 and < max",
+    ),
+    "histogram that ends before it begins": (
+        "output: {histograms: {pressure: {max: 1, scale: log, min: 2}}}",
+        "2:59: output.histograms.pressure.min: got 2.0",
+        "< max = 1.0",
+    ),
+    "too many bins": (
+        "output: {histograms: {pressure: {max: 1, bins: 1001}}}",
+        "2:48: output.histograms.pressure.bins: got 1001",
+        "from 1 to 1000",
+    ),
+    "patches by number": ("output: {patches: 1}", "2:19: output.patches: got 1", "true or false"),
     "empty sweep": ("sweep: {}", "2:8: sweep: got an empty mapping", "dotted key"),
     "sweep of nothing": ("sweep:", "2:7: sweep: got nothing", "mapping"),
     "swept key misspelt": (
@@ -437,6 +463,8 @@ def test_defaults_are_the_papers_values() -> None:
     assert (config.solver.inertia, config.solver.max_iterations) == ("mass_weighted", 20000)
     assert config.output.snapshots == ()
     assert config.output.times is None
+    assert config.output.patches is False
+    assert (config.output.histograms.pressure, config.output.histograms.gap) == (None, None)
     assert config.sweep == {}
 
 
@@ -663,6 +691,7 @@ def test_a_case_has_its_values_and_no_sweep() -> None:
         ("time.step", 0.01),
         ("solver.tolerance", 1e-5),
         ("output.snapshots", [1.0]),
+        ("output.histograms.gap.max", 0.1),
     ],
 )
 def test_digest_changes_with_what_determines_results(key: str, value: object) -> None:

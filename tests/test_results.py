@@ -64,6 +64,42 @@ def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(data["pressure"].sel(snapshot=0.5), -field)
 
 
+def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
+    edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
+    parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
+    with CaseWriter(path, {"x": X}, edges={"gap": edges}) as case:
+        for time, part in enumerate(parts):
+            case.row(time=float(time), gap_histogram=part)
+    with open_case(path) as data:
+        assert data["gap_histogram"].dims == ("time", "gap_bin")
+        np.testing.assert_array_equal(data["gap_histogram"], parts)
+        np.testing.assert_array_equal(data["gap_bin"], edges[:-1])
+        np.testing.assert_array_equal(data["gap_histogram"].coords["gap_bin_end"], edges[1:])
+    with h5py.File(path, "r+") as fewer:
+        fewer["gap_histogram"].resize(2, axis=0)
+    assert not is_complete(path)
+
+
+def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer, "BLOCK", 24)
+    field = np.arange(16.0 * 10).reshape(16, 10)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
+        case.snapshot(0.5, field, -field, 2 * field)
+    with h5py.File(tmp_path / "0000.h5") as h5:
+        assert {(h5[name].chunks, h5[name].compression) for name in ("displacement", "pressure", "gap")} == {
+            ((1, 3, 10), "gzip")  # 160 points need 7 blocks, of 16 rows 3 each
+        }
+        np.testing.assert_array_equal(h5["gap"][0], 2 * field)
+
+
+def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path: Path) -> None:
+    for first, then in (((X, X), (X, X, X)), ((X, X, X), (X, X))):
+        with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
+            case.snapshot(0.0, *first)
+            with pytest.raises(ValueError, match="some snapshots have a gap"):
+                case.snapshot(1.0, *then)
+
+
 def test_no_rows_and_no_snapshots_still_open(tmp_path: Path) -> None:
     with CaseWriter(tmp_path / "0000.h5", {"x": X}):
         pass
@@ -192,7 +228,7 @@ for limit in range(0, 180_000, 9973):
             for i in range(1100):
                 case.row(time=float(i), depth=0.0)
                 if i % 100 == 0:
-                    case.snapshot(float(i), np.ones(1024), np.random.default_rng(i).random(1024))
+                    case.snapshot(float(i), *np.random.default_rng(i).random((2, 1024)))
     except ResultsError as error:
         print(error)
 """

@@ -276,23 +276,3 @@ class Solver(Section):
         Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, _given
     ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
     max_iterations: Count = 20000
-
-
-def _number_or_list(value: object) -> str:
-    return "list" if isinstance(value, (list, tuple)) else "number"
-
-
-Rows = Annotated[
-    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
-    Discriminator(_number_or_list),
-]
-
-
-class Output(Section):
-    """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps.
-
-    Without `times` the steps are free but for the snapshots, the kinks of the trajectory and the end.
-    """
-
-    snapshots: tuple[NotNegative, ...] = ()
-    times: Annotated[Rows | None, _given] = None

@@ -45,11 +45,13 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
 
 def _is_whole(h5: h5py.File) -> bool:
     rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
-    growing = [dataset for name, dataset in h5.items() if name != "snapshot" and dataset.maxshape == (None,)]
+    growing = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
+    fields = ("snapshot", "displacement", "pressure", *({"gap"} & growing.keys()))
+    kept = [growing.pop(name) for name in fields]
     return bool(
         h5.attrs["complete"] == 1
-        and all(len(dataset[()]) == rows for dataset in growing)
-        and all(len(h5[name]) == snapshots for name in ("snapshot", "displacement", "pressure"))
+        and all(len(dataset[()]) == rows for dataset in growing.values())
+        and all(len(dataset) == snapshots for dataset in kept)
     )
 
 

@@ -22,7 +22,7 @@ PAIRS = {
 }
 REAL = 8  # bytes
 FIELDS = 40  # real fields alive at once: history, solver, kernels, plans, snapshot being written
-COLUMNS = 12  # of a row
+COLUMNS = 13  # of a row
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 
@@ -53,12 +53,14 @@ def estimate(config: Config) -> Cost:
     steps = ADAPTIVE_STEPS if isinstance(step, str) else math.ceil(config.time.end / step - 1e-9)
     solver = config.solver
     inertia = solver.inertia if solver.method == "fire" else None
+    kept = config.output.histograms
+    columns = COLUMNS + sum(given.bins for given in (kept.pressure, kept.gap) if given is not None)
     at_4096, power = PAIRS[solver.method, inertia]
     return Cost(
         steps=steps,
         pairs=steps * at_4096 * (size / 4096) ** power,
         memory=PROGRAM + FIELDS * REAL * size,
-        storage=REAL * (COLUMNS * (steps + 1) + 2 * size * len(config.output.snapshots)),
+        storage=REAL * (columns * (steps + 1) + 3 * size * len(config.output.snapshots)),
     )
 
 
