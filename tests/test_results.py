@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -287,6 +288,49 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
         assert last["case"] == 4
         assert data.attrs["failed"] == ""
         assert data.attrs["tau"] == 1.0
+
+
+def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
+    keys = ["layer.thickness", "halfspace.shear_modulus"]
+    records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
+    collect(tmp_path, records, keys)
+    with open_results(tmp_path) as data:
+        assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
+        assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
+        expected = np.arange(1.0, 7.0).reshape(2, 3, 1, 1) * X  # case number plus one, times X
+        np.testing.assert_array_equal(data["displacement"], expected)
+        one = data["displacement"].sel(thickness=0.2, shear_modulus=3, snapshot=1.0)
+        np.testing.assert_array_equal(one, 6 * X)
+        some = data["displacement"].isel(shear_modulus=[2, 0], x=slice(None, None, -3), snapshot=0)
+        np.testing.assert_array_equal(some, expected[:, [2, 0], 0, ::-3])
+
+
+def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
+    collect(tmp_path, records, ["a.b"])
+    records[1].path.write_text("spoiled")
+    records[2].path.unlink()
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["displacement"].sel(b=3, snapshot=1.0), 4 * X)
+        assert np.isnan(data["displacement"].sel(b=2)).all()
+        with pytest.raises(OSError, match="signature"):
+            data["displacement"].sel(b=1).load()
+
+
+def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
+    collect(tmp_path, records, ["grid.period"])
+    with open_results(tmp_path) as data:
+        assert set(data.data_vars) == {"contact_area", "mean_pressure"}
+    records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
+    collect(tmp_path, records, ["a.b"])
+    with CaseWriter(records[1].path, {"x": X[:8]}) as other:
+        other.snapshot(1.0, X[:8], X[:8])
+    with (
+        open_results(tmp_path) as data,
+        pytest.raises(ResultsError, match=r"0001\.h5: displacement of"),
+    ):
+        data["displacement"].load()
 
 
 def test_shared_last_parts_take_the_whole_key() -> None:

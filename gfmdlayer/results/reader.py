@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import h5py
+import numpy as np
 
 from gfmdlayer.results.schema import ResultsError
 
@@ -95,7 +96,9 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     -------
     xarray.Dataset
         For a sweep, contact_area and mean_pressure along the swept keys and time; the coordinate `case` tells
-        the number of each case's file.
+        the number of each case's file. Where the cases share a grid, displacement, pressure and gap along the
+        swept keys, snapshot, x and y: read from the cases' files when they are used, and only as far as they
+        are.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
     if sweep.exists() and attributes(sweep).get("swept"):
-        return _open(sweep)
+        return _with_snapshots(_open(sweep), directory)
     complete = [path for path in files if is_complete(path)]
     if len(complete) == 1:
         return _open(complete[0])
@@ -119,6 +122,17 @@ def open_results(directory: str | Path) -> xarray.Dataset:
             f"{directory}: {len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
         )
     raise ResultsError(f"{directory}: no complete case")
+
+
+def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
+    from gfmdlayer.results.stack import with_snapshots
+
+    files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
+    first = next((path for path in files.flat if is_complete(path)), None)
+    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+        return sweep
+    with _open(first) as example:
+        return with_snapshots(sweep, example, files) if example.sizes["snapshot"] else sweep
 
 
 def _open(path: Path) -> xarray.Dataset:
