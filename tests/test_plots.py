@@ -257,7 +257,7 @@ def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
     assert [label.get_text() for label in area.get_xticklabels()] == ["0", "0.5", r"$\infty$"]
     assert (area.get_xlabel(), area.get_ylabel()) == ("$d$", r"$G_\mathrm{bulk}$")
     assert area.get_title(loc="left") == r"(a)  $t/\tau$ = 0.5"
-    assert {text.get_text() for text in pressure.texts} == {"0.2"}
+    assert {text.get_text() for text in pressure.texts} == {"0.200"}
     assert len(area.texts) == 5
 
 

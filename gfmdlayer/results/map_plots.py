@@ -97,5 +97,5 @@ def _write_numbers(axes: Axes, values: np.ndarray[tuple[int, ...], np.dtype[np.f
     for (row, column), value in np.ndenumerate(values):
         if np.isfinite(value):
             colour = "black" if value > middle else "white"
-            text = f"{value:.3g}"
+            text = f"{value:#.3g}".rstrip(".")
             axes.text(column, row, text, ha="center", va="center", color=colour, fontsize="small")
