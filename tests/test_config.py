@@ -608,6 +608,10 @@ _solids = st.one_of(
         }
     ),
 )
+_histograms = st.one_of(
+    st.fixed_dictionaries({"max": _positive}, optional={"bins": st.integers(1, 1000)}),
+    st.fixed_dictionaries({"max": st.floats(1, 2), "scale": st.just("log"), "min": st.floats(0.1, 0.9)}),
+)
 _configs = st.fixed_dictionaries(
     {
         "name": st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,20}", fullmatch=True),
@@ -626,7 +630,10 @@ _configs = st.fixed_dictionaries(
         "solver": st.fixed_dictionaries(
             {"method": st.sampled_from(["fire", "active_set", "conjugate_gradient"])}
         ),
-        "output": st.fixed_dictionaries({"snapshots": st.lists(st.floats(0, 10), unique=True).map(sorted)}),
+        "output": st.fixed_dictionaries(
+            {"snapshots": st.lists(st.floats(0, 10), unique=True).map(sorted)},
+            optional={"patches": st.booleans(), "histograms": st.fixed_dictionaries({"gap": _histograms})},
+        ),
     },
     optional={
         "punch": st.fixed_dictionaries({"shape": st.just("wedge"), "slope": _positive}),
