@@ -57,7 +57,7 @@ def _is_whole(h5: h5py.File) -> bool:
 
 
 def _rows_read(dataset: h5py.Dataset) -> int:
-    """Return the number of rows, once all are read, which checks them; not all at once, histograms are wide."""
+    """Return the number of rows once all are read, which checks them; some at a time, histograms are wide."""
     return sum(len(dataset[start : start + 4096]) for start in range(0, len(dataset), 4096))
 
 
