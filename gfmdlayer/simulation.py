@@ -21,9 +21,10 @@ from gfmdlayer.contact.grid import FloatArray, Grid
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.prediction import PREDICTIONS
 from gfmdlayer.contact.problem import Problem, Solution, Solver
+from gfmdlayer.contact.statistics import Statistics
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 from gfmdlayer.contact.wisdom import planned
-from gfmdlayer.inputs import make_grid, make_punch, make_trajectory
+from gfmdlayer.inputs import histogram_edges, make_grid, make_punch, make_trajectory
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Material, Prony, Zener
 from gfmdlayer.solid.relaxation import relaxation_spectrum
@@ -46,11 +47,13 @@ class ConvergenceError(RuntimeError):
 class Recorder(Protocol):
     """Takes what a simulation finds."""
 
-    def row(self, **values: float) -> None:
-        """Take the observables of an accepted step."""
+    def row(self, **values: float | FloatArray) -> None:
+        """Take the observables of an accepted step: numbers, and histograms."""
         ...
 
-    def snapshot(self, time: float, displacement: FloatArray, pressure: FloatArray) -> None:
+    def snapshot(
+        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+    ) -> None:
         """Take the surface at an asked time; arrays of the grid's shape."""
         ...
 
@@ -114,6 +117,7 @@ def simulate(
     integrator = make_integrator(config, grid)
     loading = make_loading(config, grid)
     steps = make_steps(config, integrator, loading.trajectory.kinks)
+    statistics = Statistics(grid.shape, histogram_edges(config), patches=config.output.patches)
     guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
 
     for instant in steps:  # 4, 10
@@ -139,12 +143,14 @@ def simulate(
                 residual=solution.residual,
                 **attempts.taken(),
                 **ledger.entry(solution.mean_pressure, surface.depth, integrator),
+                **statistics.of(problem, solution, gap),
             )
             if instant.snapshot:
                 recorder.snapshot(
                     instant.time,
                     surface.displacement.reshape(grid.shape),
                     solution.pressure.reshape(grid.shape),
+                    gap.reshape(grid.shape),
                 )
         if progress is not None:
             progress(instant.time)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,14 +24,16 @@ Floats = NDArray[np.float64]
 class Recording:
     """A recorder that keeps everything; `recording["contact_area"]` is a column of its rows."""
 
-    rows: list[dict[str, float]] = field(default_factory=list)
+    rows: list[dict[str, Any]] = field(default_factory=list)
     snapshots: list[tuple[float, Floats, Floats]] = field(default_factory=list)
+    gaps: list[Floats] = field(default_factory=list)  # of the snapshots
 
-    def row(self, **values: float) -> None:
+    def row(self, **values: Any) -> None:
         self.rows.append(values)
 
-    def snapshot(self, time: float, displacement: Floats, pressure: Floats) -> None:
+    def snapshot(self, time: float, displacement: Floats, pressure: Floats, gap: Floats) -> None:
         self.snapshots.append((time, displacement, pressure))
+        self.gaps.append(gap)
 
     def __getitem__(self, name: str) -> Floats:
         return np.array([row[name] for row in self.rows])

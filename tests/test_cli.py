@@ -27,6 +27,13 @@ time: {end: 0.03, step: 0.01}
 trajectory: {ramp_time: 0.03}
 sweep: {layer.thickness: [0.02, 0.1, .inf]}
 """
+SURFACE = """\
+name: surface
+grid: {points: [32, 16]}
+time: {end: 0.4, step: 0.1}
+trajectory: {ramp_time: 0.2}
+output: {snapshots: [0.2, 0.4], patches: true, histograms: {pressure: {max: 1.0}, gap: {max: 0.1}}}
+"""
 TERMINAL = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120"}
 LAST_FAILS = TINY.replace(
     "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {solver.max_iterations: [20000, 1]}"
@@ -137,6 +144,8 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["status", "absent"], "absent: no such folder"),
         (["status", "."], "not a results folder"),
         (["plot", "absent"], "absent: no such folder"),
+        (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: means nothing to this figure"),
+        (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
     ],
 )
 def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str], message: str) -> None:
@@ -165,6 +174,20 @@ def test_run_status_and_plot_follow_each_other() -> None:
     process = gfmdlayer("plot", "results/tiny", "--out", "tiny.png")
     assert process.returncode == 0, process.stderr
     assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart() -> None:
+    Path("surface.yaml").write_text(SURFACE)
+    assert gfmdlayer("run", "surface.yaml").returncode == 0
+    described = Path("results/surface/cases/0000.xdmf")
+    assert "0000.h5:/gap" in described.read_text()
+    process = gfmdlayer("plot", "results/surface/cases/0000.h5", "--kind", "snapshots", "--out", "maps.svg")
+    assert (process.returncode, process.stdout) == (0, "maps.svg\n"), process.stderr
+    process = gfmdlayer("plot", "results/surface", "--movie", "--out", "surface.gif")
+    assert (process.returncode, process.stdout) == (0, "surface.gif\n"), process.stderr
+    process = gfmdlayer("run", "surface.yaml", "--restart", "--set", "output.snapshots=[]")
+    assert process.returncode == 0
+    assert not described.exists()
 
 
 def test_processes_give_the_same_bits_as_one() -> None:

@@ -10,13 +10,19 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from PIL import Image
 
-from gfmdlayer.results.plot_style import colours, value_labels
-from gfmdlayer.results.plots import curves_figure, plot_results
+from gfmdlayer.results.curve_plots import curves_figure
+from gfmdlayer.results.inset import Inset
+from gfmdlayer.results.map_plots import map_figure
+from gfmdlayer.results.movie import animated, default_suffix
+from gfmdlayer.results.plot_style import PAPER, SCREEN, Columns, colours, value_labels
+from gfmdlayer.results.plots import plot_results
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.results.snapshot_plots import snapshots_figure
 from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.results.waterfall import OVERLAP, waterfall_figure
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)
@@ -28,7 +34,8 @@ def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float]
         for time in (0.0, 1.0, 4.0):
             case.row(time=time, contact_area=0.1 * time, mean_pressure=0.2 * time)
             if snapshots and time > 0:
-                case.snapshot(time, -np.maximum(0, 0.01 - X**2), np.maximum(0, 0.01 - X**2))
+                pressed = np.maximum(0, 0.01 - X**2)
+                case.snapshot(time, -pressed, time * pressed, np.maximum(0, X**2 - 0.01))
 
 
 def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
@@ -99,14 +106,17 @@ def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> 
 
 def test_pictures_are_named_after_the_results(tmp_path: Path) -> None:
     write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    assert plot_results(tmp_path) == tmp_path / "demo.png"
+    assert plot_results(tmp_path) == [tmp_path / "demo.png", tmp_path / "demo-snapshots.png"]
     assert {path.name for path in tmp_path.glob("*.png")} == {"demo.png", "demo-snapshots.png"}
+    one = case_path(tmp_path, 2)
+    assert plot_results(one, kind="curves") == [one.with_suffix(".png")]
+    assert plot_results(one, kind="waterfall") == [one.with_name("0002-waterfall.png")]
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")])
 def test_suffix_chooses_the_format(tmp_path: Path, suffix: str, start: bytes) -> None:
     write_case(case_path(tmp_path, 0), snapshots=False)
-    picture = plot_results(tmp_path, tmp_path / f"figure.{suffix}")
+    (picture,) = plot_results(tmp_path, tmp_path / f"figure.{suffix}")
     assert picture.read_bytes().startswith(start)
     assert not (tmp_path / f"figure-snapshots.{suffix}").exists()
 
@@ -142,8 +152,8 @@ def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
     with open_case(tmp_path / "0000.h5") as data:
         figure = snapshots_figure({"": data})
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("$x$", "$y$")
-    (mesh,) = figure.axes[0].collections
-    np.testing.assert_array_equal(np.asarray(mesh.get_array()), field.T)
+    (image,) = figure.axes[0].images
+    np.testing.assert_array_equal(np.asarray(image.get_array()), field.T)
 
 
 def test_one_case_of_a_sweep_can_be_chosen(tmp_path: Path) -> None:
@@ -181,3 +191,151 @@ def test_settings_of_matplotlib_are_left_as_they_were(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
     plot_results(tmp_path)
     assert dict(mpl.rcParams) == before
+
+
+def test_logarithmic_time_begins_after_zero(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = curves_figure(data, log_time=True)
+    for axes in figure.axes:
+        assert axes.get_xscale() == "log"
+        assert axes.get_xlim() == (0.5, 2.0)
+        np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.5, 2.0])
+
+
+def test_inset_shows_punch_and_surface_and_where_on_the_curve(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with open_results(tmp_path) as data, open_case(case_path(tmp_path, 2)) as case:
+        case.coords["case"] = 2
+        figure = curves_figure(data, inset=Inset.of(case, [4.0, 1.0]))
+    area = figure.axes[0]
+    dots = [(*line.get_xdata(), *line.get_ydata()) for line in area.lines if line.get_marker() == "o"]
+    assert dots == [(2.0, 0.4), (0.5, 0.1)]  # t/tau with tau = 2, and the area 0.1 t
+    (inset,) = area.child_axes
+    assert len(inset.lines) == 4
+    surface, punch = (line.get_ydata() for line in inset.lines[:2])
+    np.testing.assert_array_equal(surface, -np.maximum(0, 0.01 - X**2))
+    np.testing.assert_allclose(punch, X**2 - 0.01, atol=1e-17)
+
+
+def test_inset_keeps_clear_of_the_curves(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = curves_figure(data, inset=Inset.of(data, [1.0]))
+        (inset,) = figure.axes[0].child_axes
+        with pytest.raises(ResultsError, match="no snapshot at time 3; there are 1, 4"):
+            Inset.of(data, [3.0])
+    # The curve is the diagonal of the panel: a corner beside it is free.
+    box = inset.get_position()
+    panel = figure.axes[0].get_position()
+    left, bottom = (box.x0 - panel.x0) / panel.width, (box.y1 - panel.y0) / panel.height
+    assert left > bottom
+
+
+def test_waterfall_has_a_profile_for_each_time(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        (axes,) = waterfall_figure(data, "$d$ = 0").axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["0.5", "2"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", r"$t/\tau$")
+    early, late = (np.asarray(line.get_ydata()) for line in axes.lines[:2])
+    # The highest pressure, that of t = 4, is drawn OVERLAP high; that of t = 1 is a quarter of it.
+    assert late.max() == 1 + OVERLAP
+    np.testing.assert_allclose(early, (late - 1) / 4, atol=1e-14)
+    assert axes.texts[0].get_text() == "$p$ = 0.02"
+
+
+def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": [0, 0.5, float("inf")], "halfspace.shear_modulus": [1, 2]})
+    with open_results(tmp_path) as data:
+        data["contact_area"][2, 1] = np.nan
+        figure = map_figure(data, time=0.9)
+    area, pressure = (axes for axes in figure.axes if axes.images)
+    expected = np.full((2, 3), 0.1)
+    expected[1, 2] = np.nan
+    np.testing.assert_array_equal(np.ma.filled(area.images[0].get_array(), np.nan), expected)
+    assert [label.get_text() for label in area.get_xticklabels()] == ["0", "0.5", r"$\infty$"]
+    assert (area.get_xlabel(), area.get_ylabel()) == ("$d$", r"$G_\mathrm{bulk}$")
+    assert area.get_title(loc="left") == r"(a)  $t/\tau$ = 0.5"
+    assert {text.get_text() for text in pressure.texts} == {"0.200"}
+    assert len(area.texts) == 5
+
+
+def test_map_needs_two_keys(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with pytest.raises(ResultsError, match=r"2 keys, this is one over 1 \(thickness\)"):
+        plot_results(tmp_path, kind="map")
+
+
+def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(tmp_path: Path) -> None:
+    y = X[::2]
+    pressure = np.maximum(0, 0.04 - X[:, None] ** 2 - (y - 0.25) ** 2)
+    gap = np.maximum(0, X[:, None] ** 2 + (y - 0.25) ** 2 - 0.04)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": y}, {"tau": 1.0}) as case:
+        case.snapshot(1.0, -pressure, pressure, gap)
+        case.snapshot(2.0, -2 * pressure, 3 * pressure, gap)
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = snapshots_figure({"": data})
+    panels = np.reshape([axes for axes in figure.axes if axes.get_label() != "<colorbar>"], (4, 2))
+    for column, factor in zip(panels.T, (1, 3), strict=True):
+        np.testing.assert_array_equal(column[0].images[0].get_array(), factor * pressure.T)
+        seen = np.ma.filled(column[1].images[0].get_array(), np.nan)
+        np.testing.assert_array_equal(seen, np.where(pressure > 0, np.nan, gap).T)
+        row = int(np.argmin(np.abs(y - 0.25)))
+        surface, punch = (line.get_ydata() for line in column[2].lines)
+        np.testing.assert_array_equal(punch - surface, gap[:, row])
+        np.testing.assert_array_equal(column[3].lines[0].get_ydata(), factor * pressure[:, row])
+        assert column[0].lines[0].get_ydata()[0] == y[row]
+    assert [axes.get_title(loc="right") for axes in panels[0]] == [r"$t/\tau$ = 1", r"$t/\tau$ = 2"]
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_screen_is_the_same_figure_larger(tmp_path: Path, columns: Columns) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with open_results(tmp_path) as data:
+        paper, screen = (curves_figure(data, columns, style=style) for style in (PAPER, SCREEN))
+    np.testing.assert_allclose(screen.get_size_inches(), SCREEN.scale * paper.get_size_inches())
+    for small, large in zip(paper.axes, screen.axes, strict=True):
+        assert large.xaxis.label.get_size() > 1.5 * small.xaxis.label.get_size()
+        assert large.lines[0].get_linewidth() > 1.5 * small.lines[0].get_linewidth()
+        assert [line.get_color() for line in large.lines] == [line.get_color() for line in small.lines]
+
+
+@pytest.mark.parametrize("shape", [(64,), (64, 32)])
+def test_movie_has_a_frame_for_each_snapshot(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    fields = np.random.default_rng(1).random((3, 3, *shape))
+    axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
+    with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
+        for time, three in enumerate(fields):
+            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2)
+            case.snapshot(float(time), *three)
+    assert plot_results(tmp_path, tmp_path / "demo.gif", kind="movie") == [tmp_path / "demo.gif"]
+    with Image.open(tmp_path / "demo.gif") as movie:
+        assert movie.n_frames == 3
+    with open_case(case_path(tmp_path, 0)) as data:
+        figure, show = animated(data, "case")
+        show(2)
+        assert figure.get_suptitle() == r"case    $t/\tau$ = 1"
+        for axes_, field in zip(figure.axes, fields[2, :2], strict=False):
+            drawn = axes_.images[0].get_array().T if len(shape) == 2 else axes_.lines[0].get_ydata()
+            np.testing.assert_array_equal(drawn, field)
+
+
+def test_movie_without_ffmpeg_is_a_gif(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(case_path(tmp_path, 0))
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(ResultsError, match="needs ffmpeg, which is not found"):
+        plot_results(tmp_path, tmp_path / "demo.mp4", kind="movie")
+    with pytest.raises(ResultsError, match=r"'\.png'; use \.mp4, \.gif"):
+        plot_results(tmp_path, tmp_path / "demo.png", kind="movie")
+    assert plot_results(tmp_path, kind="movie") == [tmp_path / "demo.gif"]
+    monkeypatch.setattr("shutil.which", lambda _: "/somewhere/ffmpeg")
+    assert default_suffix() == ".mp4"
+
+
+def test_results_without_snapshots_cannot_be_shown_as_such(tmp_path: Path) -> None:
+    write_case(case_path(tmp_path, 0), snapshots=False)
+    for kind in ("snapshots", "waterfall", "movie"):
+        with pytest.raises(ResultsError, match=r"no snapshots; set output\.snapshots"):
+            plot_results(tmp_path, kind=kind)
+    assert list(tmp_path.glob("*.*")) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -62,6 +63,42 @@ def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
         assert data["displacement"].dims == ("snapshot", "x", "y")
         np.testing.assert_array_equal(data["displacement"].sel(snapshot=1.0), 2 * field)
         np.testing.assert_array_equal(data["pressure"].sel(snapshot=0.5), -field)
+
+
+def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
+    edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
+    parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
+    with CaseWriter(path, {"x": X}, edges={"gap": edges}) as case:
+        for time, part in enumerate(parts):
+            case.row(time=float(time), gap_histogram=part)
+    with open_case(path) as data:
+        assert data["gap_histogram"].dims == ("time", "gap_bin")
+        np.testing.assert_array_equal(data["gap_histogram"], parts)
+        np.testing.assert_array_equal(data["gap_bin"], edges[:-1])
+        np.testing.assert_array_equal(data["gap_histogram"].coords["gap_bin_end"], edges[1:])
+    with h5py.File(path, "r+") as fewer:
+        fewer["gap_histogram"].resize(2, axis=0)
+    assert not is_complete(path)
+
+
+def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer, "BLOCK", 24)
+    field = np.arange(16.0 * 10).reshape(16, 10)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
+        case.snapshot(0.5, field, -field, 2 * field)
+    with h5py.File(tmp_path / "0000.h5") as h5:
+        assert {(h5[name].chunks, h5[name].compression) for name in ("displacement", "pressure", "gap")} == {
+            ((1, 3, 10), "gzip")  # 160 points need 7 blocks, of 16 rows 3 each
+        }
+        np.testing.assert_array_equal(h5["gap"][0], 2 * field)
+
+
+def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path: Path) -> None:
+    for first, then in (((X, X), (X, X, X)), ((X, X, X), (X, X))):
+        with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
+            case.snapshot(0.0, *first)
+            with pytest.raises(ValueError, match="some snapshots have a gap"):
+                case.snapshot(1.0, *then)
 
 
 def test_no_rows_and_no_snapshots_still_open(tmp_path: Path) -> None:
@@ -192,7 +229,7 @@ for limit in range(0, 180_000, 9973):
             for i in range(1100):
                 case.row(time=float(i), depth=0.0)
                 if i % 100 == 0:
-                    case.snapshot(float(i), np.ones(1024), np.random.default_rng(i).random(1024))
+                    case.snapshot(float(i), *np.random.default_rng(i).random((2, 1024)))
     except ResultsError as error:
         print(error)
 """
@@ -251,6 +288,49 @@ def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
         assert last["case"] == 4
         assert data.attrs["failed"] == ""
         assert data.attrs["tau"] == 1.0
+
+
+def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
+    keys = ["layer.thickness", "halfspace.shear_modulus"]
+    records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
+    collect(tmp_path, records, keys)
+    with open_results(tmp_path) as data:
+        assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
+        assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
+        expected = np.arange(1.0, 7.0).reshape(2, 3, 1, 1) * X  # case number plus one, times X
+        np.testing.assert_array_equal(data["displacement"], expected)
+        one = data["displacement"].sel(thickness=0.2, shear_modulus=3, snapshot=1.0)
+        np.testing.assert_array_equal(one, 6 * X)
+        some = data["displacement"].isel(shear_modulus=[2, 0], x=slice(None, None, -3), snapshot=0)
+        np.testing.assert_array_equal(some, expected[:, [2, 0], 0, ::-3])
+
+
+def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
+    collect(tmp_path, records, ["a.b"])
+    records[1].path.write_text("spoiled")
+    records[2].path.unlink()
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["displacement"].sel(b=3, snapshot=1.0), 4 * X)
+        assert np.isnan(data["displacement"].sel(b=2)).all()
+        with pytest.raises(OSError, match="signature"):
+            data["displacement"].sel(b=1).load()
+
+
+def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
+    collect(tmp_path, records, ["grid.period"])
+    with open_results(tmp_path) as data:
+        assert set(data.data_vars) == {"contact_area", "mean_pressure"}
+    records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
+    collect(tmp_path, records, ["a.b"])
+    with CaseWriter(records[1].path, {"x": X[:8]}) as other:
+        other.snapshot(1.0, X[:8], X[:8])
+    with (
+        open_results(tmp_path) as data,
+        pytest.raises(ResultsError, match=r"0001\.h5: displacement of"),
+    ):
+        data["displacement"].load()
 
 
 def test_shared_last_parts_take_the_whole_key() -> None:

@@ -1,11 +1,19 @@
-"""`gfmdlayer plot`: draw the figure of a results folder."""
+"""`gfmdlayer plot`: draw the figures of results."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+
+KINDS = {
+    "curves": "contact area and mean pressure against time",
+    "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
+    "waterfall": "pressure profiles through time",
+    "map": "contact area and mean pressure over two swept keys",
+}
+# Options that only some kinds have; without --kind the curves and the snapshots are drawn.
+HAVE: dict[str, set[str | None]] = {"log_time": {None, "curves"}, "inset": {None, "curves"}, "time": {"map"}}
 
 
 def register(verbs: Verbs) -> None:
@@ -13,19 +21,61 @@ def register(verbs: Verbs) -> None:
     added = verbs.add(
         plot,
         "draw contact area and mean pressure against time, and the snapshots",
-        "gfmdlayer plot results/figure2-quick --out figure2.png",
+        "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time",
     )
-    added.add_argument("directory", metavar="DIR", help="results folder")
-    added.add_argument("--out", metavar="PNG", help="the figure (default: in DIR)")
+    added.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
+    added.add_argument(
+        "--out", metavar="FILE", help=".png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)"
+    )
+    kinds = added.add_mutually_exclusive_group()
+    described = "; ".join(f"{kind}: {what}" for kind, what in KINDS.items())
+    kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
+    kinds.add_argument(
+        "--movie",
+        dest="kind",
+        action="store_const",
+        const="movie",
+        help="displacement and pressure, a frame a snapshot: .mp4 where ffmpeg is present, else .gif",
+    )
+    added.add_argument(
+        "--style",
+        choices=("paper", "screen"),
+        help="for a journal (default) or for a talk (default of movies)",
+    )
+    added.add_argument("--case", metavar="N", type=int, help="the case whose snapshots are drawn")
+    added.add_argument("--log-time", action="store_true", help="logarithmic time axis of the curves")
+    added.add_argument(
+        "--inset",
+        metavar="T",
+        type=float,
+        nargs="+",
+        default=[],
+        help="inset of punch and surface in the curves, at these snapshot times",
+    )
+    added.add_argument("--time", metavar="T", type=float, help="time of the map (default: the last)")
 
 
 def plot(options: argparse.Namespace) -> int:
-    """Draw the figure of a results folder."""
+    """Draw the figures of results."""
+    for name, kinds in HAVE.items():
+        if getattr(options, name) not in (None, False, []) and options.kind not in kinds:
+            allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
+            return refuse(f"--{name.replace('_', '-')}: means nothing to this figure; must be with {allowed}")
     from gfmdlayer.results.plots import plot_results
     from gfmdlayer.results.schema import ResultsError
 
     try:
-        print(plot_results(Path(options.directory), options.out))
+        for picture in plot_results(
+            options.path,
+            options.out,
+            kind=options.kind,
+            case=options.case,
+            style=options.style or ("screen" if options.kind == "movie" else "paper"),
+            log_time=options.log_time,
+            inset=options.inset,
+            time=options.time,
+        ):
+            print(picture)
     except ResultsError as error:
         return refuse(str(error))
     return COMPLETE

@@ -5,6 +5,7 @@ its place, its key and what is allowed. `digest` names what determines a case's 
 """
 
 from gfmdlayer.config.model import Config, digest
+from gfmdlayer.config.output import Histogram, Histograms, Output
 from gfmdlayer.config.problems import ConfigError
 from gfmdlayer.config.punches import (
     Array,
@@ -28,7 +29,6 @@ from gfmdlayer.config.sections import (
     Halfspace,
     Layer,
     Material,
-    Output,
     Prony,
     Solver,
     Time,
@@ -46,6 +46,8 @@ __all__ = [
     "Flat",
     "Grid",
     "Halfspace",
+    "Histogram",
+    "Histograms",
     "Layer",
     "Material",
     "Output",

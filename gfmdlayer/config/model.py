@@ -15,6 +15,7 @@ from typing import Any, Self
 from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.config import checks, punches, sections, text
+from gfmdlayer.config import output as outputs
 from gfmdlayer.config.problems import ConfigError, InconsistentError, Location, Problem, problems_of
 from gfmdlayer.config.sections import Section
 
@@ -41,7 +42,7 @@ class Config(Section):
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
     time: sections.Time = Field(default_factory=sections.Time)
     solver: sections.Solver = Field(default_factory=sections.Solver)
-    output: sections.Output = Field(default_factory=sections.Output)
+    output: outputs.Output = Field(default_factory=outputs.Output)
     sweep: dict[str, list[Any]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -178,5 +179,8 @@ _SECTIONS: dict[Location, type[Section]] = {
     ("trajectory",): sections.Trajectory,
     ("time",): sections.Time,
     ("solver",): sections.Solver,
-    ("output",): sections.Output,
+    ("output",): outputs.Output,
+    ("output", "histograms"): outputs.Histograms,
+    ("output", "histograms", "pressure"): outputs.Histogram,
+    ("output", "histograms", "gap"): outputs.Histogram,
 }

@@ -223,25 +223,9 @@ class Solver(Section):
     method: Annotated[
         Literal["fire", "active_set", "conjugate_gradient"],
         one_of("fire", "active_set", "conjugate_gradient"),
-    ] = "fire"
+    ] = "active_set"
     tolerance: Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
     inertia: Annotated[
         Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, given
     ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
     max_iterations: Count = 20000
-
-
-Rows = Annotated[
-    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
-    number_or_list,
-]
-
-
-class Output(Section):
-    """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps.
-
-    Without `times` the steps are free but for the snapshots, the kinks of the trajectory and the end.
-    """
-
-    snapshots: tuple[NotNegative, ...] = ()
-    times: Annotated[Rows | None, given] = None

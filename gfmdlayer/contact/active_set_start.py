@@ -1,4 +1,4 @@
-"""How the active-set solver begins: with a guess, or with what it knows of the last step; see `active_set`."""
+"""The start of the active-set solver: a guess, or what is known from the last step; see `active_set`."""
 
 from __future__ import annotations
 
@@ -87,10 +87,12 @@ def keep_increment(
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
-    """Multiply the pressure; the gap follows."""
+    """Multiply the pressure; gap and transform follow."""
     for i in range(at.p.size):
         at.p[i] *= factor
         at.gap[i] = system.gap0[i] + factor * (at.gap[i] - system.gap0[i] + work.level[2])
+    for k in range(at.spectrum.size):
+        at.spectrum[k] *= factor
     work.level[2] = 0.0
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.fitting.measurement import MasterCurve
-from gfmdlayer.results.plot_style import colours, journal_style, line_style, new_figure
+from gfmdlayer.results.plot_style import colours, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +26,7 @@ def fit_figure(fitted: Fit) -> Figure:
     symbols = ["$G'$", "$G''$"] if is_master else ["$G$"]
     smooth = np.geomspace(curve.abscissa[0], curve.abscissa[-1], 500)
     lines = curve.predicted(fitted.material, smooth)
-    with journal_style():
+    with styled():
         figure = new_figure(1, 100.0)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
         for i, (symbol, colour) in enumerate(zip(symbols, [colours(3)[0], colours(3)[1]], strict=False)):

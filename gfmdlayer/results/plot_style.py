@@ -1,14 +1,17 @@
 """The look of the figures: sizes, colours, line styles, and how swept values are written.
 
-Colours run dark to light, viridis cut before its yellow, so that they keep their order when printed grey;
-line styles tell the curves apart where greys are close.
+A figure is laid out for the columns of a journal; the style `screen` draws the same layout larger, with the
+sans-serif letters and the strong lines that a talk needs. Colours run dark to light, viridis cut before its
+yellow, so that they keep their order when printed grey; line styles tell the curves apart where greys are
+close.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,7 +28,6 @@ Columns = Literal[1, 2]
 Dashes = Literal["solid"] | tuple[float, tuple[float, ...]]
 
 WIDTH_MM: dict[Columns, float] = {1: 85.0, 2: 175.0}
-DPI = 300
 SUFFIXES = (".png", ".pdf", ".svg")
 LINE_STYLES: tuple[Dashes, ...] = (
     "solid",
@@ -36,44 +38,85 @@ LINE_STYLES: tuple[Dashes, ...] = (
     (0, (1, 1.2)),
 )
 
-_RC: dict[Any, Any] = {
-    "font.family": "STIXGeneral",
-    "mathtext.fontset": "stix",
-    "font.size": 9,
-    "axes.labelsize": 10,
-    "axes.titlesize": 9,
-    "axes.linewidth": 0.6,
-    "legend.fontsize": 8.5,
+
+@dataclass(frozen=True)
+class Style:
+    """How figures look: matplotlib's settings, the size relative to a journal's column, dots an inch."""
+
+    settings: Mapping[Any, Any]
+    scale: float
+    dpi: int
+
+
+_COMMON = {
     "legend.frameon": False,
     "legend.handlelength": 3.0,
     "legend.labelspacing": 0.35,
-    "lines.linewidth": 1.1,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
     "xtick.minor.visible": True,
     "ytick.minor.visible": True,
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
 }
+PAPER = Style(
+    _COMMON
+    | {
+        "font.family": "STIXGeneral",
+        "mathtext.fontset": "stix",
+        "font.size": 9,
+        "axes.labelsize": 10,
+        "axes.titlesize": 9,
+        "axes.linewidth": 0.6,
+        "legend.fontsize": 8.5,
+        "lines.linewidth": 1.1,
+        "lines.markersize": 4.5,
+        "xtick.direction": "in",
+        "ytick.direction": "in",
+        "xtick.top": True,
+        "ytick.right": True,
+    },
+    scale=1.0,
+    dpi=300,
+)
+SCREEN = Style(
+    _COMMON
+    | {
+        "font.family": "DejaVu Sans",
+        "mathtext.fontset": "dejavusans",
+        "font.size": 14,
+        "axes.labelsize": 17,
+        "axes.titlesize": 14,
+        "axes.linewidth": 1.2,
+        "legend.fontsize": 13,
+        "lines.linewidth": 2.4,
+        "lines.markersize": 9,
+        "xtick.major.size": 6,
+        "ytick.major.size": 6,
+        "xtick.major.width": 1.2,
+        "ytick.major.width": 1.2,
+        "xtick.minor.size": 3,
+        "ytick.minor.size": 3,
+    },
+    scale=1.75,
+    dpi=160,
+)
+STYLES = {"paper": PAPER, "screen": SCREEN}
 
 
 @contextmanager
-def journal_style() -> Iterator[None]:
+def styled(style: Style = PAPER) -> Iterator[None]:
     """Set fonts, ticks and lines for the block; matplotlib's own settings return after it."""
     import matplotlib as mpl
 
-    with mpl.rc_context(_RC):
+    with mpl.rc_context(dict(style.settings)):
         yield
 
 
-def new_figure(columns: Columns, height_mm: float) -> Figure:
-    """Return an empty figure as wide as one or two columns of a journal."""
+def new_figure(columns: Columns, height_mm: float, style: Style = PAPER) -> Figure:
+    """Return an empty figure as wide as one or two columns of a journal, times the scale of the style."""
     from matplotlib.figure import Figure
 
-    inch = 25.4
-    return Figure(figsize=(WIDTH_MM[columns] / inch, height_mm / inch), layout="constrained")
+    unit = style.scale / 25.4
+    return Figure(figsize=(WIDTH_MM[columns] * unit, height_mm * unit), layout="constrained")
 
 
 def check_suffix(path: Path) -> None:
@@ -84,11 +127,11 @@ def check_suffix(path: Path) -> None:
         )
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names."""
     try:
-        with journal_style():
-            figure.savefig(path, dpi=DPI)
+        with styled(style):
+            figure.savefig(path, dpi=style.dpi)
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
@@ -116,7 +159,7 @@ def case_titles(results: Dataset) -> dict[tuple[int, ...], str]:
     """Title the case at each place of a sweep by its swept values."""
     numbers = results["case"]
     order = str(results.attrs.get("swept", "")).split()
-    swept = [coordinate for name, coordinate in results.coords.items() if name not in ("case", "time")]
+    swept = [coordinate for coordinate in results.coords.values() if "key" in coordinate.attrs]
     swept.sort(key=lambda coordinate: order.index(coordinate.attrs["key"]))
     spread = [(value_titles(coordinate), numbers.get_axis_num(coordinate.dims[0])) for coordinate in swept]
     return {
@@ -127,9 +170,13 @@ def case_titles(results: Dataset) -> dict[tuple[int, ...], str]:
 
 def value_titles(coordinate: DataArray) -> list[str]:
     """Write the values of a swept coordinate with its symbol, or its name where it has none."""
+    return [f"{symbol(coordinate)} = {label}" for label in value_labels(coordinate.to_numpy().tolist())]
+
+
+def symbol(coordinate: DataArray) -> str:
+    """Write the symbol of a swept coordinate, or its name where it has none."""
     key = str(coordinate.attrs.get("key", coordinate.name))
-    name = f"${PARAMETERS[key].mathtext}$" if key in PARAMETERS else str(coordinate.name).replace("_", " ")
-    return [f"{name} = {label}" for label in value_labels(coordinate.to_numpy().tolist())]
+    return f"${PARAMETERS[key].mathtext}$" if key in PARAMETERS else str(coordinate.name).replace("_", " ")
 
 
 def value_labels(values: Sequence[object]) -> list[str]:

@@ -1,194 +1,148 @@
-r"""The paper's figure of a run: contact area and mean pressure against time, one curve for each swept value.
-
-Panel (a) shows $\tilde a$ and panel (b) $\tilde p$ against $t/\tau$, tau being the attribute of the results;
-where the cases do not share one, time stays in the config's units. One swept key is told by colour and line
-style together, two by colour (the first) and line style (the second).
-"""
+"""Pictures of a folder of results, or of the file of one case, in the format that the name's suffix tells."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from gfmdlayer.results.plot_style import (
-    LINE_STYLES,
-    Columns,
-    Dashes,
-    case_titles,
-    check_suffix,
-    colours,
-    journal_style,
-    line_style,
-    new_figure,
-    save,
-    time_axis,
-    value_titles,
-)
-from gfmdlayer.results.reader import open_results
+from gfmdlayer.results.curve_plots import curves_figure
+from gfmdlayer.results.inset import Inset
+from gfmdlayer.results.map_plots import map_figure
+from gfmdlayer.results.movie import default_suffix, write_movie
+from gfmdlayer.results.plot_style import STYLES, Columns, Style, check_suffix, save
+from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.snapshot_plots import plot_snapshots
+from gfmdlayer.results.snapshot_plots import MOST_CASES, snapshots_figure
+from gfmdlayer.results.surfaces import cases_with_snapshots
+from gfmdlayer.results.waterfall import waterfall_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-LEGEND_ENTRIES = 12
-
-
-@dataclass(frozen=True)
-class _Curve:
-    place: dict[str, int]
-    colour: str
-    dashes: Dashes
-
-
-_Entry = tuple[str, str, Dashes]  # title, colour, line style
+Kind = Literal["curves", "snapshots", "waterfall", "map", "movie"]
 
 
 def plot_results(
-    directory: str | Path,
+    path: str | Path,
     out: str | Path | None = None,
     *,
-    snapshots: bool = True,
+    kind: Kind | None = None,
     case: int | None = None,
+    style: Literal["paper", "screen"] = "paper",
     columns: Columns = 2,
-) -> Path:
-    """Draw the figure of a folder of results, and a second one of the snapshots if there are any.
+    log_time: bool = False,
+    inset: Sequence[float] = (),
+    time: float | None = None,
+) -> list[Path]:
+    """Draw results.
 
     Parameters
     ----------
-    directory
-        The folder of results.
+    path
+        The folder of results, or the file of one case.
     out
-        The picture, .png, .pdf or .svg; DIR/NAME.png by default. The snapshots go beside it, to
-        NAME-snapshots.png.
-    snapshots
-        Whether to draw the snapshots.
+        The picture, .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named
+        after the results and lies with them.
+    kind
+        curves: contact area and mean pressure against time. snapshots: the surface at the snapshot times.
+        waterfall: pressure profiles through time. map: contact area and mean pressure over two swept keys.
+        movie: displacement and pressure. By default the curves and, to NAME-snapshots, the snapshots if there
+        are any.
     case
-        The case whose snapshots are drawn; by default all of a few, or the first of many.
+        The number of the case whose snapshots are drawn; by default all of a few, or the first.
+    style
+        paper, for the columns of a journal, or screen, for a talk.
     columns
-        Width of the figure in columns of a journal.
+        Width of the curves in columns of a journal.
+    log_time
+        Whether the curves' time axis is logarithmic.
+    inset
+        Times of snapshots, in the units of the config, at which the curves' inset shows punch and surface.
+    time
+        Time of the map, in the units of the config; by default the last row.
 
     Returns
     -------
-    Path
-        The first picture.
+    list of Path
+        What was written.
 
     Raises
     ------
     ResultsError
-        If there are no results, more than two keys are swept, or the picture cannot be written.
+        If there are no results, or none of this kind, or the picture cannot be written.
     """
-    with open_results(directory) as dataset:
-        name = str(dataset.attrs.get("name") or Path(directory).resolve().name)
-        picture = Path(directory) / f"{name}.png" if out is None else Path(out)
+    path = Path(path)
+    with open_case(path) if path.is_file() else open_results(path) as dataset:
+        results = _Results(path, dataset, case, STYLES[style])
+        if kind == "movie":
+            return [results.movie(None if out is None else Path(out))]
+        picture = results.beside(kind or "curves", ".png") if out is None else Path(out)
         check_suffix(picture)
-        save(curves_figure(dataset, columns), picture)
-        if snapshots:
-            plot_snapshots(directory, dataset, picture.with_stem(f"{picture.stem}-snapshots"), case)
-    return picture
+        draw: dict[str, Callable[[], Figure]] = {
+            "curves": lambda: results.curves(columns, log_time, inset),
+            "snapshots": results.snapshots,
+            "waterfall": results.waterfall,
+            "map": lambda: map_figure(dataset, time, results.style),
+        }
+        pictures = {picture: draw[kind or "curves"]}
+        if kind is None and results.have_snapshots():
+            pictures[picture.with_stem(f"{picture.stem}-snapshots")] = draw["snapshots"]
+        for written, figure in pictures.items():
+            save(figure(), written, results.style)
+        return list(pictures)
 
 
-def curves_figure(dataset: Dataset, columns: Columns = 2) -> Figure:
-    """Draw contact area and mean pressure against time as two panels; in one column they are stacked.
+@dataclass(frozen=True)
+class _Results:
+    """What is drawn and how: where it lies, what the reader opens there, the case asked for, the look."""
 
-    Parameters
-    ----------
-    dataset
-        A sweep or a case, as the reader opens it.
-    columns
-        Width of the figure in columns of a journal.
+    path: Path
+    dataset: Dataset
+    case: int | None
+    style: Style
 
-    Raises
-    ------
-    ResultsError
-        If more than two keys are swept.
-    """
-    curves, entries = _curves(dataset)
-    with journal_style():
-        figure = new_figure(columns, 66.0 if columns == 2 else 125.0)
-        panels = figure.subplots(1, 2) if columns == 2 else figure.subplots(2, 1, sharex=True)
-        labels = {"contact_area": r"$\tilde{a}$", "mean_pressure": r"$\tilde{p}$"}
-        for axes, letter, (name, label) in zip(panels, "ab", labels.items(), strict=True):
-            _draw_panel(axes, dataset, name, curves)
-            axes.set_ylabel(label)
-            axes.set_title(f"({letter})", loc="left")
-        for axes in panels if columns == 2 else panels[1:]:
-            axes.set_xlabel(time_axis(dataset)[0])
-        if entries:
-            _draw_legend(figure, entries, columns)
-    return figure
+    def beside(self, kind: Kind, suffix: str) -> Path:
+        """Name a picture after the results, beside which it lies."""
+        ending = suffix if kind in ("curves", "movie") else f"-{kind}{suffix}"
+        if self.path.is_file():
+            return self.path.with_name(self.path.stem + ending)
+        return self.path / f"{self.dataset.attrs.get('name') or self.path.resolve().name}{ending}"
 
+    def curves(self, columns: Columns, log_time: bool, times: Sequence[float]) -> Figure:
+        inset = None
+        if times:
+            with self._one_case() as (_, case):
+                inset = Inset.of(case, times)
+        return curves_figure(self.dataset, columns, style=self.style, log_time=log_time, inset=inset)
 
-def _draw_panel(axes: Axes, dataset: Dataset, name: str, curves: list[_Curve]) -> None:
-    time = dataset["time"].to_numpy() / time_axis(dataset)[1]
-    for curve in curves:
-        values = dataset[name].isel(curve.place).to_numpy()
-        axes.plot(time, values, color=curve.colour, linestyle=curve.dashes)
-    if time.size > 1:
-        axes.set_xlim(time[0], time[-1])
-    axes.set_ylim(bottom=0)
+    def have_snapshots(self) -> bool:
+        with cases_with_snapshots(self.path, self.dataset, self.case, MOST_CASES) as cases:
+            return bool(cases)
 
+    def snapshots(self) -> Figure:
+        with cases_with_snapshots(self.path, self.dataset, self.case, MOST_CASES) as cases:
+            return snapshots_figure(self._some(cases), self.style)
 
-def _curves(dataset: Dataset) -> tuple[list[_Curve], list[_Entry]]:
-    """Choose colour and line style of each curve, and the entries of the legend."""
-    names = [str(name) for name in dataset["contact_area"].dims if name != "time"]
-    if not names:
-        return [_Curve({}, colours(1)[0], line_style(0))], []
-    if len(names) > 2:
-        raise ResultsError(
-            f"cannot draw a sweep over {len(names)} keys ({', '.join(names)}): at most 2, select some"
-        )
-    first = colours(dataset.sizes[names[0]])
-    if len(names) == 2:
-        return _crossed_curves(dataset, names, first)
-    curves = [_Curve({names[0]: i}, colour, line_style(i)) for i, colour in enumerate(first)]
-    labels = case_titles(dataset).values()
-    return curves, _thinned([(label, c.colour, c.dashes) for label, c in zip(labels, curves, strict=True)])
+    def waterfall(self) -> Figure:
+        with self._one_case() as (title, case):
+            return waterfall_figure(case, title, self.style)
 
+    def movie(self, out: Path | None) -> Path:
+        written = out or self.beside("movie", default_suffix())
+        with self._one_case() as (title, case):
+            write_movie(case, written, title, self.style)
+        return written
 
-def _crossed_curves(
-    dataset: Dataset, names: list[str], first: list[str]
-) -> tuple[list[_Curve], list[_Entry]]:
-    """Colour by the first key and line style by the second."""
-    count = dataset.sizes[names[1]]
-    if count > len(LINE_STYLES):
-        raise ResultsError(
-            f"cannot draw {count} values of {names[1]} as line styles: at most {len(LINE_STYLES)}"
-        )
-    curves = [
-        _Curve({names[0]: i, names[1]: j}, colour, line_style(j))
-        for i, colour in enumerate(first)
-        for j in range(count)
-    ]
-    by_colour = zip(value_titles(dataset[names[0]]), first, strict=True)
-    by_style = enumerate(value_titles(dataset[names[1]]))
-    return curves, [
-        *_thinned([(title, colour, "solid") for title, colour in by_colour]),
-        *((title, "black", line_style(j)) for j, title in by_style),
-    ]
+    @contextmanager
+    def _one_case(self) -> Iterator[tuple[str, Dataset]]:
+        with cases_with_snapshots(self.path, self.dataset, self.case, 1) as cases:
+            yield next(iter(self._some(cases).items()))
 
-
-def _thinned(entries: list[_Entry]) -> list[_Entry]:
-    """Keep a legend readable: the first, the last, and some between."""
-    if len(entries) <= LEGEND_ENTRIES:
-        return entries
-    kept = np.linspace(0, len(entries) - 1, LEGEND_ENTRIES).round().astype(int)
-    return [entries[place] for place in kept]
-
-
-def _draw_legend(figure: Figure, entries: list[_Entry], columns: Columns) -> None:
-    """Put the legend beside the panels, or below them in one column."""
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=colour, linestyle=dashes, label=title) for title, colour, dashes in entries
-    ]
-    if columns == 2:
-        figure.legend(handles=handles, loc="outside right center")
-    else:
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    def _some(self, cases: dict[str, Dataset]) -> dict[str, Dataset]:
+        if not cases:
+            raise ResultsError(f"{self.path}: no snapshots; set output.snapshots and run the config again")
+        return cases

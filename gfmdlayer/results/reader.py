@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import h5py
+import numpy as np
 
 from gfmdlayer.results.schema import ResultsError
 
@@ -45,12 +46,19 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
 
 def _is_whole(h5: h5py.File) -> bool:
     rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
-    growing = [dataset for name, dataset in h5.items() if name != "snapshot" and dataset.maxshape == (None,)]
+    growing = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
+    fields = ("snapshot", "displacement", "pressure", *({"gap"} & growing.keys()))
+    kept = [growing.pop(name) for name in fields]
     return bool(
         h5.attrs["complete"] == 1
-        and all(len(dataset[()]) == rows for dataset in growing)
-        and all(len(h5[name]) == snapshots for name in ("snapshot", "displacement", "pressure"))
+        and all(_rows_read(dataset) == rows for dataset in growing.values())
+        and all(len(dataset) == snapshots for dataset in kept)
     )
+
+
+def _rows_read(dataset: h5py.Dataset) -> int:
+    """Return the number of rows once all are read, which checks them; some at a time, histograms are wide."""
+    return sum(len(dataset[start : start + 4096]) for start in range(0, len(dataset), 4096))
 
 
 def attributes(path: str | Path) -> dict[str, object]:
@@ -93,7 +101,9 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     -------
     xarray.Dataset
         For a sweep, contact_area and mean_pressure along the swept keys and time; the coordinate `case` tells
-        the number of each case's file.
+        the number of each case's file. Where the cases share a grid, displacement, pressure and gap along the
+        swept keys, snapshot, x and y: read from the cases' files when they are used, and only as far as they
+        are.
 
     Raises
     ------
@@ -108,7 +118,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
     if sweep.exists() and attributes(sweep).get("swept"):
-        return _open(sweep)
+        return _with_snapshots(_open(sweep), directory)
     complete = [path for path in files if is_complete(path)]
     if len(complete) == 1:
         return _open(complete[0])
@@ -117,6 +127,17 @@ def open_results(directory: str | Path) -> xarray.Dataset:
             f"{directory}: {len(complete)} complete cases but no {SWEEP_FILE}; run the config again"
         )
     raise ResultsError(f"{directory}: no complete case")
+
+
+def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
+    from gfmdlayer.results.stack import with_snapshots
+
+    files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
+    first = next((path for path in files.flat if is_complete(path)), None)
+    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+        return sweep
+    with _open(first) as example:
+        return with_snapshots(sweep, example, files) if example.sizes["snapshot"] else sweep
 
 
 def _open(path: Path) -> xarray.Dataset:

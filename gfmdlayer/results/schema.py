@@ -16,11 +16,15 @@ class ResultsError(OSError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Meaning, units and numpy type of one variable of a result file."""
+    """Meaning, units and numpy type of one variable of a result file.
+
+    A column of rows has one number a row, or one for each place along the dimension `along`.
+    """
 
     long_name: str
     units: str = "1"
     dtype: str = "f8"
+    along: str | None = None
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,21 @@ VARIABLES: dict[str, Variable] = {
     "depth": Variable("indentation depth of the punch", "length"),
     "displacement": Variable("normal displacement of the surface, positive upward", "length"),
     "pressure": Variable("contact pressure, positive in compression", "pressure"),
+    "gap": Variable("gap between surface and punch, zero in contact", "length"),
+    "mean_gap": Variable("mean gap between surface and punch", "length"),
+    "patches": Variable("number of connected patches of contact", "1", "i8"),
+    "pressure_bin": Variable("lower end of the bin of pressure", "pressure"),
+    "pressure_bin_end": Variable("upper end of the bin of pressure", "pressure", along="pressure_bin"),
+    "pressure_histogram": Variable(
+        "part of the surface in contact with a pressure in the bin; the sum is the contact area",
+        along="pressure_bin",
+    ),
+    "gap_bin": Variable("lower end of the bin of the gap", "length"),
+    "gap_bin_end": Variable("upper end of the bin of the gap", "length", along="gap_bin"),
+    "gap_histogram": Variable(
+        "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area",
+        along="gap_bin",
+    ),
     "transforms": Variable("pairs of Fourier transforms spent on the step", "1", "i8"),
     "iterations": Variable("iterations of the contact solver in the step", "1", "i8"),
     "residual": Variable("residual of the contact problem when the step was accepted"),

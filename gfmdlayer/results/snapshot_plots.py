@@ -1,111 +1,60 @@
-"""Pictures of the surface at the snapshot times: displacement and contact pressure, zoomed to the contact."""
+"""Pictures of the surface at the snapshot times, zoomed to the contact.
+
+A line is drawn as profiles of displacement and pressure; a surface in two dimensions as maps of pressure and
+gap with a cut through both.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gfmdlayer.results.plot_style import (
-    case_titles,
-    colours,
-    journal_style,
-    line_style,
-    new_figure,
-    save,
-    time_axis,
-    value_labels,
-)
-from gfmdlayer.results.reader import case_path, is_complete, open_case
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.plot_style import PAPER, Style, colours, line_style, new_figure, styled
+from gfmdlayer.results.surfaces import extent, limits, section, snapshot_times, spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
     from xarray import DataArray, Dataset
+
+Window = Mapping[str, tuple[float, float]]
 
 MOST_CASES = 6
 MOST_MAPS = 4
+PRESSURE_COLOURS, GAP_COLOURS, CONTACT = "magma_r", "cividis_r", "black"
 
 
-def plot_snapshots(
-    directory: str | Path, results: Dataset, picture: Path, case: int | None = None
-) -> Path | None:
-    """Draw the snapshots of some cases, if they have any.
+def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER) -> Figure:
+    """Draw the snapshots of cases.
 
-    Parameters
-    ----------
-    directory
-        The folder of results.
-    results
-        What the reader opens there.
-    picture
-        The file to write.
-    case
-        The number of the case; by default all cases if they are at most MOST_CASES, else the first.
-
-    Returns
-    -------
-    Path | None
-        The picture, or None where there are no snapshots.
-
-    Raises
-    ------
-    ResultsError
-        If the case asked for is not there.
-    """
-    if "snapshot" in results.dims:
-        chosen = {"": results} if results.sizes["snapshot"] else {}
-    else:
-        chosen = _open_cases(directory, results, case)
-    if not chosen:
-        return None
-    try:
-        save(snapshots_figure(chosen), picture)
-    finally:
-        for opened in chosen.values():
-            opened.close()
-    return picture
-
-
-def snapshots_figure(cases: Mapping[str, Dataset]) -> Figure:
-    """Draw the snapshots of cases, one row of panels a case.
-
-    For surfaces in one dimension the panels are displacement and pressure, with a curve for each snapshot;
-    for surfaces in two, maps of the pressure at up to MOST_MAPS of the times.
+    For surfaces in one dimension there is a row of panels a case, displacement and pressure, with a curve for
+    each snapshot. A single case in two dimensions is drawn as maps of pressure and gap at up to MOST_MAPS of
+    the times, with punch, surface and pressure along a cut; several, by a row of pressure maps each.
 
     Parameters
     ----------
     cases
         Title -> the case as the reader opens it; all have snapshots, and grids of one dimensionality.
+    style
+        Letters and lines, and the size of a column.
     """
-    with journal_style():
+    with styled(style):
         first = next(iter(cases.values()))
-        return _maps(cases) if "y" in first["pressure"].dims else _profiles(cases)
+        if "y" not in first["pressure"].dims:
+            return _profiles(cases, style)
+        if len(cases) == 1 and "gap" in first:
+            return _surface(next(iter(cases)), first, style)
+        return _maps(cases, style)
 
 
-def _open_cases(directory: str | Path, results: Dataset, case: int | None) -> dict[str, Dataset]:
-    numbers = results["case"].to_numpy()
-    places = [place for place in np.ndindex(numbers.shape) if case is None or numbers[place] == case]
-    present = [place for place in places if is_complete(case_path(directory, int(numbers[place])))]
-    if case is not None and not present:
-        raise ResultsError(f"{directory}: no complete case {case:04d}")
-    kept = present if len(present) <= MOST_CASES else present[:1]
-    titles = case_titles(results)
-    opened = {titles[place]: open_case(case_path(directory, int(numbers[place]))) for place in kept}
-    return {title: dataset for title, dataset in opened.items() if dataset.sizes["snapshot"]}
-
-
-def _profiles(cases: Mapping[str, Dataset]) -> Figure:
+def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
     from matplotlib.lines import Line2D
 
-    figure = new_figure(2, 22.0 + 38.0 * len(cases))
+    figure = new_figure(2, 22.0 + 38.0 * len(cases), style)
     panels = figure.subplots(len(cases), 2, sharex=True, sharey="col", squeeze=False)
-    left, right = _extent(cases, "x")
-    time_label, times = _times(max(cases.values(), key=lambda dataset: dataset.sizes["snapshot"]))
+    left, right = extent(cases.values(), "x")
+    time_label, times = snapshot_times(max(cases.values(), key=lambda dataset: dataset.sizes["snapshot"]))
     for row, (title, dataset) in zip(panels, cases.items(), strict=True):
         for axes, name, label in zip(row, ("displacement", "pressure"), ("$u$", "$p$"), strict=True):
             _draw_profiles(axes, dataset[name], left, right)
@@ -119,7 +68,8 @@ def _profiles(cases: Mapping[str, Dataset]) -> Figure:
         Line2D([], [], color=colour, linestyle=line_style(place), label=f"{time_label} = {label}")
         for place, (colour, label) in enumerate(zip(colours(len(times)), times, strict=True))
     ]
-    figure.legend(handles=lines, loc="outside upper center", ncols=min(len(lines), 5))
+    kept = [lines[place] for place in spread(len(lines), 10)]
+    figure.legend(handles=kept, loc="outside upper center", ncols=-(-len(kept) // -(-len(kept) // 5)))
     return figure
 
 
@@ -131,23 +81,28 @@ def _draw_profiles(axes: Axes, field: DataArray, left: float, right: float) -> N
         axes.plot(x[shown], values[shown], color=colour, linestyle=line_style(place))
 
 
-def _maps(cases: Mapping[str, Dataset]) -> Figure:
+def _maps(cases: Mapping[str, Dataset], style: Style) -> Figure:
     most = max(dataset.sizes["snapshot"] for dataset in cases.values())
     columns = min(most, MOST_MAPS)
-    figure = new_figure(2, 14.0 + 150.0 / max(columns, 2) * len(cases))
+    figure = new_figure(2, 14.0 + 150.0 / max(columns, 2) * len(cases), style)
     panels = figure.subplots(len(cases), columns, sharex=True, sharey=True, squeeze=False)
-    (left, right), (low, high) = _extent(cases, "x"), _extent(cases, "y")
-    peak = max(float(dataset["pressure"].max()) for dataset in cases.values())
+    window = {name: extent(cases.values(), name) for name in "xy"}
+    peak = max(limits(dataset["pressure"])[1] for dataset in cases.values())
     for row, (title, dataset) in zip(panels, cases.items(), strict=True):
-        time_label, times = _times(dataset)
-        kept = np.linspace(0, len(times) - 1, min(columns, len(times))).round().astype(int)
+        time_label, times = snapshot_times(dataset)
+        kept = spread(len(times), columns)
         for axes, place in zip(row, kept, strict=False):
-            field = dataset["pressure"].isel(snapshot=place).transpose("y", "x")
-            mesh = axes.pcolormesh(
-                field["x"], field["y"], field, vmin=0.0, vmax=peak or 1.0, shading="nearest", rasterized=True
+            mesh = draw_map(
+                axes,
+                dataset["pressure"].isel(snapshot=place),
+                window,
+                vmin=0.0,
+                vmax=peak or 1.0,
+                cmap=PRESSURE_COLOURS,
             )
-            axes.set(aspect="equal", xlim=(left, right), ylim=(low, high))
             axes.set_title(f"{time_label} = {times[place]}", loc="right")
+        for axes in row[len(kept) :]:
+            axes.set_axis_off()
         row[0].set_title(title, loc="left")
         row[0].set_ylabel("$y$")
     for axes in panels[-1]:
@@ -156,21 +111,81 @@ def _maps(cases: Mapping[str, Dataset]) -> Figure:
     return figure
 
 
-def _times(dataset: Dataset) -> tuple[str, list[str]]:
-    label, tau = time_axis(dataset)
-    return label, value_labels((dataset["snapshot"].to_numpy() / tau).tolist())
+def _surface(title: str, case: Dataset, style: Style) -> Figure:
+    """Draw maps of pressure and gap of one case, with a cut below."""
+    time_label, times = snapshot_times(case)
+    kept = spread(len(times), MOST_MAPS)
+    case = case.isel(snapshot=kept).load()
+    cut, window = section(case), {name: extent([case], name) for name in "xy"}
+    (left, right), (low, high) = window["x"], window["y"]
+    width = 145.0 / max(len(kept), 2)
+    height = width * min((high - low) / (right - left), 1.5)
+    figure = new_figure(2, 26.0 + 2 * height + 60.0, style)
+    grid = figure.subplots(
+        4, len(kept), sharex=True, sharey="row", squeeze=False, height_ratios=(height, height, 30.0, 30.0)
+    )
+    ranges: dict[str, dict[str, Any]] = {
+        "pressure": {"vmin": 0.0, "vmax": float(case["pressure"].max()) or 1.0, "cmap": PRESSURE_COLOURS},
+        "gap": {"vmin": 0.0, "vmax": _shown_gap(case, window), "cmap": GAP_COLOURS},
+    }
+    for place, column in enumerate(grid.T):
+        one, along = case.isel(snapshot=place), cut.isel(snapshot=place)
+        for axes, (name, look) in zip(column, ranges.items(), strict=False):
+            field, line = (one[name], "0.4") if name == "pressure" else (open_gap(one), "white")
+            mesh = draw_map(axes, field, window, **look)
+            axes.axhline(float(cut["y"]), color=line, linewidth=0.6, linestyle=(0, (4, 3)))
+            if place == len(kept) - 1:
+                label = "$p$" if name == "pressure" else "gap"
+                figure.colorbar(mesh, ax=grid[0 if name == "pressure" else 1], label=label, aspect=12)
+        draw_cut(column[2], along)
+        column[3].plot(along["x"], along["pressure"], color=colours(1)[0])
+        column[0].set_title(f"{time_label} = {times[kept[place]]}", loc="right")
+        column[3].set_xlabel("$x$")
+    for axes, label in zip(grid[:, 0], ("$y$", "$y$", "$u$, punch", "$p$"), strict=True):
+        axes.set_ylabel(label)
+    grid[0, 0].set_title(title, loc="left")
+    surface = cut["displacement"].to_numpy()
+    grid[2, 0].set_ylim(*heights(surface))
+    grid[3, 0].set_ylim(bottom=0)
+    return figure
 
 
-def _extent(cases: Mapping[str, Dataset], name: str) -> tuple[float, float]:
-    """Return the stretch of an axis to show: the contact and half as much again on either side."""
-    touched: list[NDArray[np.float64]] = []
-    for dataset in cases.values():
-        pressed = (dataset["pressure"] > 0).any([dim for dim in dataset["pressure"].dims if dim != name])
-        touched.append(dataset[name].to_numpy()[pressed.to_numpy()])
-    coordinate = next(iter(cases.values()))[name].to_numpy()
-    start, stop = float(coordinate[0]), float(coordinate[-1])
-    contact = np.concatenate(touched)
-    if contact.size == 0:
-        return start, stop
-    margin = 0.5 * float(np.ptp(contact)) + 4.0 * float(coordinate[1] - coordinate[0])
-    return max(start, float(contact.min()) - margin), min(stop, float(contact.max()) + margin)
+def draw_map(axes: Axes, field: DataArray, window: Window, **look: Any) -> AxesImage:
+    """Draw one field over the surface, within a window of x and y."""
+    x, y = (field[name].to_numpy() for name in "xy")
+    dx, dy = (float(axis[1] - axis[0]) / 2 for axis in (x, y))
+    axes.set_facecolor(CONTACT)  # seen where the gap is closed
+    mesh = axes.imshow(
+        field.transpose("y", "x").to_numpy(),
+        origin="lower",
+        extent=(x[0] - dx, x[-1] + dx, y[0] - dy, y[-1] + dy),
+        interpolation="nearest",
+        **look,
+    )
+    axes.set(aspect="equal", xlim=window["x"], ylim=window["y"])
+    return mesh
+
+
+def draw_cut(axes: Axes, cut: Dataset) -> None:
+    """Draw the surface and, dashed, the punch along a cut."""
+    surface = cut["displacement"].to_numpy()
+    axes.plot(cut["x"], surface, color=colours(1)[0])
+    axes.plot(cut["x"], surface + cut["gap"].to_numpy(), color="0.4", linestyle=(0, (4, 2)))
+
+
+def heights(surface: Any) -> tuple[float, float]:
+    """Return the heights to show: the surface and as much again above it, for the punch."""
+    low, high = float(surface.min()), float(surface.max())
+    room = (high - low) or 1e-12
+    return low - 0.15 * room, high + 0.6 * room
+
+
+def open_gap(case: Dataset) -> DataArray:
+    """Return the gap where the surface is not in contact, and NaN, which is drawn as nothing, where it is."""
+    gap, pressure = case["gap"], case["pressure"]
+    return gap.where(pressure * float(gap.max()) <= gap * float(pressure.max()))
+
+
+def _shown_gap(case: Dataset, window: Window) -> float:
+    within = {name: slice(*window[name]) for name in "xy"}
+    return float(case["gap"].sel(within).max()) or 1.0

@@ -69,6 +69,7 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
 
 def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> None:
     from gfmdlayer.contact.grid import Grid
+    from gfmdlayer.inputs import histogram_edges
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
 
@@ -77,7 +78,8 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> N
         folder.case(case.index, "failed").unlink(missing_ok=True)
         axes = Grid(config.grid.points, config.grid.period).coordinates
         coordinates = dict(zip("xy", axes, strict=False))
-        with CaseWriter(folder.case(case.index), coordinates, _attributes(config)) as recorder:
+        edges = histogram_edges(config)
+        with CaseWriter(folder.case(case.index), coordinates, _attributes(config), edges) as recorder:
             simulate(config, recorder, status.advance, wisdom, threads)
 
 

@@ -23,7 +23,7 @@ PAIRS = {
 REAL = 8  # bytes
 # Real fields alive at once: history, solver, kernels, plans, snapshot being written; measured at 1024 x 1024.
 FIELDS = {"active_set": 68, "conjugate_gradient": 40, "fire": 36}
-COLUMNS = 12  # of a row
+COLUMNS = 13  # of a row
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 
@@ -54,12 +54,14 @@ def estimate(config: Config) -> Cost:
     steps = ADAPTIVE_STEPS if isinstance(step, str) else math.ceil(config.time.end / step - 1e-9)
     solver = config.solver
     inertia = solver.inertia if solver.method == "fire" else None
+    kept = config.output.histograms
+    columns = COLUMNS + sum(given.bins for given in (kept.pressure, kept.gap) if given is not None)
     at_4096, power = PAIRS[solver.method, inertia]
     return Cost(
         steps=steps,
         pairs=steps * at_4096 * (size / 4096) ** power,
         memory=PROGRAM + FIELDS[solver.method] * REAL * size,
-        storage=REAL * (COLUMNS * (steps + 1) + 2 * size * len(config.output.snapshots)),
+        storage=REAL * (columns * (steps + 1) + 3 * size * len(config.output.snapshots)),
     )
 
 

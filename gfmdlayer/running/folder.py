@@ -2,6 +2,7 @@
 
     DIR/config.yaml        the configuration with every default written out; its first line marks the folder
     DIR/cases/NNNN.h5      a complete case
+    DIR/cases/NNNN.xdmf    what ParaView opens of a surface in two dimensions
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running how far a case is (JSON)
     DIR/cases/stop         asks every process of the run to stop
@@ -196,7 +197,7 @@ class Folder:
             yield
 
     def _remove_results(self) -> None:
-        for path in (self.sweep, *self.cases.glob("*.h5"), self.config):
+        for path in (self.sweep, *self.cases.glob("*.h5"), *self.cases.glob("*.xdmf"), self.config):
             path.unlink(missing_ok=True)
         for path in self.cases.glob("*.failed"):
             path.unlink()

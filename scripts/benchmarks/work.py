@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from gfmdlayer.config import Config
 from gfmdlayer.inputs import make_trajectory
-from gfmdlayer.results.plot_style import colours, journal_style, line_style, new_figure, save
+from gfmdlayer.results.plot_style import colours, line_style, new_figure, save, styled
 
 EFFORT = Effort(points=(1 << 14,), steps=1600)
 QUICK = Effort(points=(1 << 10,), steps=400)
@@ -113,7 +113,7 @@ def _plot(table: Table, file: Path) -> None:
         name: {"linestyle": line_style(i), "marker": "os^"[i]} for i, name in enumerate(integrators)
     }
     colour = dict(zip(METHODS, colours(len(METHODS)), strict=True))
-    with journal_style():
+    with styled():
         figure = new_figure(1, 75.0)
         axes = figure.add_subplot()
         for method, integrator in product(METHODS, integrators):

@@ -1,0 +1,81 @@
+"""The snapshots of all cases of a sweep as arrays along what was swept, read from their files when used.
+
+    displacement, pressure, gap (swept key, ..., snapshot, x[, y])
+
+Nothing is copied and no file is held open: indexing such an array opens the files of the chosen cases and
+reads the chosen part of each. A case without a file, which failed, is NaN.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import xarray
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from gfmdlayer.results.schema import ResultsError
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+FIELDS = ("displacement", "pressure", "gap")
+
+
+def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_]) -> Dataset:
+    """Add the snapshots of all cases to a sweep.
+
+    Parameters
+    ----------
+    sweep
+        The sweep, whose coordinate `case` has the dimensions of what was swept.
+    example
+        One of its cases; all have its grid and times.
+    files
+        The files of the cases, of the shape of `case`.
+    """
+    added = {}
+    for name in FIELDS:
+        if name in example:
+            field = example[name].variable
+            lazy = indexing.LazilyIndexedArray(_Stack(files, name, field.shape))
+            added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
+    axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
+    return sweep.assign_coords(axes).assign(added)
+
+
+class _Stack(BackendArray):
+    """One field of all cases."""
+
+    def __init__(self, files: NDArray[np.object_], name: str, shape: tuple[int, ...]) -> None:
+        self._files, self._name, self._inner = files, name, shape
+        self.shape = (*files.shape, *shape)
+        self.dtype = np.dtype(np.float64)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
+        outer, part = key[: self._files.ndim], key[self._files.ndim :]
+        files = np.asarray(self._files[outer], dtype=object)
+        inner = np.empty(self._inner, dtype=[])[part].shape  # takes no memory
+        found = np.full((*files.shape, *inner), np.nan)
+        for place, file in np.ndenumerate(files):
+            if file.exists():
+                found[place] = self._read_case(file, part)
+        return found
+
+    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
+        with h5py.File(file, locking="best-effort") as h5:
+            field = h5[self._name]
+            if field.shape != self._inner:
+                raise ResultsError(
+                    f"{file}: {self._name} of shape {field.shape}, where the first case has {self._inner}; "
+                    "open the cases one by one with open_case"
+                )
+            return np.asarray(field[part])

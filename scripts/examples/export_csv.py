@@ -1,0 +1,29 @@
+"""Export results to CSV, for a spreadsheet or another language.
+
+    python scripts/examples/export_csv.py results/figure2-quick [FOLDER]
+
+writes curves.csv, a line for each case and time, and profiles.csv, a line for each case and point of the
+surface at the last snapshot. The cells, marked by `# %%`, also run one by one in Jupyter, Spyder or VS Code.
+"""
+
+# %% The results; snapshots are read only as far as they are used.
+import sys
+from pathlib import Path
+
+import gfmdlayer
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/figure2-quick")
+out = Path(sys.argv[2]) if len(sys.argv) > 2 else folder
+results = gfmdlayer.open_results(folder)
+
+# %% The curves: a column for each swept key, the time and what was found.
+curves = results[["contact_area", "mean_pressure"]].to_dataframe().reset_index()
+curves.to_csv(out / "curves.csv", index=False)
+print(f"{out / 'curves.csv'}: {len(curves)} lines, {', '.join(curves.columns)}")
+
+# %% The surface at the last snapshot, where the cases have one.
+if "pressure" in results and results.sizes["snapshot"]:
+    last = results[["displacement", "pressure"]].isel(snapshot=-1)
+    profiles = last.to_dataframe().reset_index()
+    profiles.to_csv(out / "profiles.csv", index=False)
+    print(f"{out / 'profiles.csv'}: {len(profiles)} lines at time {float(last['snapshot']):g}")

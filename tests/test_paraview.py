@@ -1,0 +1,88 @@
+"""The description for ParaView: every array that it names is in the file, point by point where it belongs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import h5py
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer.results import paraview
+from gfmdlayer.results.reader import is_complete, open_case
+from gfmdlayer.results.writer import CaseWriter
+
+X, Y = np.arange(12) / 12 - 0.5, 0.5 * (np.arange(10) / 10 - 0.5)
+TIMES = (0.5, 2.0)
+FIELDS = np.random.default_rng(1).random((3, len(TIMES), X.size, Y.size))
+NAMES = ("displacement", "pressure", "gap")
+
+
+def write_case(folder: Path) -> Path:
+    with CaseWriter(folder / "0000.h5", {"x": X, "y": Y}) as case:
+        for time, *fields in zip(TIMES, *FIELDS, strict=True):
+            case.snapshot(time, *fields)
+    return folder / "0000.xdmf"
+
+
+def values(item: ET.Element, folder: Path) -> NDArray[np.float64]:
+    """Read an array as XDMF says, in the order in which it runs over the points."""
+    shape = tuple(map(int, item.attrib["Dimensions"].split()))
+    if item.attrib.get("ItemType") == "HyperSlab":
+        window, source = item.findall("DataItem")
+        start, stride, count = np.array((window.text or "").split(), dtype=int).reshape(3, -1)
+        assert tuple(count) == shape
+        places = tuple(slice(a, a + s * c, s) for a, s, c in zip(start, stride, count, strict=True))
+        return values(source, folder)[places].ravel()
+    file, _, dataset = (item.text or "").partition(":")
+    with h5py.File(folder / file) as h5:
+        assert h5[dataset].shape == shape
+        assert h5[dataset].dtype.itemsize == int(item.attrib["Precision"])
+        return np.asarray(h5[dataset][()])
+
+
+def test_fields_lie_on_their_points_at_their_times(tmp_path: Path) -> None:
+    grids = ET.parse(write_case(tmp_path)).findall("Domain/Grid[@CollectionType='Temporal']/Grid")
+    assert [float(time.attrib["Value"]) for grid in grids for time in grid.findall("Time")] == list(TIMES)
+    for place, grid in enumerate(grids):
+        topology, points = grid.find("Topology"), grid.find("Geometry/DataItem")
+        assert topology is not None
+        assert points is not None
+        assert np.prod([int(n) for n in topology.attrib["Dimensions"].split()]) == X.size * Y.size
+        x, y, z = values(points, tmp_path).reshape(-1, 3).T
+        i, j = (np.abs(at[:, None] - axis).argmin(axis=1) for at, axis in ((x, X), (y, Y)))
+        np.testing.assert_allclose(x, X[i], atol=1e-7)  # single precision
+        np.testing.assert_allclose(y, Y[j], atol=1e-7)
+        assert not z.any()
+        found = {a.attrib["Name"]: values(a[0], tmp_path) for a in grid.findall("Attribute")}
+        assert tuple(found) == NAMES
+        for name, field in zip(NAMES, FIELDS, strict=True):
+            np.testing.assert_array_equal(found[name], field[place][i, j])
+
+
+def test_points_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = values_of_points(write_case(tmp_path))
+    monkeypatch.setattr(paraview, "BLOCK", 35)  # 4 rows of 12
+    np.testing.assert_array_equal(values_of_points(write_case(tmp_path)), whole)
+
+
+def values_of_points(described: Path) -> NDArray[np.float64]:
+    with h5py.File(described.with_suffix(".h5")) as h5:
+        return np.asarray(h5[paraview.POINTS][()])
+
+
+def test_described_case_stays_a_complete_case_for_xarray(tmp_path: Path) -> None:
+    path = write_case(tmp_path).with_suffix(".h5")
+    assert is_complete(path)
+    with open_case(path) as case:
+        assert set(case.data_vars) == {"displacement", "pressure", "gap"}
+
+
+def test_lines_and_cases_without_snapshots_are_not_described(tmp_path: Path) -> None:
+    with CaseWriter(tmp_path / "0000.h5", {"x": X}) as case:
+        case.snapshot(1.0, X, X, X)
+    with CaseWriter(tmp_path / "0001.h5", {"x": X, "y": Y}):
+        pass
+    assert list(tmp_path.glob("*.xdmf")) == []
