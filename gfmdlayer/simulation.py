@@ -20,7 +20,7 @@ from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.grid import FloatArray, Grid
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.prediction import PREDICTIONS
-from gfmdlayer.contact.problem import Problem, Solution, Solver
+from gfmdlayer.contact.problem import Solution, Solver
 from gfmdlayer.contact.statistics import Statistics
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 from gfmdlayer.contact.wisdom import planned
@@ -182,25 +182,53 @@ def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1)
     Plans are kept in the wisdom folder, by default the user's cache: runs with the same plans agree in every
     bit.
     """
-    small = config.with_values({"grid.points": 16, "grid.period": 1.0, "punch": {"shape": "parabola"}})
-    solver = make_solver(small, Transforms((16,)))
-    integrator = make_integrator(small, make_grid(small))
-    step = 1.0 if config.time.step == "adaptive" else fixed_step(small)
-    kappa, b = integrator.terms(step)
-    solution = solver.solve(Problem(kappa, b, np.ones(16)), PREDICTIONS[solver.starts_from](16).at(0.0))
-    if isinstance(integrator, Corrected):
-        integrator.error(solution.spectrum, moving=True)
-    integrator.advance(solution.spectrum)
+    small = _in_small(config)
+    simulate(small, _Nobody())
+    # What only a solver that fails comes to must not be compiled by all ranks at once either.
+    loading, integrator = make_loading(small, make_grid(small)), make_integrator(small, make_grid(small))
+    kappa, b = integrator.terms(1.0 if config.time.step == "adaptive" else fixed_step(small))
+    hopeless = make_solver(small, Transforms((16,)), tolerance=0.0, max_iterations=300)
+    hopeless.solve(loading.problem(kappa, b, small.time.end), np.zeros(16))
     return planned(config.grid.points, wisdom_folder or user_cache(), threads)
 
 
-def make_solver(config: Config, transforms: Transforms) -> Solver:
-    """The solver of the contact problem."""
+def _in_small(config: Config) -> Config:
+    """The same kind of case on few points, over a ramp and a hold of few steps."""
+    control, adaptive = config.trajectory.control, config.time.step == "adaptive"
+    ramp_time = 1.0 if adaptive else 2 * fixed_step(config)
+    return config.with_values(
+        {
+            "grid": {"points": 16},
+            "punch": {"shape": "parabola"},
+            "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time},
+            "time.end": 3 * ramp_time,
+            "output": {"times": ramp_time} if adaptive else {},
+        }
+    )
+
+
+class _Nobody:
+    """Takes what a simulation finds and forgets it."""
+
+    def row(self, **values: object) -> None:
+        """Forget an accepted step."""
+
+    def snapshot(self, *fields: object) -> None:
+        """Forget a surface."""
+
+
+def make_solver(
+    config: Config, transforms: Transforms, tolerance: float | None = None, max_iterations: int | None = None
+) -> Solver:
+    """The solver of the contact problem; with other limits than the configuration's where they are given."""
     given = config.solver
+    limits = (
+        given.tolerance if tolerance is None else tolerance,
+        given.max_iterations if max_iterations is None else max_iterations,
+    )
     if given.method == "fire":
-        weighted = given.inertia == "mass_weighted"
-        return Fire(transforms, given.tolerance, given.max_iterations, mass_weighted=weighted)
-    return SOLVERS[given.method](transforms, given.tolerance, given.max_iterations)
+        return Fire(transforms, *limits, mass_weighted=given.inertia == "mass_weighted")
+    return SOLVERS[given.method](transforms, *limits)
 
 
 def make_integrator(config: Config, grid: Grid) -> Integrator:

@@ -74,14 +74,16 @@ class ActiveSet:
         self._max_iterations = max_iterations
         self._stiffness: FloatArray | None = None
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        size = field().size
+        size, line = field().size, transforms.shape[-1]
         rows = 2 + 2 * min(_KEPT, _MEMORY // (4 * size))
         self._at = Iterate(field(), field(), spectrum())
         self._contact = ContactSet(
             member=np.zeros(size),
             runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
             near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
-            counts=np.array([0, 0, 0, 0, max(_REACH, transforms.shape[-1] // 64)]),
+            counts=np.zeros(4, dtype=np.int64),
+            reach=(max(_REACH, line // 64), line),
+            close=np.zeros(0 if line == size else size),
         )
         self._bank = Bank(
             direction=_rows(rows, size),

@@ -14,6 +14,7 @@ from gfmdlayer.contact.transforms import ComplexArray
 
 IndexArray = npt.NDArray[np.int64]
 
+_LINES = 2  # on either side that are close to a contact on a surface
 _BLOCK = 64  # points that are passed over at once where nothing is in contact
 
 
@@ -26,7 +27,9 @@ class ContactSet(NamedTuple):
     member: FloatArray  # 1 in the contact set C, 0 elsewhere
     runs: IndexArray  # first point of each stretch, and the point after its last
     near: IndexArray  # likewise for the points in C or close to it
-    counts: IndexArray  # of runs, near, points in C; how often the set was listed; how many points are close
+    counts: IndexArray  # of runs, near and points in C; and how often the set was listed
+    reach: tuple[int, int]  # points on either side that are close; points of a line
+    close: FloatArray  # work array; empty on a line
 
 
 class Bank(NamedTuple):
@@ -57,7 +60,42 @@ class Work(NamedTuple):
 @nb.njit(nogil=True, cache=True)
 def list_runs(contact: ContactSet) -> None:
     """Write down the stretches of the contact set."""
-    member, runs = contact.member, contact.runs
+    contact.counts[0], contact.counts[2] = _stretches(contact.member, contact.runs)
+    contact.counts[3] += 1
+
+
+@nb.njit(nogil=True, cache=True)
+def list_near(contact: ContactSet) -> None:
+    """Write down the stretches close to the contact set; the gap must be known at all of them."""
+    runs, near, close, size = contact.runs, contact.near, contact.close, contact.member.size
+    count, (reach, row) = 0, contact.reach
+    if row < size:
+        # On a surface the contact also spreads to the next lines.
+        close[:] = 0.0
+        for k in range(contact.counts[0]):
+            for line in range(-_LINES, _LINES + 1):
+                first, end = runs[k, 0] - reach + line * row, runs[k, 1] + reach + line * row
+                for i in range(max(first, 0), min(end, size)):
+                    close[i] = 1.0
+                for i in range(max(first + size, 0) if first < 0 else size, min(end + size, size)):
+                    close[i] = 1.0
+                for i in range(min(end - size, size)):
+                    close[i] = 1.0
+        contact.counts[1], _ = _stretches(close, near)
+        return
+    for k in range(contact.counts[0]):
+        first, end = max(runs[k, 0] - reach, 0), min(runs[k, 1] + reach, size)
+        if count > 0 and first <= near[count - 1, 1]:
+            near[count - 1, 1] = end
+        else:
+            near[count, 0], near[count, 1] = first, end
+            count += 1
+    contact.counts[1] = count
+
+
+@nb.njit(nogil=True, cache=True)
+def _stretches(member: FloatArray, runs: IndexArray) -> tuple[int, int]:
+    """Write down the stretches of ones; return how many they are, and their points."""
     count, points, inside = 0, 0, False
     for first in range(0, member.size, _BLOCK):
         block = member[first : first + _BLOCK]
@@ -76,23 +114,7 @@ def list_runs(contact: ContactSet) -> None:
     if inside:
         runs[count, 1] = member.size
         count += 1
-    contact.counts[0], contact.counts[2] = count, points
-    contact.counts[3] += 1
-
-
-@nb.njit(nogil=True, cache=True)
-def list_near(contact: ContactSet) -> None:
-    """Write down the stretches within reach of the contact set; the gap must be known at all of them."""
-    runs, near, count, reach = contact.runs, contact.near, 0, contact.counts[4]
-    for k in range(contact.counts[0]):
-        first = max(runs[k, 0] - reach, 0)
-        end = min(runs[k, 1] + reach, contact.member.size)
-        if count > 0 and first <= near[count - 1, 1]:
-            near[count - 1, 1] = end
-        else:
-            near[count, 0], near[count, 1] = first, end
-            count += 1
-    contact.counts[1] = count
+    return count, points
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
