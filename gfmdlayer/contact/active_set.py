@@ -36,9 +36,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from gfmdlayer.contact.active_set_loop import evaluate, iterate
-from gfmdlayer.contact.active_set_start import begin, keep_increment, release, rescale
-from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work
+from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
+from gfmdlayer.contact.active_set_start import begin
+from gfmdlayer.contact.active_set_state import Bank, ContactSet, Past, Work
 from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.dual import Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
@@ -96,8 +96,8 @@ class ActiveSet:
         self._work = Work(field(), spectrum(), np.zeros(rows), np.zeros(2), np.zeros(3))
         for array in (self._at.p, self._at.gap, self._gap0):
             array[:] = 0.0
-        self._past, self._past_change, self._past_set = field(), field(), -1
-        self._past_mean = 1.0
+        self._past = Past(field(), field(), np.ones(1), np.full(1, -1))
+        self._state = (self._at, self._contact, self._bank, self._work)
         self._settled, self._odd = False, 0
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
@@ -110,18 +110,14 @@ class ActiveSet:
         """
         if trivial := known(problem, self._transforms):
             return trivial
-        same = self._keep_directions(problem)
-        system = self._system(problem)
-        exact = self._begin(system, problem, start, same)
-        plans, tolerance = self._transforms.plans, self._tolerance
-        transforms, iterations, depth = 1, 0, 0.0
-        for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
-            shift, left = aim * depth, self._max_iterations - iterations
-            found, more, done = iterate(
-                plans, system, self._at, self._contact, self._bank, self._work,
-                shift, within, _ROUNDS, min(_LIMIT, left), exact,
-            )  # fmt: skip
-            transforms, iterations = transforms + more, iterations + done
+        keep, system = self._keep_directions(problem), self._system(problem)
+        plans, tolerance, state = self._transforms.plans, self._tolerance, self._state
+        aim, shift, within = 0.0, 0.0, 0.8 * tolerance
+        found, transforms, iterations = attempt(
+            plans, system, problem.intercept, self._free, *state, self._past, start,
+            problem.applied_pressure, keep, within, _ROUNDS, min(_LIMIT, self._max_iterations),
+        )  # fmt: skip
+        while True:
             if not found:
                 more = self._descend(system, problem, shift, within, self._max_iterations - iterations)
                 transforms, iterations = transforms + 2 * more, iterations + more
@@ -130,10 +126,14 @@ class ActiveSet:
             if solution.converged:
                 self._settled, self._odd = found, odd
                 return solution
-            _, depth = extent(solution.pressure, solution.displacement)
-            exact = True
-        self._settled = False
-        return admit(problem, system, self._at, self._transforms, solution)
+            if aim > 0.0:
+                self._settled = False
+                return admit(problem, system, self._at, self._transforms, solution)
+            aim = within = 0.25 * tolerance
+            shift = aim * extent(solution.pressure, solution.displacement)[1]
+            limit = min(_LIMIT, self._max_iterations - iterations)
+            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, True)
+            transforms, iterations = transforms + more, iterations + done
 
     def _descend(self, system: System, problem: Problem, shift: float, within: float, limit: int) -> int:
         """Leave the problem to `descent`; in portions, between which a signal is noticed."""
@@ -160,7 +160,7 @@ class ActiveSet:
         self._stiffness = stiffness
         if same:
             return self._settled
-        self._bank.age[:], self._past_set = 0, -1
+        self._bank.age[:], self._past.listed[0] = 0, -1
         self._softest, n = problem.softest, self._at.p.size
         self._per_point = stiffness / n
         self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
@@ -168,34 +168,8 @@ class ActiveSet:
 
     def _system(self, problem: Problem) -> System:
         """The problem in pressures."""
-        release(
-            self._transforms.plans, self._compliance, problem.intercept, problem.obstacle,
-            self._free, self._work, self._at.gap, self._gap0,
-        )  # fmt: skip
         load = problem.mean_pressure is not None
         return System(self._compliance, self._per_point, self._gap0, problem.obstacle, self._softest, load)
-
-    def _begin(self, system: System, problem: Problem, start: FloatArray, same: bool) -> bool:
-        """Take the guess or, where as good, the last pressure; return whether its gap is known."""
-        mean = problem.applied_pressure
-        if system.load:
-            start = np.fmax(start, 0.0)
-            if not start.any():
-                start[np.argmin(system.gap0)] = 1.0
-            start *= mean / start.mean()
-        exact = begin(self._at, self._contact, self._bank, start, same)
-        if exact:
-            listed, last = int(self._contact.counts[3]), float(self._at.p.mean()) if system.load else 1.0
-            again = listed == self._past_set
-            scale = last / self._past_mean if again else 1.0
-            keep_increment(
-                system, self._at, self._contact, self._bank, self._work,
-                self._past, self._past_change, again, scale,
-            )  # fmt: skip
-            self._past_set, self._past_mean = listed, last
-            if system.load:
-                rescale(system, self._at, self._work, mean / last)
-        return exact
 
 
 def _rows(count: int, length: int) -> FloatArray:

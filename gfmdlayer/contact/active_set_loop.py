@@ -5,15 +5,53 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work, dot, let_go, list_near, list_runs, mean
+from gfmdlayer.contact.active_set_start import start
+from gfmdlayer.contact.active_set_state import (
+    Bank,
+    ContactSet,
+    Past,
+    Work,
+    dot,
+    let_go,
+    list_near,
+    list_runs,
+    mean,
+)
 from gfmdlayer.contact.deflation import deflate, direct, free_slot, step
 from gfmdlayer.contact.dual import Iterate, System
+from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, LANES, scales
-from gfmdlayer.contact.transforms import Plans, backward, forward
+from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 # Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
 _FAR = 1e300  # added to the gaps in the contact where only the others count
+
+
+@nb.njit(nogil=True, cache=True)
+def attempt(
+    plans: Plans,
+    system: System,
+    b: ComplexArray,
+    free: ComplexArray,
+    at: Iterate,
+    contact: ContactSet,
+    bank: Bank,
+    work: Work,
+    past: Past,
+    guess: FloatArray,
+    load: float,
+    keep: bool,
+    tolerance: float,
+    rounds: int,
+    limit: int,
+) -> tuple[bool, int, int]:
+    """`start`, then `iterate`: in one call, since to hand all of this over takes its time."""
+    exact = start(plans, system, b, free, at, contact, bank, work, past, guess, load, keep)
+    found, transforms, iterations = iterate(
+        plans, system, at, contact, bank, work, 0.0, tolerance, rounds, limit, exact
+    )
+    return found, transforms + 1, iterations
 
 
 @nb.njit(nogil=True, cache=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numba as nb
+import numpy as np
 
-from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work, let_go, list_runs
+from gfmdlayer.contact.active_set_state import Bank, ContactSet, Past, Work, let_go, list_runs
 from gfmdlayer.contact.deflation import free_slot
 from gfmdlayer.contact.dual import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
@@ -12,6 +13,53 @@ from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward
 
 _SMALLEST = 1e-5  # increment, as part of the pressure, that is more than the rounding of a difference
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def start(
+    plans: Plans,
+    system: System,
+    b: ComplexArray,
+    free: ComplexArray,
+    at: Iterate,
+    contact: ContactSet,
+    bank: Bank,
+    work: Work,
+    past: Past,
+    guess: FloatArray,
+    load: float,
+    keep: bool,
+) -> bool:
+    """Begin with the guess or, where as good, the last pressure; return whether its gap is known.
+
+    ``load`` is the mean pressure where it is given; ``keep`` tells whether the last pressure belongs to the
+    same stiffness. Half a pair of transforms.
+    """
+    _release(plans, system, b, free, at, work)
+    if system.load:
+        _carry(system, guess, load, work.z)
+        guess = work.z
+    exact = begin(at, contact, bank, guess, keep)
+    if exact:
+        mean = at.p.mean() if system.load else 1.0
+        _keep_increment(system, at, contact, bank, work, past, mean)
+        if system.load:
+            _rescale(system, at, work, load / mean)
+    return exact
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _carry(system: System, guess: FloatArray, load: float, p: FloatArray) -> None:
+    """Write the guess, which may be anything, as a pressure that carries the load."""
+    total = 0.0
+    for i in range(p.size):
+        p[i] = guess[i] if guess[i] > 0.0 else 0.0
+        total += p[i]
+    if total == 0.0:
+        p[np.argmin(system.gap0)] = total = 1.0
+    share = load * p.size / total
+    for i in range(p.size):
+        p[i] *= share
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -42,29 +90,16 @@ def begin(at: Iterate, contact: ContactSet, bank: Bank, guess: FloatArray, keep:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def keep_increment(
-    system: System,
-    at: Iterate,
-    contact: ContactSet,
-    bank: Bank,
-    work: Work,
-    past: FloatArray,
-    past_change: FloatArray,
-    known: bool,
-    scale: float,
+def _keep_increment(
+    system: System, at: Iterate, contact: ContactSet, bank: Bank, work: Work, past: Past, mean: float
 ) -> None:
-    """Keep what the last step added to the pressure as a direction, with the contact set as it was.
+    """Keep what the last step added to the pressure as a direction, if the contact set stayed as it was.
 
-    Parameters
-    ----------
-    past, past_change
-        The pressure one step earlier, in the contact, and A times it; brought up to date.
-    known
-        Whether they are of the same contact set.
-    scale
-        The last mean pressure over the one before, where the load is given; else 1.
+    Under a given load it has no mean.
     """
-    if known:
+    before, change_before, level = past.pressure, past.change, work.level[2]
+    if past.listed[0] == contact.counts[3]:
+        scale = mean / past.mean[0]
         bank.deflating[:] = False
         slot = free_slot(bank)
         direction, change = bank.direction[slot], bank.change[slot]
@@ -73,20 +108,21 @@ def keep_increment(
         largest, moved = 0.0, 0.0
         for k in range(contact.counts[0]):
             for i in range(contact.runs[k, 0], contact.runs[k, 1]):
-                direction[i] = at.p[i] - scale * past[i]
+                direction[i] = at.p[i] - scale * before[i]
                 largest, moved = max(largest, at.p[i]), max(moved, abs(direction[i]))
-        for i in range(past.size):
-            change[i] = at.gap[i] - system.gap0[i] + work.level[2] - scale * past_change[i]
+        for i in range(change_before.size):
+            change[i] = at.gap[i] - system.gap0[i] + level - scale * change_before[i]
         bank.age[slot] = bank.age.max() + 1 if moved > _SMALLEST * largest else 0
-    for i in range(past.size):
-        past_change[i] = at.gap[i] - system.gap0[i] + work.level[2]
+    for i in range(change_before.size):
+        change_before[i] = at.gap[i] - system.gap0[i] + level
     for k in range(contact.counts[0]):
         for i in range(contact.runs[k, 0], contact.runs[k, 1]):
-            past[i] = at.p[i]
+            before[i] = at.p[i]
+    past.mean[0], past.listed[0] = mean, contact.counts[3]
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
+def _rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
     """Multiply the pressure; gap and transform follow."""
     for i in range(at.p.size):
         at.p[i] *= factor
@@ -97,22 +133,16 @@ def rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def release(
-    plans: Plans,
-    compliance: FloatArray,
-    b: ComplexArray,
-    h: FloatArray,
-    free: ComplexArray,
-    work: Work,
-    gap: FloatArray,
-    gap0: FloatArray,
+def _release(
+    plans: Plans, system: System, b: ComplexArray, free: ComplexArray, at: Iterate, work: Work
 ) -> None:
     """The surface without pressure: its transform per point, and its gap; the gap under pressure follows."""
     for k in range(free.size):
-        free[k] = compliance[k] * b[k]
+        free[k] = system.compliance[k] * b[k]
         work.spectrum[k] = free[k]
     work.level[1] = free[0].real
     backward(plans, work.spectrum, work.z)
+    gap, gap0, h = at.gap, system.gap0, system.h
     for i in range(gap0.size):
         now = h[i] - work.z[i]
         gap[i] += now - gap0[i]

@@ -47,6 +47,15 @@ class Bank(NamedTuple):
     gram: FloatArray  # direction_i A direction_j, factored
 
 
+class Past(NamedTuple):
+    """The state one step earlier, and the contact set that it had."""
+
+    pressure: FloatArray  # in the contact
+    change: FloatArray  # A pressure
+    mean: FloatArray  # of the pressure, where the load is given; else 1
+    listed: IndexArray  # how often the set had been listed; one entry
+
+
 class Work(NamedTuple):
     """Work arrays."""
 

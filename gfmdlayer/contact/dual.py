@@ -13,7 +13,18 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution, extent, judged, scales, violation
+from gfmdlayer.contact.problem import (
+    FASTMATH,
+    LANES,
+    Judgement,
+    Problem,
+    Solution,
+    assess,
+    extent,
+    judged,
+    scales,
+    violation,
+)
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
@@ -72,20 +83,18 @@ def accept(
 ) -> Solution:
     """Raise the pressure until nothing overlaps, and judge the state that this gives."""
     n = at.p.size
-    displacement, pressure = np.empty(n), np.empty(n)
-    lift, overlap = raise_clear(system, at, displacement, pressure)
-    spectrum = _displaced(system, at, free, lift)
-    if system.load:
-        spectrum[0] = displacement.sum()
-    clear = overlap == 0.0 or overlap <= _CLAMPED * extent(pressure, displacement)[1]
+    u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
+    overlap, judgement = _hand_back(system, at, free, u, pressure, spectrum)
+    clear = overlap == 0.0 or overlap <= _CLAMPED * extent(pressure, u)[1]
     return judged(
         problem,
-        displacement,
+        u,
         pressure,
         spectrum,
         transforms=pairs,
         iterations=iterations,
         within=tolerance if clear else -1.0,
+        judgement=judgement,
     )
 
 
@@ -130,6 +139,7 @@ def _resting(problem: Problem, transforms: Transforms) -> Solution:
         pressure=np.zeros(n),
         spectrum=spectrum,
         mean_pressure=0.0,
+        mean_gap=float((h - u).mean() + shift),
         contact_area=0.0,
         residual=0.0,
         transforms=1,
@@ -230,9 +240,19 @@ def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _displaced(system: System, at: Iterate, free: ComplexArray, lift: float) -> ComplexArray:
-    """Transform of the displacement under the pressure, raised by the lift."""
-    n, spectrum = at.p.size, np.empty_like(free)
+def _hand_back(
+    system: System,
+    at: Iterate,
+    free: ComplexArray,
+    u: FloatArray,
+    pressure: FloatArray,
+    spectrum: ComplexArray,
+) -> tuple[float, Judgement]:
+    """Write what is handed back of a state, clear of overlap; return the overlap that was clamped, and judge."""
+    lift, overlap = raise_clear(system, at, u, pressure)
+    n = at.p.size
     for k in range(free.size):
         spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
-    return spectrum
+    if system.load:
+        spectrum[0] = u.sum()
+    return overlap, assess(pressure, u, system.h, system.softest)

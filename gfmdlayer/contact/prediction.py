@@ -14,7 +14,6 @@ Where the edge does not move, the pressure itself is extrapolated, which carries
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -65,10 +64,18 @@ class DisplacementPrediction:
 
 def _weights(times: Sequence[float], time: float) -> Weights:
     """Lagrange's weights for a time; zero where there are fewer than three points to go through."""
-    first, second, third = (0.0,) * (3 - len(times)) + tuple(
-        math.prod(((time - s) / (t - s) for s in times if s != t), start=1.0) for t in times
+    if len(times) == 1:
+        return 0.0, 0.0, 1.0
+    if len(times) == 2:
+        part = (time - times[0]) / (times[1] - times[0])
+        return 0.0, 1.0 - part, part
+    first, second, third = times
+    to_first, to_second, to_third = time - first, time - second, time - third
+    return (
+        to_second * to_third / ((first - second) * (first - third)),
+        to_first * to_third / ((second - first) * (second - third)),
+        to_first * to_second / ((third - first) * (third - second)),
     )
-    return first, second, third
 
 
 def _three(past: Sequence[FloatArray]) -> Fields:

@@ -83,8 +83,8 @@ class Solution:
         u, with u <= h and the mean constraint satisfied to rounding, and p = f + lambda at every point.
     spectrum : ndarray of complex
         Unnormalised transform of the displacement, which the history is carried on with.
-    mean_pressure : float
-        pbar, the mean normal stress.
+    mean_pressure, mean_gap : float
+        pbar, the mean normal stress, and the mean of h - u.
     contact_area : float
         Fraction of the points in contact.
     residual : float
@@ -99,11 +99,15 @@ class Solution:
     pressure: FloatArray
     spectrum: ComplexArray
     mean_pressure: float
+    mean_gap: float
     contact_area: float
     residual: float
     transforms: int
     iterations: int
     converged: bool
+
+
+Judgement = tuple[float, float, float, float]
 
 
 class Solver(Protocol):
@@ -153,15 +157,15 @@ def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> tuple[float, float, float]:
+def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> Judgement:
     """Judge a state.
 
     Returns
     -------
-    residual, contact_area, mean_pressure : float
+    residual, contact_area, mean_pressure, mean_gap : float
         The largest `violation` over the points (NaN if anything is); the fraction of the points where the
-        pressure, and not the gap, is the larger of the two in the residual's scales; the mean of the
-        pressure.
+        pressure, and not the gap, is the larger of the two in the residual's scales; the means of pressure
+        and gap.
     """
     largest, deepest = extent(pressure, u)
     pressure_scale, depth = scales(largest, deepest, softest)
@@ -178,7 +182,7 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
             gaps += gap
     # The maxima are blind to NaN; the sums are not.
     known = np.isfinite(total) and np.isfinite(gaps)
-    return worst.max() if known else np.nan, touching / u.size, total / u.size
+    return worst.max() if known else np.nan, touching / u.size, total / u.size, gaps / u.size
 
 
 def judged(
@@ -190,14 +194,18 @@ def judged(
     transforms: int,
     iterations: int,
     within: float,
+    judgement: Judgement | None = None,
 ) -> Solution:
-    """A state with its observables; it converged if its residual is within a bound."""
-    residual, contact_area, mean_pressure = assess(pressure, displacement, problem.obstacle, problem.softest)
+    """A state with its observables (see `assess`); it converged if its residual is within a bound."""
+    residual, contact_area, mean_pressure, mean_gap = judgement or assess(
+        pressure, displacement, problem.obstacle, problem.softest
+    )
     return Solution(
         displacement=displacement,
         pressure=pressure,
         spectrum=spectrum,
         mean_pressure=mean_pressure,
+        mean_gap=mean_gap,
         contact_area=contact_area,
         residual=residual,
         transforms=transforms,
