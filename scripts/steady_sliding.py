@@ -74,7 +74,7 @@ class Last:
         """Take a row."""
         self.values = values
 
-    def snapshot(self, _time: float, displacement: Floats, pressure: Floats) -> None:
+    def snapshot(self, _time: float, displacement: Floats, pressure: Floats, _gap: Floats) -> None:
         """Take a surface."""
         self.displacement, self.pressure = displacement, pressure
 
