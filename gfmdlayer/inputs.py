@@ -12,7 +12,7 @@ from gfmdlayer.contact.grid import FloatArray, Grid
 from gfmdlayer.contact.punch import Shape, make_shape
 from gfmdlayer.contact.topography import Topography
 from gfmdlayer.tables import TableError
-from gfmdlayer.trajectory import RampHold, Table, Trajectory
+from gfmdlayer.trajectory import Constant, RampHold, Table, Trajectory
 
 
 def make_grid(config: Config) -> Grid:
@@ -86,6 +86,20 @@ def histogram_edges(config: Config) -> dict[str, FloatArray]:
     return edges
 
 
+def make_velocity(config: Config) -> Constant | Table | None:
+    """Velocity of the punch along x over time; none where it stays.
+
+    Raises
+    ------
+    TableError
+        If it comes from a file that cannot be used.
+    """
+    given = config.trajectory
+    if given.velocity_file is not None:
+        return Table.read(given.velocity_file, "velocity")
+    return None if given.velocity is None else Constant(given.velocity)
+
+
 def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """Read what the cases read, and see that they can be done.
 
@@ -98,7 +112,7 @@ def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """
     seen = set()
     for config in configs:
-        matter = (config.grid, config.punch, config.trajectory, mean_is_fixed(config))
+        matter = (config.grid, config.punch, config.trajectory, config.time.steady, mean_is_fixed(config))
         if matter not in seen:
             seen.add(matter)
             yield from _objections(config)
@@ -116,6 +130,14 @@ def _objections(config: Config) -> Iterator[tuple[str, str]]:
     except TableError as error:
         yield "trajectory.file", str(error)
         return
+    try:
+        velocity = make_velocity(config)
+    except TableError as error:
+        yield "trajectory.velocity_file", str(error)
+        return
+    if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
+        message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
+        yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     table = trajectory if isinstance(trajectory, Table) else None
     if given.control == "load":
         if table is not None and (table.values < 0).any():

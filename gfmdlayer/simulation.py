@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -15,16 +16,19 @@ import numpy as np
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set import ActiveSet
+from gfmdlayer.contact.attempts import Attempts
 from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.drag import SHARE, Dragged
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.grid import FloatArray, Grid
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.prediction import PREDICTIONS
-from gfmdlayer.contact.problem import Solution, Solver
+from gfmdlayer.contact.problem import Solver
 from gfmdlayer.contact.statistics import Statistics
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
+from gfmdlayer.contact.travel import make_travel
 from gfmdlayer.contact.wisdom import planned
-from gfmdlayer.inputs import histogram_edges, make_grid, make_punch, make_trajectory
+from gfmdlayer.inputs import histogram_edges, make_grid, make_punch, make_trajectory, make_velocity
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Material, Prony, Zener
 from gfmdlayer.solid.relaxation import relaxation_spectrum
@@ -33,6 +37,8 @@ from gfmdlayer.stepping.corrected import Corrected
 from gfmdlayer.stepping.ledger import Energy, Ledger
 from gfmdlayer.stepping.modes import SCHEMES, Modes
 from gfmdlayer.stepping.schedule import FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.stepping.settling import Settling
+from gfmdlayer.stepping.sliding import CorrectedSliding, SlidingModes
 
 SOLVERS: dict[str, type[ActiveSet | ConjugateGradient]] = {
     "active_set": ActiveSet,
@@ -57,9 +63,18 @@ class Recorder(Protocol):
         """Take the surface at an asked time; arrays of the grid's shape."""
         ...
 
+    def note(self, **attributes: float) -> None:
+        """Take what became known of the run as a whole."""
+        ...
+
 
 class Integrator(Energy, Protocol):
     """From the history to the slopes and intercepts of the stress."""
+
+    @property
+    def drag(self) -> FloatArray | None:
+        """Imaginary part of the slopes at the end of a step; none where the punch does not move."""
+        ...
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b at the end of a step of this length."""
@@ -114,15 +129,18 @@ def simulate(
     grid = make_grid(config)
     transforms = Transforms(grid.shape, wisdom, threads=threads)
     solver = make_solver(config, transforms)
+    travel = make_travel(make_velocity(config), grid, transforms)
     integrator = make_integrator(config, grid)
     loading = make_loading(config, grid)
-    steps = make_steps(config, integrator, loading.trajectory.kinks)
+    kinks = (*loading.trajectory.kinks, *travel.kinks)
+    steps = make_steps(config, integrator, kinks)
     statistics = Statistics(grid.shape, histogram_edges(config), patches=config.output.patches)
     guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
+    settling = make_settling(config, integrator, kinks)
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
-        problem = loading.problem(kappa, b, instant.time)  # 0
+        problem = replace(loading.problem(kappa, b, instant.time), drag=integrator.drag)  # 0
         solution = solver.solve(problem, guess.at(instant.time))  # 7
         attempts.add(solution)
         if not solution.converged:
@@ -135,6 +153,10 @@ def simulate(
             integrator.advance(surface.spectrum)  # 8, 9
             gap = problem.obstacle - solution.displacement
             guess.remember(instant.time, getattr(solution, solver.starts_from), gap, kink=instant.kink)
+            resistance = travel.columns(instant.time, solution.pressure, surface)
+            settled = settling is not None and settling.reached(
+                instant.time, solution.mean_pressure, surface.depth, **resistance
+            )
             recorder.row(
                 time=instant.time,
                 contact_area=solution.contact_area,
@@ -142,38 +164,23 @@ def simulate(
                 depth=surface.depth,
                 residual=solution.residual,
                 **attempts.taken(),
-                **ledger.entry(solution.mean_pressure, surface.depth, integrator),
+                **resistance,
+                **ledger.entry(solution.mean_pressure, surface.depth, integrator, resistance),
                 **statistics.of(problem, solution, gap),
             )
-            if instant.snapshot:
+            if instant.snapshot or settled:
                 recorder.snapshot(
                     instant.time,
                     surface.displacement.reshape(grid.shape),
                     solution.pressure.reshape(grid.shape),
                     gap.reshape(grid.shape),
                 )
+            if settled:
+                break
         if progress is not None:
             progress(instant.time)
-
-
-class Attempts:
-    """What the attempts at a step took, up to the accepted one."""
-
-    def __init__(self) -> None:
-        self._solutions: list[Solution] = []
-
-    def add(self, solution: Solution) -> None:
-        """Count an attempt."""
-        self._solutions.append(solution)
-
-    def taken(self) -> dict[str, int]:
-        """Columns of the accepted step's row; counting begins anew."""
-        solutions, self._solutions = self._solutions, []
-        return {
-            "transforms": sum(solution.transforms for solution in solutions),
-            "iterations": sum(solution.iterations for solution in solutions),
-            "rejected": len(solutions) - 1,
-        }
+    if settling is not None:
+        recorder.note(**settling.verdict)
 
 
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
@@ -196,11 +203,12 @@ def _in_small(config: Config) -> Config:
     """The same kind of case on few points, over a ramp and a hold of few steps."""
     control, adaptive = config.trajectory.control, config.time.step == "adaptive"
     ramp_time = 1.0 if adaptive else 2 * fixed_step(config)
+    moves = {} if make_velocity(config) is None else {"velocity": 1.0}
     return config.with_values(
         {
             "grid": {"points": 16},
             "punch": {"shape": "parabola"},
-            "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time},
+            "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             "output": {"times": ramp_time} if adaptive else {},
         }
@@ -213,6 +221,9 @@ class _Nobody:
     def row(self, **values: object) -> None:
         """Forget an accepted step."""
 
+    def note(self, **values: object) -> None:
+        """Forget a verdict."""
+
     def snapshot(self, *fields: object) -> None:
         """Forget a surface."""
 
@@ -220,15 +231,20 @@ class _Nobody:
 def make_solver(
     config: Config, transforms: Transforms, tolerance: float | None = None, max_iterations: int | None = None
 ) -> Solver:
-    """The solver of the contact problem; with other limits than the configuration's where they are given."""
-    given = config.solver
-    limits = (
-        given.tolerance if tolerance is None else tolerance,
-        given.max_iterations if max_iterations is None else max_iterations,
-    )
+    """The solver of the contact problem; under a moving punch, one that knows of drag.
+
+    Other limits than the configuration's may be given.
+    """
+    given, moves = config.solver, make_velocity(config) is not None
+    within = given.tolerance if tolerance is None else tolerance
+    iterations = given.max_iterations if max_iterations is None else max_iterations
+    limits = SHARE * within if moves else within, iterations
+    solver: Solver
     if given.method == "fire":
-        return Fire(transforms, *limits, mass_weighted=given.inertia == "mass_weighted")
-    return SOLVERS[given.method](transforms, *limits)
+        solver = Fire(transforms, *limits, mass_weighted=given.inertia == "mass_weighted")
+    else:
+        solver = SOLVERS[given.method](transforms, *limits)
+    return Dragged(solver, transforms, within, make_grid(config).measure) if moves else solver
 
 
 def make_integrator(config: Config, grid: Grid) -> Integrator:
@@ -240,11 +256,24 @@ def make_integrator(config: Config, grid: Grid) -> Integrator:
     body = LayeredHalfspace(
         config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
     )
-    material, q, measure = make_material(config), grid.wavenumbers, mean_square_weights(grid)
+    material, q, measure = make_material(config), grid.wavenumbers, grid.measure
     spectrum = relaxation_spectrum(body, material, q)
+    velocity = make_velocity(config)
+    if velocity is not None:
+        if config.time.step == "adaptive":
+            return CorrectedSliding(spectrum, measure, along=grid.along, velocity=velocity)
+        return SlidingModes(spectrum, SCHEMES["exponential"], measure, along=grid.along, velocity=velocity)
     if config.time.step == "adaptive":
         return Corrected(spectrum, measure)
     return Modes(spectrum, SCHEMES[config.time.integrator], measure)
+
+
+def make_settling(config: Config, integrator: Integrator, kinks: tuple[float, ...]) -> Settling | None:
+    """The judge of the steady state, where one is asked for."""
+    tolerance = config.time.steady
+    if tolerance is None or not isinstance(integrator, SlidingModes):
+        return None
+    return Settling(integrator.slowest(tolerance), tolerance, max(kinks, default=0.0))
 
 
 def make_material(config: Config) -> Material:
@@ -277,15 +306,6 @@ def output_times(config: Config) -> tuple[float, ...]:
     if isinstance(times, float):
         return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
     return times or ()
-
-
-def mean_square_weights(grid: Grid) -> FloatArray:
-    """Weight of each mode in the mean over the surface (Parseval): most of them stand for two."""
-    weights = np.full(grid.spectral_shape, 2.0 / grid.size**2)
-    weights[..., 0] /= 2
-    if grid.points[-1] % 2 == 0:
-        weights[..., -1] /= 2
-    return weights
 
 
 def fixed_step(config: Config) -> float:

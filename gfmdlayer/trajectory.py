@@ -1,4 +1,4 @@
-"""What is prescribed over time: the depth of the punch, or the mean pressure on it."""
+"""What is prescribed over time: depth of the punch or mean pressure on it, and its velocity."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Trajectory(Protocol):
         """Times t > 0 at which its slope jumps; an integrator of second order must step onto them."""
         ...
 
-    def __call__(self, time: float) -> float:
+    def __call__(self, time: float, /) -> float:
         """Value at a time."""
         ...
 
@@ -40,6 +40,18 @@ class RampHold:
     def __call__(self, time: float) -> float:
         """Value at a time."""
         return self.target * min(time / self.ramp_time, 1.0)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same at all times."""
+
+    value: float
+    kinks: tuple[float, ...] = ()
+
+    def __call__(self, _time: float, /) -> float:
+        """Value at a time."""
+        return self.value
 
 
 @dataclass(frozen=True)
@@ -73,3 +85,11 @@ class Table:
     def __call__(self, time: float) -> float:
         """Value at a time."""
         return float(np.interp(time, self.times, self.values))
+
+
+def distance(velocity: Constant | Table, time: float) -> float:
+    """Integral of a velocity from 0 to a time."""
+    if isinstance(velocity, Constant):
+        return velocity.value * time
+    times = np.append(velocity.times[velocity.times < time], time)
+    return float(np.trapezoid([velocity(t) for t in times], times))

@@ -27,6 +27,7 @@ class Recording:
     rows: list[dict[str, Any]] = field(default_factory=list)
     snapshots: list[tuple[float, Floats, Floats]] = field(default_factory=list)
     gaps: list[Floats] = field(default_factory=list)  # of the snapshots
+    attributes: dict[str, float] = field(default_factory=dict)
 
     def row(self, **values: Any) -> None:
         self.rows.append(values)
@@ -34,6 +35,9 @@ class Recording:
     def snapshot(self, time: float, displacement: Floats, pressure: Floats, gap: Floats) -> None:
         self.snapshots.append((time, displacement, pressure))
         self.gaps.append(gap)
+
+    def note(self, **attributes: float) -> None:
+        self.attributes.update(attributes)
 
     def __getitem__(self, name: str) -> Floats:
         return np.array([row[name] for row in self.rows])

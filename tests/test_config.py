@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer.config import Config, ConfigError, Prony, Zener, digest, load
+from gfmdlayer.sweep import objections
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -46,6 +47,33 @@ REFUSED = {
     "section that is a number": ("grid: 3", "2:7: grid: got 3", "must be a mapping"),
     "section that is empty": ("grid:", "2:6: grid: got nothing (null)", "must be a mapping"),
     "section that is a list": ("punch: [1]", "2:8: punch: got [1]", "must be a mapping"),
+    "velocity not a number": (
+        "trajectory: {velocity: fast}",
+        "2:24: trajectory.velocity:",
+        "a number, finite",
+    ),
+    "infinite velocity": ("trajectory: {velocity: .inf}", "2:24: trajectory.velocity: got .inf", "finite"),
+    "velocity twice": (
+        "trajectory: {velocity: 1, velocity_file: case.yaml}",
+        "trajectory.velocity_file: given, but velocity is a number",
+        "velocity be left out",
+    ),
+    "backward Euler with a moving punch": (
+        "trajectory: {velocity: 1}\ntime: {integrator: backward_euler}",
+        "3:20: time.integrator: got backward_euler with a moving punch",
+        "must be exponential",
+    ),
+    "steady without motion": (
+        "time: {steady: 0.1}",
+        "2:16: time.steady: given, but the punch does not move",
+        "trajectory.velocity be a number",
+    ),
+    "steady at rest": (
+        "trajectory: {velocity: 0}\ntime: {steady: 0.1}",
+        "3:16: time.steady: given, but the punch does not move",
+        "must be left out",
+    ),
+    "steady zero": ("time: {steady: 0}", "2:16: time.steady: got 0", "a number > 0"),
     "too few points": ("grid: {points: 7}", "2:16: grid.points: got 7", "whole number >= 8"),
     "points with a fraction": ("grid: {points: 1024.5}", "2:16: grid.points: got 1024.5", "whole number"),
     "one bad count of two": ("grid: {points: [64, 2]}", "2:21: grid.points[1]: got 2", ">= 8"),
@@ -593,6 +621,38 @@ def test_every_shipped_configuration_loads_and_has_a_quick_one_beside_it(path: P
     assert path.with_stem(path.stem.removesuffix("-quick") + "-quick").exists()
 
 
+def test_the_rolling_cylinder_is_sound_and_moves_in_each_case() -> None:
+    cases = load(CONFIGS / "cylinder-rolling.yaml")
+    assert min(cases.sweep["trajectory.velocity"]) > 0
+    assert cases.time.steady is not None
+
+
+def test_the_velocity_leaves_the_digest_of_a_punch_that_stays_as_it_was() -> None:
+    config = Config(name="x")
+    assert "velocity" not in config.dump()
+    assert digest(config.with_values({"trajectory.velocity": 0.0})) != digest(config)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (
+            "0 1\n1 fast\n",
+            r"trajectory\.velocity_file: .*v\.txt:2: cannot read '1 fast'; .*\(time, velocity\)",
+        ),
+        ("1 1\n2 1\n", r"trajectory\.velocity_file: .*v\.txt: the first time is 1; must be 0"),
+        ("0 1\n1 0\n", r"trajectory\.velocity_file: .*v\.txt: ends at rest, .* time\.steady be left out"),
+    ],
+)
+def test_a_table_of_velocities_that_cannot_be_used_is_refused(
+    tmp_path: Path, rows: str, message: str
+) -> None:
+    (tmp_path / "v.txt").write_text(rows)
+    text = "name: x\ntrajectory: {velocity_file: v.txt}\ntime: {steady: 1.0e-3}"
+    with pytest.raises(ConfigError, match=message):
+        load(write(tmp_path, text), (), objections)
+
+
 def test_two_directions_share_one_period_or_have_two(tmp_path: Path) -> None:
     both = load(write(tmp_path, "name: x\ngrid: {points: [64, 32], period: 2}"))
     assert both.grid.period == (2.0, 2.0)
@@ -805,6 +865,7 @@ def test_a_case_has_its_values_and_no_sweep() -> None:
         ("trajectory.depth", 0.02),
         ("time.step", 0.01),
         ("solver.tolerance", 1e-5),
+        ("trajectory.velocity", 0.5),
         ("output.snapshots", [1.0]),
         ("output.histograms.gap.max", 0.1),
     ],

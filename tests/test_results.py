@@ -333,6 +333,28 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
         data["displacement"].load()
 
 
+def test_cases_that_ended_when_steady_go_on_with_their_last_row(tmp_path: Path) -> None:
+    records, ends = [], (3, 2, 4)
+    for index, end in enumerate(ends):
+        path = case_path(tmp_path, index)
+        with CaseWriter(path, {"x": X}) as case:
+            for time in range(end + 1):
+                area, friction = 0.1 * time, 0.01 * (index + 1) * time
+                case.row(
+                    time=time, contact_area=area, mean_pressure=1.0, friction=friction, tangential_force=0.0
+                )
+            case.note(settled=1 if index < 2 else 0)
+        records.append(CaseRecord(index, path, {"trajectory.velocity": float(index)}))
+    collect(tmp_path, records, ["trajectory.velocity"])
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["time"], range(5))
+        assert data["velocity"].attrs["symbol"] == "v"
+        for index, end in enumerate(ends):
+            found = data["friction"].isel(velocity=index)
+            np.testing.assert_allclose(found, 0.01 * (index + 1) * np.minimum(range(5), end))
+    assert attributes(records[0].path)["settled"] == 1
+
+
 def test_shared_last_parts_take_the_whole_key() -> None:
     keys = ["layer.poisson", "halfspace.poisson", "layer.thickness"]
     assert dimension_names(keys) == ["layer.poisson", "halfspace.poisson", "thickness"]

@@ -27,7 +27,7 @@ Validate = Callable[[dict[str, object]], list[Problem]]
 
 def conflicts(config: Config) -> Iterator[Problem]:
     """Yield what is wrong between the values of one case."""
-    for check in (_grid, _solid, punch_conflicts, _trajectory, _time, _solver, _output):
+    for check in (_grid, _solid, punch_conflicts, _trajectory, _motion, _time, _solver, _output):
         yield from check(config)
 
 
@@ -96,6 +96,20 @@ def _trajectory(config: Config) -> Iterator[Problem]:
         )
 
 
+def _motion(config: Config) -> Iterator[Problem]:
+    given, time = config.trajectory, config.time
+    moves = [key for key in ("velocity", "velocity_file") if getattr(given, key) is not None]
+    if len(moves) == 2:
+        message = "given, but velocity is a number; must be left out, or velocity be left out"
+        yield _problem("trajectory.velocity_file", message, "trajectory.velocity")
+    if moves and time.integrator == "backward_euler":
+        message = "got backward_euler with a moving punch; must be exponential, which follows it"
+        yield _problem("time.integrator", message, f"trajectory.{moves[0]}")
+    if time.steady is not None and (not moves or given.velocity == 0):
+        message = "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
+        yield _problem("time.steady", message, "trajectory.velocity", "trajectory.velocity_file")
+
+
 def _time(config: Config) -> Iterator[Problem]:
     time = config.time
     if time.step == "adaptive":
@@ -130,7 +144,9 @@ def plainly_possible(config: Config) -> bool:
     L^2/(24 R).
     """
     punch, given = config.punch, config.trajectory
-    if given.file is not None or punch.shape != "parabola" or isinstance(punch.radius, tuple):
+    if given.file is not None or given.velocity_file is not None:
+        return False
+    if punch.shape != "parabola" or isinstance(punch.radius, tuple):
         return False
     room = sum(length**2 for length in config.grid.period) / (24 * punch.radius)
     return given.control == "load" or (given.depth is not None and given.depth < room / 2)

@@ -19,7 +19,7 @@ from gfmdlayer.config.model import Config, explained, problems
 from gfmdlayer.config.problems import ConfigError, Location, Problem
 from gfmdlayer.config.text import Document, Place
 
-FILES = ("punch.file", "trajectory.file")
+FILES = ("punch.file", "trajectory.file", "trajectory.velocity_file")
 
 
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]

@@ -60,6 +60,7 @@ def _not_null(value: object) -> object:
 
 given = AfterValidator(_not_null)
 strict = Field(strict=True, allow_inf_nan=False)
+Finite = Annotated[float, strict, MustBe("a number, finite")]
 Positive = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite")]
 NotNegative = Annotated[float, strict, Field(ge=0), MustBe("a number >= 0, finite")]
 Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
@@ -185,6 +186,8 @@ class Trajectory(Section):
     ----------
     depth, load, ramp_time, file
         None where `control` and `kind` give them no meaning.
+    velocity, velocity_file
+        Of the punch along x, constant or from a table; None where it stays.
     """
 
     control: Annotated[Literal["depth", "load"], one_of("depth", "load")] = "depth"
@@ -199,10 +202,15 @@ class Trajectory(Section):
         default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None
     )
     file: Annotated[File | None, given] = None
+    velocity: Annotated[Finite | None, given] = None
+    velocity_file: Annotated[File | None, given] = None
 
 
 class Time(Section):
-    """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps."""
+    """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps.
+
+    With `steady` the run of a moving punch ends when it changes by less than this, relative to itself.
+    """
 
     end: Positive = 8.0
     step: Annotated[
@@ -215,6 +223,7 @@ class Time(Section):
     tolerance: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
     )
+    steady: Annotated[Positive | None, given] = None
 
 
 class Solver(Section):

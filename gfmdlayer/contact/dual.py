@@ -248,7 +248,7 @@ def _hand_back(
     pressure: FloatArray,
     spectrum: ComplexArray,
 ) -> tuple[float, Judgement]:
-    """Write what is handed back of a state, clear of overlap; return the overlap that was clamped, and judge."""
+    """Write what is handed back of a state, clear of overlap; return what was clamped, and the judgement."""
     lift, overlap = raise_clear(system, at, u, pressure)
     n = at.p.size
     for k in range(free.size):

@@ -57,10 +57,32 @@ class Grid:
     @cached_property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
+        squares = sum(np.square(axis) for axis in self._wavevectors())
+        return np.asarray(np.sqrt(squares), dtype=np.float64)
+
+    @cached_property
+    def along(self) -> FloatArray:
+        """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape).
+
+        They are the same but at half the number of points, where no grid tells a wave from its opposite.
+        """
+        q = np.broadcast_to(self._wavevectors()[0], self.spectral_shape)
+        largest = np.pi * self.points[0] / self.period[0]
+        return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
+
+    @cached_property
+    def measure(self) -> FloatArray:
+        """Weight of each mode in the mean over the surface (Parseval): most of them stand for two."""
+        weights = np.full(self.spectral_shape, 2.0 / self.size**2)
+        weights[..., 0] /= 2
+        if self.points[-1] % 2 == 0:
+            weights[..., -1] /= 2
+        return weights
+
+    def _wavevectors(self) -> list[FloatArray]:
         axes = [
             2 * np.pi * np.fft.fftfreq(n, length / n)
             for n, length in zip(self.points[:-1], self.period[:-1], strict=True)
         ]
         axes.append(2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1]))
-        squares = sum(np.square(axis) for axis in np.meshgrid(*axes, indexing="ij", sparse=True))
-        return np.asarray(np.sqrt(squares), dtype=np.float64)
+        return list(np.meshgrid(*axes, indexing="ij", sparse=True))

@@ -7,6 +7,8 @@ energy whose force is f = IFFT(-kappa FFT(u) + b), with u <= h, and either
 * a given mean pressure (the mean of u, and so the depth of the punch, is found), or
 * neither (kappa > 0 at q = 0: a compressible layer on a rigid base carries its own mean).
 
+Under a moving punch kappa has an imaginary part too, and the force no energy (`drag`).
+
 The contact pressure is p = f + lambda >= 0 with p = 0 wherever the gap h - u is open.  lambda is the
 multiplier of the first constraint, the given pressure in the second case and zero in the third.  The mean
 pressure is mean(f) + lambda in each.
@@ -15,7 +17,7 @@ pressure is mean(f) + lambda in each.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Literal, Protocol
 
 import numba as nb
 import numpy as np
@@ -50,12 +52,15 @@ class Problem:
         h, the surface of the punch.
     mean_pressure : float, optional
         The mean pressure that is to be reached; without it the depth is the given quantity.
+    drag : ndarray, one value a mode, optional
+        Imaginary part of kappa, which only `Dragged` solves for; zero at q = 0.
     """
 
     stiffness: FloatArray
     intercept: ComplexArray
     obstacle: FloatArray
     mean_pressure: float | None = None
+    drag: FloatArray | None = None
 
     @property
     def mean_is_fixed(self) -> bool:
@@ -113,7 +118,10 @@ Judgement = tuple[float, float, float, float]
 class Solver(Protocol):
     """A method for `Problem`; one object serves all steps of a run."""
 
-    starts_from: ClassVar[Literal["displacement", "pressure"]]
+    @property
+    def starts_from(self) -> Literal["displacement", "pressure"]:
+        """What the first guess is of."""
+        ...
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from a first guess of what the method starts from; one that did not converge says so."""

@@ -1,6 +1,9 @@
 """The sweep file: contact area and mean pressure of all cases, labelled by what was swept.
 
     contact_area, mean_pressure (swept key, ..., time)      case (swept key, ...)
+    friction, tangential_force of punches that move
+
+A case that ended when it was steady goes on with its last row.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases has one dimension,
@@ -25,6 +28,7 @@ from gfmdlayer.results.reader import is_complete, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
 
 OBSERVABLES = ("contact_area", "mean_pressure")
+OF_MOTION = ("friction", "tangential_force")
 
 # Rows of two cases are at the same time if they differ by less than this part of the whole; steps that are
 # counted up in different ways differ by rounding.
@@ -96,7 +100,8 @@ def collect(
     shared = _shared_attributes(record.path for record in done)
     with new_file(path) as file:
         h5 = file.h5
-        _add_coordinates(h5, layout, records, rows)
+        moves = any(_moves(record.path) for record in done)
+        _add_coordinates(h5, layout, records, rows, OBSERVABLES + OF_MOTION * moves)
         for record, place in zip(records, layout.places, strict=True):
             if record.index not in failed:
                 _copy_rows(record.path, h5, place, rows)
@@ -109,7 +114,7 @@ def collect(
 def dimension_names(keys: Sequence[str]) -> list[str]:
     """Name the swept keys by their last parts, or by the whole key where that is taken."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *OBSERVABLES])
+    taken = Counter([*last, "time", "case", *OBSERVABLES, *OF_MOTION])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
@@ -158,31 +163,35 @@ def _text(value: object) -> str:
 
 def _common_times(paths: Sequence[Path], times: ArrayLike | None) -> NDArray[np.float64]:
     common: NDArray[np.float64] | None = None
-    same_steps = True
+    same_steps = goes_on = True
     for path in paths:
-        own = _times(path)
+        own, settled = _times(path)
         if common is None or np.array_equal(own, common):
             common = own
         else:
             same_steps = False
-            common = common[_rows_at(own, common) >= 0]
+            later = own[own > common.max(initial=0.0)] if goes_on else own[:0]
+            common = np.append(common[_rows_at(own, common, goes_on=settled) >= 0], later)
+        goes_on &= settled
     if times is not None and not same_steps:
         return np.asarray(times, dtype=float)
     return np.empty(0) if common is None else common
 
 
-def _times(path: Path) -> NDArray[np.float64]:
+def _times(path: Path) -> tuple[NDArray[np.float64], bool]:
+    """Read the times of a case, and whether it ended because nothing changed any more."""
     with h5py.File(path, locking="best-effort") as h5:
-        return np.asarray(h5["time"][()], dtype=float)
+        return np.asarray(h5["time"][()], dtype=float), bool(h5.attrs.get("settled", 0))
 
 
-def _rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Find the rows that are at the wanted times; -1 where there is none."""
+def _rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, goes_on: bool) -> NDArray[np.int64]:
+    """Find the rows that are at the wanted times; -1 where there is none, and no last row that goes on."""
     if times.size == 0 or wanted.size == 0:
         return np.full(wanted.shape, -1)
     tolerance = SAME_TIME * max(abs(times[-1]), abs(wanted[-1]))
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
-    return np.where(np.abs(times[after] - wanted) <= tolerance, after, -1)
+    found = (np.abs(times[after] - wanted) <= tolerance) | (goes_on & (wanted > times[-1]))
+    return np.where(found, after, -1)
 
 
 def _shared_attributes(paths: Iterable[Path]) -> dict[str, object]:
@@ -194,7 +203,11 @@ def _shared_attributes(paths: Iterable[Path]) -> dict[str, object]:
 
 
 def _add_coordinates(
-    h5: h5py.File, layout: _Layout, records: Sequence[CaseRecord], rows: NDArray[np.float64]
+    h5: h5py.File,
+    layout: _Layout,
+    records: Sequence[CaseRecord],
+    rows: NDArray[np.float64],
+    observables: tuple[str, ...],
 ) -> None:
     add_values(h5, "time", ("time",), rows)
     dimensions = tuple(layout.lengths)
@@ -208,7 +221,7 @@ def _add_coordinates(
     if "case" not in dimensions:
         add_values(h5, "case", dimensions, numbers)
     beside = " ".join(sorted({"case", *layout.labels} - set(dimensions)))
-    for name in OBSERVABLES:
+    for name in observables:
         dataset = add_variable(
             h5, name, (*dimensions, "time"), shape=(*numbers.shape, rows.size), fillvalue=np.nan
         )
@@ -225,10 +238,17 @@ def _add_labels(h5: h5py.File, name: str, dimension: str, key: str, labels: NDAr
     add_variable(h5, name, (dimension,), described, **data)
 
 
+def _moves(path: Path) -> bool:
+    with h5py.File(path, locking="best-effort") as case:
+        return "friction" in case
+
+
 def _copy_rows(path: Path, h5: h5py.File, place: tuple[int, ...], times: NDArray[np.float64]) -> None:
-    rows = _rows_at(_times(path), times)
+    own, settled = _times(path)
+    rows = _rows_at(own, times, goes_on=settled)
     if np.any(rows < 0):
         raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
     with h5py.File(path, locking="best-effort") as case:
-        for name in OBSERVABLES:
-            h5[name][place] = case[name][()][rows] if name in case else np.nan
+        for name in (*OBSERVABLES, *OF_MOTION):
+            if name in h5:
+                h5[name][place] = case[name][()][rows] if name in case else np.nan

@@ -79,6 +79,7 @@ class CaseWriter:
         self._shape = tuple(len(values) for values in self._coordinates.values())
         self._attributes = dict(attributes or {})
         self._edges = dict(edges or {})
+        self.noted: dict[str, Attribute] = {}
         self._flush_interval = flush_interval
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5py.Dataset] = {}
@@ -181,6 +182,10 @@ class CaseWriter:
             dataset[-1] = values
         self._file.check()
 
+    def note(self, **attributes: Attribute) -> None:
+        """Add attributes of the file that only the run can tell."""
+        self.noted.update(attributes)
+
     def _begin_columns(self, names: tuple[str, ...]) -> None:
         if "time" not in names:
             raise ValueError(f"{self.path}: a row needs its time")
@@ -239,6 +244,6 @@ class CaseWriter:
         self._append_rows()
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": time.monotonic() - self._begun}
         counts = {"rows": self._rows, "snapshots": len(self._growing["snapshot"])}
-        self._h5.attrs.update({**ended, **self._attributes, **counts, "complete": 1})
+        self._h5.attrs.update({**ended, **self._attributes, **self.noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

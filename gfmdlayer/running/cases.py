@@ -45,14 +45,14 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None, threads: 
     """
     begun = time.monotonic()
     try:
-        _simulate(case, folder, (wisdom or {}).get(case.config.grid.points), threads)
+        remark = _simulate(case, folder, (wisdom or {}).get(case.config.grid.points), threads)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         record_failure(folder, case, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
-    return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
+    return Outcome(case.index, "complete", seconds=time.monotonic() - begun, remark=remark)
 
 
 def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
@@ -67,7 +67,8 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
-def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> None:
+def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> str:
+    """Run the case; return what there is to remark on it."""
     from gfmdlayer.contact.grid import Grid
     from gfmdlayer.inputs import histogram_edges
     from gfmdlayer.results.writer import CaseWriter
@@ -81,6 +82,9 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> N
         edges = histogram_edges(config)
         with CaseWriter(folder.case(case.index), coordinates, _attributes(config), edges) as recorder:
             simulate(config, recorder, status.advance, wisdom, threads)
+    if recorder.noted.get("settled") == 0:
+        return f"NOT STEADY within {config.time.steady:g} at time.end = {config.time.end:g}"
+    return ""
 
 
 def _attributes(config: Config) -> dict[str, str | float]:
@@ -89,6 +93,8 @@ def _attributes(config: Config) -> dict[str, str | float]:
         found["tau"] = config.layer.material.tau
     if said := remarks([config]):
         found["warnings"] = "\n".join(said)
+    if config.trajectory.velocity is not None or config.trajectory.velocity_file is not None:
+        found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
 

@@ -20,6 +20,7 @@ PAIRS = {
     ("conjugate_gradient", None): (34, 0.2),
     ("active_set", None): (6, 0.1),
 }
+SLIDING = 4  # contact problems of a step under a moving punch; measured, as the sliding parabola's
 REAL = 8  # bytes
 # Real fields alive at once: history, solver, kernels, plans, snapshot being written; measured at 1024 x 1024.
 FIELDS = {"active_set": 68, "conjugate_gradient": 40, "fire": 36}
@@ -57,9 +58,10 @@ def estimate(config: Config) -> Cost:
     kept = config.output.histograms
     columns = COLUMNS + sum(given.bins for given in (kept.pressure, kept.gap) if given is not None)
     at_4096, power = PAIRS[solver.method, inertia]
+    moves = config.trajectory.velocity is not None or config.trajectory.velocity_file is not None
     return Cost(
         steps=steps,
-        pairs=steps * at_4096 * (size / 4096) ** power,
+        pairs=steps * at_4096 * (size / 4096) ** power * (SLIDING if moves else 1),
         memory=PROGRAM + FIELDS[solver.method] * REAL * size,
         storage=REAL * (columns * (steps + 1) + 3 * size * len(config.output.snapshots)),
     )

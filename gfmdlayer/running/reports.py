@@ -133,7 +133,8 @@ class Reporter:
             self._ended += 1
             place = f"{self._ended} of {self._total}"
         if outcome.state == "complete":
-            self.note(f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place})")
+            remark = outcome.remark and f": {outcome.remark}"
+            self.note(f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){remark}")
         else:
             self.note(f"case {outcome.index:04d} FAILED ({place}): {outcome.reason}")
 

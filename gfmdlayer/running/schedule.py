@@ -37,12 +37,15 @@ class Outcome:
         Why it failed.
     seconds : float
         How long it took.
+    remark : str
+        What there is to know of a complete one.
     """
 
     index: int
     state: Literal["complete", "failed", "stopped"]
     reason: str = ""
     seconds: float = 0.0
+    remark: str = ""
 
 
 class Numbered(Protocol):

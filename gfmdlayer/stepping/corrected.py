@@ -21,6 +21,7 @@ quotient, by (delta f - r f)/kappa.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -59,8 +60,8 @@ class Corrected(Modes):
         Shortest relaxation time that matters; infinite for an elastic body.
     """
 
-    def __init__(self, spectrum: Spectrum, measure: FloatArray) -> None:
-        super().__init__(spectrum, exponential, measure)
+    def __init__(self, spectrum: Spectrum, measure: FloatArray, **motion: Any) -> None:
+        super().__init__(spectrum, exponential, measure, **motion)
         matter = spectrum.weights > _MATTERS * spectrum.glassy
         self.fastest = float(spectrum.times[matter].min(initial=math.inf))
         self._twice = np.repeat(np.ravel(measure), 2)  # for real and imaginary parts
@@ -84,6 +85,15 @@ class Corrected(Modes):
         """Forget how the displacement changed: after a kink it says nothing about what follows."""
         self._velocity = None
 
+    def force(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return -sigma at the end of the step of the last `terms` with this displacement."""
+        return np.asarray(self._kappa * spectrum - self._b)
+
+    def lack(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return what that force lacks for the curvature of the displacement over the step."""
+        curvature = self._curvature(spectrum)
+        return self.missing(_UNKNOWN * (spectrum - self.u) if curvature is None else curvature)
+
     def error(self, spectrum: ComplexArray, *, moving: bool) -> tuple[float, float]:
         """Error that the step of the last `terms` makes with this displacement at its end.
 
@@ -99,9 +109,7 @@ class Corrected(Modes):
         Relative error of the mean pressure (at given load, of the depth), and root mean square error of the
         displacement, a length.
         """
-        change, curvature = spectrum - self.u, self._curvature(spectrum)
-        lack = self.missing(_UNKNOWN * change if curvature is None else curvature)
-        force = self._kappa * spectrum - self._b
+        change, lack, force = spectrum - self.u, self.lack(spectrum), self.force(spectrum)
         if moving:  # that of a step which is then rejected does as well
             self._follows = change
         relative, loudest = 0.0, self._kappa * spectrum

@@ -1,6 +1,7 @@
 """Where the work of the punch goes: work = stored + dissipated, each an energy per area of the surface.
 
-The work is the integral of the mean pressure over the depth, and owes nothing to the modes that know what is
+The work is the integral of the mean pressure over the depth, and of the mean tangential stress over the way
+along the surface, and owes nothing to the modes that know what is
 stored and what is dissipated. What the balance lacks is an error of the integration in time: of second order
 in dt with the exponential scheme and of first with backward Euler.
 """
@@ -8,6 +9,7 @@ in dt with the exponential scheme and of first with backward Euler.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Protocol
 
 
@@ -31,18 +33,25 @@ class Ledger:
     def __init__(self) -> None:
         self._work = 0.0
         self._past: deque[tuple[float, float]] = deque(maxlen=2)  # depths and pressures
+        self._way: deque[tuple[float, float]] = deque(maxlen=2)  # positions and tangential stresses
 
-    def entry(self, pressure: float, depth: float, energy: Energy) -> dict[str, float]:
+    def entry(
+        self, pressure: float, depth: float, energy: Energy, resistance: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
         """Enter an accepted step, which `energy` has been carried over; return the columns of its row.
+
+        Of a punch that moves along the surface, `resistance` has position and tangential_force.
 
         A punch that is pressed in at once, in the first step, does the work that is there after it: without
         friction the energy of an elastic contact does not depend on the way to it.
         """
+        way = (resistance["position"], resistance["tangential_force"]) if resistance else (0.0, 0.0)
         if not self._past:
             self._work = energy.stored + energy.dissipated
         else:
-            self._work += _area(*self._past, (depth, pressure))
+            self._work += _area(*self._past, (depth, pressure)) + _area(*self._way, way)
         self._past.append((depth, pressure))
+        self._way.append(way)
         return {
             "work": self._work,
             "stored": energy.stored,

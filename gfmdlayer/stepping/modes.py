@@ -106,7 +106,11 @@ class Modes:
         Elastic energy in all springs after the last step.
     dissipated : float
         Heat from all dashpots since the beginning.
+    drag : ndarray, optional
+        Imaginary part of the stiffness, which a punch at rest does not meet.
     """
+
+    drag: FloatArray | None = None
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, measure: FloatArray | None = None) -> None:
         self.relaxed = np.ravel(spectrum.relaxed)

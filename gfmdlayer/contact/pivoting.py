@@ -1,0 +1,128 @@
+"""Contact with drag by guessing the contact set, for where the iteration of `drag` would be long.
+
+With the compliance C = 1/(kappa + i drag) of each mode, the gap of a pressure p is g = h - u_free + C p, less
+a rise w of the surface where the mean pressure is given. In contact g = 0: linear equations for p there.
+GMRES solves them after a product with the stiffness, restricted to the contact as they are, so that what is
+left of them is a pressure. Then the points that contradict the guess change sides: those that are pulled, and
+those that are passed through. If that does not make them fewer for a while, only one of them does, which must
+end as C is positive definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.transforms import ComplexArray, Transforms
+
+Mask = npt.NDArray[np.bool_]
+Spectral = npt.NDArray[np.complexfloating[Any, Any]]
+
+_MOST_ROUNDS, _PATIENCE = 200, 8
+_LINEAR = 1e-5  # of the tolerance: how well the linear equations are solved
+_KRYLOV, _RESTARTS = 60, 10
+
+
+class State(NamedTuple):
+    """Displacement, its spectrum, the pressure that follows from it, and where there is contact."""
+
+    displacement: FloatArray
+    spectrum: ComplexArray
+    pressure: FloatArray
+    contact: Mask
+
+
+class Pivoting:
+    """The linear algebra of one problem.
+
+    Attributes
+    ----------
+    transforms : int
+        Pairs of Fourier transforms so far.
+    rounds : int
+        Contact sets tried.
+    """
+
+    def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
+        self._problem, self._plans, self._tolerance = problem, transforms, tolerance
+        self.transforms = self.rounds = 0
+        drag = problem.drag if problem.drag is not None else 0.0
+        self._stiffness = problem.stiffness + 1j * drag
+        self._stiffest = float(np.abs(self._stiffness).max())
+        stiff = problem.stiffness > 0
+        self._compliance = (stiff / np.where(stiff, self._stiffness, 1)).astype(np.complex128)
+        self._apart = problem.obstacle - self._field(self._compliance * problem.intercept)
+
+    def solve(self, contact: Mask) -> State:
+        """Return the state for the contact set that contradicts nothing, or the last one tried."""
+        fewest, patience = contact.size + 1, _PATIENCE
+        for _ in range(_MOST_ROUNDS):
+            self.rounds += 1
+            pressure, gap = self._balanced(contact)
+            # A gap weighs as much as the pressure that the stiffest wave would make of it.
+            slack = _LINEAR * self._tolerance * pressure.max() / self._stiffest
+            wrong = np.where(contact, pressure < 0, gap < -slack)
+            count = int(wrong.sum())
+            if count == 0:
+                break
+            patience = patience - 1 if count >= fewest else _PATIENCE
+            fewest = min(fewest, count)
+            if patience < 0:
+                wrong[: np.flatnonzero(wrong)[-1]] = False
+            contact = contact ^ wrong
+        return self._state(gap, pressure, contact)
+
+    def _balanced(self, contact: Mask) -> tuple[FloatArray, FloatArray]:
+        """Pressure on a contact set, and the gap that it leaves."""
+        pressure, load = self._on(contact, -self._apart[contact]), self._problem.mean_pressure
+        rise = 0.0
+        if load is not None:
+            lifted = self._on(contact, np.ones(int(contact.sum())))
+            rise = (load - float(pressure.mean())) / float(lifted.mean())
+            pressure += rise * lifted
+        return pressure, self._apart + self._bent(pressure) - rise
+
+    def _on(self, contact: Mask, gap: FloatArray) -> FloatArray:
+        """Pressure on the contact that opens it by this gap."""
+        from scipy.sparse.linalg import LinearOperator, gmres  # a long import for what few runs need
+
+        def restricted(spectral: Spectral, values: FloatArray) -> FloatArray:
+            field = np.zeros(contact.size)
+            field[contact] = values
+            return self._field(spectral * self._plans.forward(field))[contact]
+
+        operator = LinearOperator(
+            (gap.size, gap.size),
+            matvec=lambda p: restricted(self._stiffness, restricted(self._compliance, np.ravel(p))),
+            dtype=np.float64,
+        )
+        right = restricted(self._stiffness, gap)
+        rtol = _LINEAR * self._tolerance
+        found, _ = gmres(operator, right, rtol=rtol, restart=_KRYLOV, maxiter=_RESTARTS)
+        pressure = np.zeros(contact.size)
+        pressure[contact] = found
+        return pressure
+
+    def _bent(self, pressure: FloatArray) -> FloatArray:
+        return self._field(self._compliance * self._plans.forward(pressure))
+
+    def _field(self, spectrum: ComplexArray) -> FloatArray:
+        self.transforms += 1
+        return self._plans.backward(spectrum) / self._problem.obstacle.size
+
+    def _state(self, gap: FloatArray, pressure: FloatArray, contact: Mask) -> State:
+        """Displacement that satisfies the constraints, and its own pressure."""
+        problem = self._problem
+        u = np.where(contact, problem.obstacle, problem.obstacle - gap)
+        project(u, problem.obstacle, problem.mean_is_fixed)
+        spectrum = self._plans.forward(u)
+        force = self._field(problem.intercept - self._stiffness * spectrum)
+        multiplier = problem.applied_pressure
+        if problem.mean_is_fixed and contact.any():
+            multiplier = float(np.mean((pressure - force)[contact]))
+        return State(u, spectrum, force + multiplier, contact)
