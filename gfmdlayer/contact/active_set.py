@@ -112,7 +112,7 @@ class ActiveSet:
             return trivial
         keep, system = self._keep_directions(problem), self._system(problem)
         plans, tolerance, state = self._transforms.plans, self._tolerance, self._state
-        aim, shift, within = 0.0, 0.0, 0.8 * tolerance
+        shift, within, clear = 0.0, 0.8 * tolerance, False
         found, transforms, iterations = attempt(
             plans, system, problem.intercept, self._free, *state, self._past, start,
             problem.applied_pressure, keep, within, _ROUNDS, min(_LIMIT, self._max_iterations),
@@ -126,11 +126,11 @@ class ActiveSet:
             if solution.converged:
                 self._settled, self._odd = found, odd
                 return solution
-            if aim > 0.0:
+            if clear:
                 self._settled = False
                 return admit(problem, system, self._at, self._transforms, solution)
-            aim = within = 0.25 * tolerance
-            shift = aim * extent(solution.pressure, solution.displacement)[1]
+            clear, within = True, 0.25 * tolerance
+            shift = within * extent(solution.pressure, solution.displacement)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
             found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, True)
             transforms, iterations = transforms + more, iterations + done
