@@ -15,8 +15,8 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     Verbs,
     add_config,
+    add_team,
     default_directory,
-    folder_name,
     print_some,
     refuse,
 )
@@ -34,10 +34,7 @@ def register(verbs: Verbs) -> None:
         f"gfmdlayer run configs/figure2-quick.yaml --out results/first --jobs 2\n\n{STATUSES}",
     )
     add_config(added)
-    added.add_argument(
-        "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
-    )
-    added.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    add_team(added)
     added.add_argument(
         "--threads",
         metavar="N",
