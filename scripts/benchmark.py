@@ -12,6 +12,8 @@ Sections
     pairs       FFT pairs per step, and what the ingredients of FIRE bring
     run         a whole run over its bare FFT pairs
     work        error against work: integrator, solver, step length
+    scheduling  a sweep of 100 000 cases on 1 to 4096 ranks, simulated around the real scheduler
+    ranks       Figures 2 to 4 on two MPI ranks against one
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
     rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
 """
@@ -27,7 +29,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, pairs, peer, rough, whole_run, work
+from benchmarks import iteration, pairs, peer, ranks, rough, scheduling, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.plot_style import check_suffix
@@ -39,10 +41,12 @@ SECTIONS = {
     "pairs": pairs,
     "run": whole_run,
     "work": work,
+    "scheduling": scheduling,
+    "ranks": ranks,
     "peer": peer,
     "rough": rough,
 }
-QUICK = ("iteration", "pairs", "run")
+QUICK = ("iteration", "pairs", "run", "scheduling")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
