@@ -28,7 +28,8 @@ REAL = 8  # bytes
 # branch of the material. Peak of the process, measured at 2^17 and 2^18 points in one and two directions.
 FIELDS = {"fire": 34, "conjugate_gradient": 31, "active_set": 61}
 BRANCH_FIELDS = 6
-COLUMNS = 13  # of a row
+COLUMNS, ROWS = 13, 512  # of a row; in a block of the file
+HEADER = 42e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 
@@ -69,12 +70,13 @@ def estimate(config: Config) -> Cost:
     material = config.layer.material
     branches = 1 if material.model == "zener" else len(material.branches)
     fields = FIELDS[solver.method] + BRANCH_FIELDS * branches
+    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
         work=size * pairs,
         memory=PROGRAM + fields * REAL * size,
-        storage=REAL * (columns * (steps + 1) + 3 * size * len(config.output.snapshots)),
+        storage=HEADER + REAL * (columns * rows + sum(config.grid.points) + 3 * size * snapshots),
     )
 
 

@@ -17,6 +17,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
@@ -28,6 +29,7 @@ from gfmdlayer.running import guards, interrupts
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 # Variables that show a launcher without saying a size.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
+RENEWALS = 100  # of a pool of processes; what kills its workers again and again will not stop
 
 
 class LauncherError(Exception):
@@ -171,10 +173,34 @@ def _warnings(members: list[tuple[str, guards.Cores]]) -> tuple[str, ...]:
     return tuple(guards.crowding(members, guards.threads(os.environ)))
 
 
+class _Processes(Executor):
+    """Worker processes, and others in their place when one of them has died and broken the pool."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._renewals = jobs, RENEWALS
+        self._pool = self._new_pool()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        try:
+            return self._pool.submit(fn, *args, **kwargs)
+        except BrokenProcessPool:
+            if self._renewals == 0:
+                raise
+            self._renewals -= 1
+            self._pool = self._new_pool()
+            return self._pool.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._jobs, get_context("spawn"), initializer=_begin_worker)
+
+
 @contextmanager
 def _processes(jobs: int) -> Iterator[Team]:
     warnings = _warnings([_here()] * jobs)
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_begin_worker) as executor:
+    with _Processes(jobs) as executor:
         yield Team(executor, jobs, "processes", False, interrupts.held_back, warnings)
 
 

@@ -94,11 +94,12 @@ def run_sweep(
     folder = Folder(Path(directory), shard)
     every = cases(config)
     own = every if shard is None else shard.share(every)
-    with folder.claimed(config, restart, {case.index for case in own}):
+    numbers = frozenset(case.index for case in own)
+    with folder.claimed(config, restart, numbers):
         todo = [case for case in own if not _is_done(case, folder)]
         _refuse_open_files(folder, todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
-        with Reporter(folder, len(own), len(own) - len(todo), report) as reporter:
+        with Reporter(folder, numbers, len(own) - len(todo), report) as reporter:
             reporter.note(_opening(len(own), len(todo), team, threads, shard))
             storage = sum(estimate(case.config).storage for case in todo)
             space = guards.lack_of_space(folder.path, storage)

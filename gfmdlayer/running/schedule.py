@@ -95,9 +95,8 @@ class Schedule(Generic[Item]):
     def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
         self._waiting.extend(items)
-        with self._team.starting():
-            # Who joins in has no time to submit more; a pool of processes chokes on very many at once.
-            self._submit(len(items) if self._team.joins else AHEAD * self._team.size)
+        # Who joins in has no time to submit more; a pool of processes chokes on very many at once.
+        self._submit(len(items) if self._team.joins else AHEAD * self._team.size)
         if self._team.joins:
             self._take_over()
         for _ in items:
@@ -107,9 +106,10 @@ class Schedule(Generic[Item]):
         for _ in range(min(number, len(self._waiting))):
             item = self._waiting.popleft()
             try:
-                future = self._team.executor.submit(self._task, item)
+                with self._team.starting():
+                    future = self._team.executor.submit(self._task, item)
             except BrokenExecutor:
-                self._left.put(item)
+                self._settle(self._task(item))  # there is nobody else any more
                 continue
             self._pending.append((item, future))
             future.add_done_callback(partial(self._when_done, item))
@@ -124,7 +124,8 @@ class Schedule(Generic[Item]):
     def _next(self) -> Outcome:
         while True:
             with suppress(Empty):
-                self._settle(self._task(self._left.get_nowait()))
+                self._waiting.appendleft(self._left.get_nowait())
+                self._submit(1)
             if stop_requested():
                 with suppress(OSError):  # signals alone must do then
                     self._folder.stop.touch()
