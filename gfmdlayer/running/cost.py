@@ -25,9 +25,9 @@ PAIRS = {
 SLIDING = 4  # contact problems of a step under a moving punch; measured, as the sliding parabola's
 REAL = 8  # bytes
 # Real fields alive at once: kernels, plans, snapshot being written, and what the solver keeps; those of each
-# branch of the material. Peak of the process, measured at 2^17 and 2^18 points in one and two directions.
-FIELDS = {"fire": 34, "conjugate_gradient": 31, "active_set": 61}
-BRANCH_FIELDS = 6
+# branch of the material. Peak of the process, measured at 2^17 to 2^19 points in one and two directions.
+FIELDS = {"fire": 35, "conjugate_gradient": 32, "active_set": 62}
+BRANCH_FIELDS = 5
 COLUMNS, ROWS = 13, 512  # of a row; in a block of the file
 HEADER = 42e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries

@@ -8,9 +8,9 @@ finished case that was disturbed carries the others away, and values need no ord
 from __future__ import annotations
 
 import math
+import random
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
-from itertools import zip_longest
 from statistics import median
 
 from gfmdlayer.config import Config
@@ -19,6 +19,7 @@ from gfmdlayer.running.folder import Folder
 from gfmdlayer.sweep import Case
 
 SAMPLE = 500  # finished cases that are looked at, at most
+POLISHES = 10  # enough for the effects to settle where cases are missing
 
 
 class CostModel:
@@ -34,13 +35,15 @@ class CostModel:
         known = [(case, seconds) for case, seconds in finished if seconds > 0]
         left = [math.log(seconds / estimate(case.config).work) for case, seconds in known]
         self._scale = median(left) if left else 0.0
-        self._effects: list[dict[Hashable, float]] = []
         self.fitted = bool(known)
         left = [rest - self._scale for rest in left]
-        for levels in zip_longest(*(_levels(case) for case, _ in known)):
-            effect = _medians(levels, left)
-            self._effects.append(effect)
-            left = [rest - effect[level] for level, rest in zip(levels, left, strict=True)]
+        columns = list(zip(*(_levels(case) for case, _ in known), strict=False))
+        self._effects: list[defaultdict[Hashable, float]] = [defaultdict(float) for _ in columns]
+        for effect, levels in [*zip(self._effects, columns, strict=True)] * POLISHES:
+            found = _medians(levels, left)
+            left = [rest - found[level] for level, rest in zip(levels, left, strict=True)]
+            for level, value in found.items():
+                effect[level] += value
 
     def seconds(self, case: Case) -> float:
         """Return the seconds that a case is expected to take."""
@@ -54,12 +57,12 @@ class CostModel:
 
 
 def finished(folder: Folder, cases: Sequence[Case]) -> list[tuple[Case, float]]:
-    """Return complete cases with the seconds that they took: all, or a sample spread over the sweep."""
+    """Return complete cases with the seconds that they took: all, or a random sample of many."""
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
 
     found = []
-    for case in cases[:: math.ceil(len(cases) / SAMPLE) or 1]:
+    for case in cases if len(cases) <= SAMPLE else random.Random(0).sample(cases, SAMPLE):
         try:
             seconds = attributes(folder.case(case.index)).get("wall_seconds", 0.0)
         except ResultsError:
