@@ -3,7 +3,7 @@
 Every figure is a count, or a ratio of times taken in turns within the run, so that it holds elsewhere.
 
     python scripts/benchmark.py                     all sections: some minutes
-    python scripts/benchmark.py --quick             a look: under 40 seconds
+    python scripts/benchmark.py --quick             a look: about a minute
     python scripts/benchmark.py --only pairs run --points 16384
     python scripts/benchmark.py --json all.json --markdown all.md --plot work.png
 
@@ -77,7 +77,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--points", nargs="+", type=_positive, metavar="N", help="grid points in place of a section's own"
     )
-    parser.add_argument("--steps", type=_positive, metavar="N", help="time steps in place of a section's own")
+    parser.add_argument("--steps", type=_positive, metavar="N", help="time steps in place of a section's own; cases for scheduling")
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")
