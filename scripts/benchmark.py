@@ -77,7 +77,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--points", nargs="+", type=_positive, metavar="N", help="grid points in place of a section's own"
     )
-    parser.add_argument("--steps", type=_positive, metavar="N", help="time steps in place of a section's own; cases for scheduling")
+    parser.add_argument(
+        "--steps", type=_positive, metavar="N", help="time steps, or cases, in place of a section's own"
+    )
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")
