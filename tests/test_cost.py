@@ -135,7 +135,13 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 )
 def test_memory_counts_branches_directions_and_what_the_solver_keeps(values: dict[str, object]) -> None:
     values = values | {"time.end": 0.02, "time.step": 0.02, "trajectory.ramp_time": 0.02}
-    command = [sys.executable, "-c", PEAK, json.dumps(values)]
-    peak = float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+    def peak_of(values: dict[str, object]) -> float:
+        command = [sys.executable, "-c", PEAK, json.dumps(values)]
+        return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+    points = values["grid.points"]
+    peak_of(values | {"grid.points": 64 if isinstance(points, int) else [16, 16]})  # what compiles needs more
+    peak = peak_of(values)
     # Rounded up where the parts do not peak at the same time; what is left out is below a quarter.
     assert 0.75 * peak <= estimate(case_with(values)).memory <= 1.35 * peak

@@ -23,7 +23,7 @@ from gfmdlayer.results.reader import open_results
 from gfmdlayer.running import locks
 from gfmdlayer.running.cost import estimate
 from gfmdlayer.running.executors import assemble
-from gfmdlayer.running.folder import Folder, FolderError, read_json
+from gfmdlayer.running.folder import Folder, FolderError
 from gfmdlayer.running.run import Summary, run_sweep
 from gfmdlayer.running.shards import Shard
 from gfmdlayer.sweep import Case, cases
@@ -58,8 +58,8 @@ def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subproce
     command = [sys.executable, "-m", "gfmdlayer", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 60
-        told = Path(f"{out}/cases/{case:04d}.running")
-        while (read_json(told) or {}).get("pid") != process.pid:
+        unfinished = f"{case:04d}.h5.*-{process.pid}-*.part"
+        while not list(Path(f"{out}/cases").glob(unfinished)):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.01)
