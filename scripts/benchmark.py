@@ -3,7 +3,7 @@
 Every figure is a count, or a ratio of times taken in turns within the run, so that it holds elsewhere.
 
     python scripts/benchmark.py                     all sections: some minutes
-    python scripts/benchmark.py --quick             a look: under 40 seconds
+    python scripts/benchmark.py --quick             a look: about a minute
     python scripts/benchmark.py --only pairs run --points 16384
     python scripts/benchmark.py --json all.json --markdown all.md --plot work.png
 
@@ -12,6 +12,8 @@ Sections
     pairs       FFT pairs per step, and what the ingredients of FIRE bring
     run         a whole run over its bare FFT pairs
     work        error against work: integrator, solver, step length
+    scheduling  a sweep of 100 000 cases on 1 to 4096 ranks, simulated around the real scheduler
+    ranks       Figures 2 to 4 on two MPI ranks against one
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
     rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
 """
@@ -27,7 +29,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, pairs, peer, rough, whole_run, work
+from benchmarks import iteration, pairs, peer, ranks, rough, scheduling, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.plot_style import check_suffix
@@ -39,10 +41,12 @@ SECTIONS = {
     "pairs": pairs,
     "run": whole_run,
     "work": work,
+    "scheduling": scheduling,
+    "ranks": ranks,
     "peer": peer,
     "rough": rough,
 }
-QUICK = ("iteration", "pairs", "run")
+QUICK = ("iteration", "pairs", "run", "scheduling")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -73,7 +77,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--points", nargs="+", type=_positive, metavar="N", help="grid points in place of a section's own"
     )
-    parser.add_argument("--steps", type=_positive, metavar="N", help="time steps in place of a section's own")
+    parser.add_argument(
+        "--steps", type=_positive, metavar="N", help="time steps, or cases, in place of a section's own"
+    )
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -139,6 +140,36 @@ with assemble() as team:
     process = over_ranks(2, "-c", script)
     assert process.returncode != 0
     assert time.monotonic() - begun < 60
+
+
+@pytest.mark.parametrize("victim", ["manager", "worker"])
+def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_rerun_takes_up_the_rest(victim: str) -> None:
+    Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
+    command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
+        told = Path(f"out/cases/{0 if victim == 'manager' else 1:04d}.running")
+        deadline = time.monotonic() + 60
+        while not (told.exists() and Path("out/cases/0002.h5").exists()):
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        os.kill(json.loads(told.read_text())["pid"], signal.SIGKILL)
+        process.communicate(timeout=30)
+    assert process.returncode != 0
+    again = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
+    assert again.returncode == 0, again.stderr
+    assert "1 complete already" in again.stderr
+    assert sorted(path.name for path in Path("out/cases").iterdir()) == [
+        ".lock", "0000.h5", "0001.h5", "0002.h5",
+    ]  # fmt: skip
+
+
+def test_more_ranks_than_cores_are_told() -> None:
+    cores = len(os.sched_getaffinity(0))
+    process = gfmdlayer(cores + 1, "run", "tiny.yaml", "--out", "out")
+    assert process.returncode == 0
+    assert f"warning: {cores + 1} processes with one thread each on {cores} cores" in process.stderr
 
 
 @pytest.mark.parametrize("variable", ["PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"])

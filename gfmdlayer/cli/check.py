@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
     COMPLETE,
     Verbs,
     add_config,
+    add_team,
     count_cases,
     default_directory,
     print_some,
     refuse,
 )
 
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+    from gfmdlayer.sweep import Case
+
 
 def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
-    add_config(
-        verbs.add(
-            check,
-            "tell the cases, the memory and the work ahead; run nothing",
-            "gfmdlayer check configs/figure2.yaml",
-        )
+    added = verbs.add(
+        check,
+        "tell the cases, the memory and the work ahead; run nothing",
+        "gfmdlayer check configs/figure2.yaml",
     )
+    add_config(added)
+    add_team(added)
 
 
 def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
     from gfmdlayer.config import ConfigError, load
+    from gfmdlayer.running import guards
     from gfmdlayer.running.cost import estimate, total
     from gfmdlayer.sweep import cases, label, objections, remarks
 
@@ -38,20 +48,38 @@ def check(options: argparse.Namespace) -> int:
     except ConfigError as error:
         return refuse(*error.problems)
     cost = total(estimate(case.config) for case in every)
+    directory = Path(options.out or default_directory(config))
     print(f"{config.name}: {count_cases(len(every))}")
     if config.sweep:
         print_some(f"  {case.index:04d}  {label(case.values)}" for case in every)
     print(f"steps      {cost.steps:,}")
     print(f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}")
-    print(f"memory     about {_in_bytes(cost.memory)} a process")
-    print(f"disk       about {_in_bytes(cost.storage)} in {default_directory(config)}")
-    for remark in remarks(case.config for case in every):
-        print(f"warning: {remark}")
+    print(f"memory     about {guards.in_bytes(cost.memory)} a process")
+    print(f"disk       about {guards.in_bytes(cost.storage)} in {directory}")
+    for line in _from_finished_cases(directory, config, every):
+        print(line)
+    memory = guards.lack_of_memory(options.jobs * cost.memory)
+    space = guards.lack_of_space(directory, cost.storage)
+    for warning in (*remarks(case.config for case in every), *memory, *space):
+        print(f"warning: {warning}")
     return COMPLETE
 
 
-def _in_bytes(number: float) -> str:
-    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if number >= size:
-            return f"{number / size:.3g} {unit}"
-    return f"{number:.0f} B"
+def _from_finished_cases(directory: Path, config: Config, every: Sequence[Case]) -> list[str]:
+    """Tell the time that is left, where cases of the same configuration are complete."""
+    from gfmdlayer.running.folder import Folder, FolderError, changed_keys
+
+    folder = Folder(directory)
+    present = {path.name for path in folder.cases.glob("[0-9]*.h5")}
+    done = [case for case in every if folder.case(case.index).name in present]
+    with suppress(FolderError):
+        if done and not changed_keys(folder.stored_config(), config):
+            from gfmdlayer.running.cost_model import CostModel, finished
+            from gfmdlayer.running.reports import duration
+
+            left = [case for case in every if folder.case(case.index).name not in present]
+            model = CostModel(finished(folder, done))
+            if left and model.fitted:
+                seconds = sum(map(model.seconds, left))
+                return [f"time       about {duration(seconds)} on one core for the {len(left)} cases left"]
+    return []

@@ -15,14 +15,15 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     Verbs,
     add_config,
+    add_team,
     default_directory,
-    folder_name,
     print_some,
     refuse,
 )
 
 if TYPE_CHECKING:
     from gfmdlayer.running.executors import Team
+    from gfmdlayer.running.shards import Shard
 
 
 def register(verbs: Verbs) -> None:
@@ -33,23 +34,35 @@ def register(verbs: Verbs) -> None:
         f"gfmdlayer run configs/figure2-quick.yaml --out results/first --jobs 2\n\n{STATUSES}",
     )
     add_config(added)
-    added.add_argument(
-        "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
-    )
-    added.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    add_team(added)
     added.add_argument(
         "--threads",
         metavar="N",
         type=int,
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
     )
+    added.add_argument(
+        "--shard", metavar="I/N", type=shard, help="run part I of N; N runs at once share DIR (job arrays)"
+    )
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+
+
+def shard(text: str) -> Shard:
+    """Take a shard from the command line."""
+    from gfmdlayer.running.shards import Shard
+
+    try:
+        return Shard.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
     from gfmdlayer.running import cases, executors, interrupts
 
+    if options.shard and options.restart:
+        return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
     interrupts.listen()
     try:
         threads = executors.threads_each(os.environ, options.threads)
@@ -70,7 +83,9 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     try:
         config = load(options.config, options.set, objections)
         directory = default_directory(config) if options.out is None else options.out
-        summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr), threads)
+        summary = run_sweep(
+            config, directory, team, options.restart, lambda: report_to(sys.stderr), threads, options.shard
+        )
     except ConfigError as error:
         return refuse(*error.problems)
     except FolderError as error:
@@ -86,5 +101,8 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
         print_some(f"  {outcome.index:04d}: {outcome.reason}" for outcome in summary.failures)
         print(f"what is complete is in {directory}; the same command tries the failed ones again")
         return FAILED
+    if not summary.collected:
+        print(f"shard {options.shard} complete; sweep.h5 follows when the other shards are")
+        return COMPLETE
     print(f"complete: {Path(directory) / 'sweep.h5'}")
     return COMPLETE

@@ -58,6 +58,14 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_team(parser: argparse.ArgumentParser) -> None:
+    """Let a verb take where the results go, and how many processes compute them."""
+    parser.add_argument(
+        "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
+    )
+    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+
+
 def refuse(*problems: str) -> int:
     """Say what is wrong with the input; the exit status."""
     for problem in problems:

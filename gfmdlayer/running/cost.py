@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 from gfmdlayer.config import Config
 
-ADAPTIVE_STEPS = 100  # typical for a ramp and a hold at the default tolerance
+# Adaptive steps of a ramp and a hold at a tolerance of 1e-4, and the power of the tolerance; measured on the
+# default case from 1e-3 to 1e-4, with 0 to 400 times to land on.
+ADAPTIVE_STEPS, ADAPTIVE_POWER = 28, -1 / 3
 # FFT pairs a step at a residual of 1e-6, at n = 4096 and as a power of n; measured on the default case.
 PAIRS = {
     ("fire", "mass_weighted"): (93, 0.03),
@@ -22,9 +24,12 @@ PAIRS = {
 }
 SLIDING = 4  # contact problems of a step under a moving punch; measured, as the sliding parabola's
 REAL = 8  # bytes
-# Real fields alive at once: history, solver, kernels, plans, snapshot being written; measured at 1024 x 1024.
-FIELDS = {"active_set": 68, "conjugate_gradient": 40, "fire": 36}
-COLUMNS = 13  # of a row
+# Real fields alive at once: kernels, plans, snapshot being written, and what the solver keeps; those of each
+# branch of the material. Peak of the process, measured at 2^17 to 2^19 points in one and two directions.
+FIELDS = {"fire": 35, "conjugate_gradient": 32, "active_set": 62}
+BRANCH_FIELDS = 5
+COLUMNS, ROWS = 13, 512  # of a row; in a block of the file
+HEADER = 42e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 
@@ -38,12 +43,15 @@ class Cost:
         Time steps.
     pairs : float
         FFT pairs.
+    work : float
+        Points times FFT pairs, by which cases are weighed against each other.
     memory, storage : float
         Bytes in memory (with the program) and in the result file.
     """
 
     steps: int
     pairs: float
+    work: float
     memory: float
     storage: float
 
@@ -51,20 +59,36 @@ class Cost:
 def estimate(config: Config) -> Cost:
     """Estimate what a case costs."""
     size = math.prod(config.grid.points)
-    step = config.time.step
-    steps = ADAPTIVE_STEPS if isinstance(step, str) else math.ceil(config.time.end / step - 1e-9)
+    steps = _steps(config)
     solver = config.solver
     inertia = solver.inertia if solver.method == "fire" else None
     kept = config.output.histograms
     columns = COLUMNS + sum(given.bins for given in (kept.pressure, kept.gap) if given is not None)
     at_4096, power = PAIRS[solver.method, inertia]
     moves = config.trajectory.velocity is not None or config.trajectory.velocity_file is not None
+    pairs = steps * at_4096 * (size / 4096) ** power * (SLIDING if moves else 1)
+    material = config.layer.material
+    branches = 1 if material.model == "zener" else len(material.branches)
+    fields = FIELDS[solver.method] + BRANCH_FIELDS * branches
+    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
         steps=steps,
-        pairs=steps * at_4096 * (size / 4096) ** power * (SLIDING if moves else 1),
-        memory=PROGRAM + FIELDS[solver.method] * REAL * size,
-        storage=REAL * (columns * (steps + 1) + 3 * size * len(config.output.snapshots)),
+        pairs=pairs,
+        work=size * pairs,
+        memory=PROGRAM + fields * REAL * size,
+        storage=HEADER + REAL * (columns * rows + sum(config.grid.points) + 3 * size * snapshots),
     )
+
+
+def _steps(config: Config) -> int:
+    """Count the steps; the adaptive ones where few or many times are asked for, and between the two."""
+    time, output = config.time, config.output
+    if not isinstance(time.step, str):
+        return math.ceil(time.end / time.step - 1e-9)
+    times = output.times or ()
+    rows = math.floor(time.end / times + 1e-9) if isinstance(times, float) else len(times)
+    free = ADAPTIVE_STEPS * ((time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
+    return math.ceil(math.hypot(free, rows + len(output.snapshots)))
 
 
 def total(costs: Iterable[Cost]) -> Cost:
@@ -73,6 +97,7 @@ def total(costs: Iterable[Cost]) -> Cost:
     return Cost(
         steps=sum(cost.steps for cost in every),
         pairs=sum(cost.pairs for cost in every),
+        work=sum(cost.work for cost in every),
         memory=max(cost.memory for cost in every),
         storage=sum(cost.storage for cost in every),
     )

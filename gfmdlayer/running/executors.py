@@ -11,23 +11,25 @@ threads in whatever condition it is.  MPI is imported only where a launcher's va
 from __future__ import annotations
 
 import os
+import socket
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
-from gfmdlayer.running import interrupts
+from gfmdlayer.running import guards, interrupts
 
 # By which launchers tell a process how many of it they started: MPICH and Slurm's pmi2, Open MPI, srun.
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 # Variables that show a launcher without saying a size.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+RENEWALS = 100  # of a pool of processes; what kills its workers again and again will not stop
 
 
 class LauncherError(Exception):
@@ -50,6 +52,8 @@ class Team:
         Whether the submitting thread takes pending cases itself.
     starting : callable
         Context in which cases are submitted.
+    warnings : tuple of str
+        What the user should know about the way in which they were started.
     """
 
     executor: Executor
@@ -57,6 +61,7 @@ class Team:
     kind: str
     joins: bool
     starting: Callable[[], AbstractContextManager[None]] = nullcontext
+    warnings: tuple[str, ...] = ()
 
     @property
     def alone(self) -> bool:
@@ -117,7 +122,7 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         if asked < 1:
             raise LauncherError(f"--threads {asked}: must be 1 or more")
         environment["OMP_NUM_THREADS"] = str(asked)
-    for variable in THREAD_VARIABLES:
+    for variable in guards.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
     found = environment["OMP_NUM_THREADS"].partition(",")[0]
     return max(int(found), 1) if found.isdecimal() else 1
@@ -157,13 +162,46 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
         with _processes(jobs) as team:
             yield team
     else:
-        yield Team(_NobodyElse(), 1, "process", joins=True)
+        yield Team(_NobodyElse(), 1, "process", joins=True, warnings=_warnings([_here()]))
+
+
+def _here() -> tuple[str, guards.Cores]:
+    return socket.gethostname(), guards.cores()
+
+
+def _warnings(members: list[tuple[str, guards.Cores]]) -> tuple[str, ...]:
+    return tuple(guards.crowding(members, guards.threads(os.environ)))
+
+
+class _Processes(Executor):
+    """Worker processes, and others in their place when one of them has died and broken the pool."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._renewals = jobs, RENEWALS
+        self._pool = self._new_pool()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        try:
+            return self._pool.submit(fn, *args, **kwargs)
+        except BrokenProcessPool:
+            if self._renewals == 0:
+                raise
+            self._renewals -= 1
+            self._pool = self._new_pool()
+            return self._pool.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._jobs, get_context("spawn"), initializer=_begin_worker)
 
 
 @contextmanager
 def _processes(jobs: int) -> Iterator[Team]:
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_begin_worker) as executor:
-        yield Team(executor, jobs, "processes", joins=False, starting=interrupts.held_back)
+    warnings = _warnings([_here()] * jobs)
+    with _Processes(jobs) as executor:
+        yield Team(executor, jobs, "processes", False, interrupts.held_back, warnings)
 
 
 def _begin_worker() -> None:
@@ -192,6 +230,7 @@ def _world(size: int) -> Any:
         raise LauncherError(
             f"the launcher started {size} processes, but each is alone to its MPI library ({library}): "
             "use that library's mpirun, or srun with the --mpi type that it knows (see srun --mpi=list)"
+            + "".join(f"; {warning}" for warning in guards.several_mpi_libraries())
         )
     return comm
 
@@ -208,13 +247,15 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[Team | Non
 
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
+    members = comm.gather(_here())
     if comm.Get_rank() != 0 and prepare is not None:
         prepare()
     executor: Any
     with MPICommExecutor(comm, root=0) as executor:
         if executor is not None:
             try:
-                yield Team(executor, comm.Get_size(), "MPI ranks", joins=True)
+                warnings = (*_warnings(members), *guards.several_mpi_libraries())
+                yield Team(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
             except Exception:
                 abort(*sys.exc_info())  # rather than wait until the others have done what they are at
     if comm.Get_rank() != 0:

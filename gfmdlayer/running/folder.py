@@ -5,7 +5,7 @@
     DIR/cases/NNNN.xdmf    what ParaView opens of a surface in two dimensions
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running how far a case is (JSON)
-    DIR/cases/stop         asks every process of the run to stop
+    DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 that of a shard
     DIR/sweep.h5           all cases, labelled
 
 Small files are written under another name and renamed, so that a reader never sees half of one.
@@ -13,20 +13,21 @@ Small files are written under another name and renamed, so that a reader never s
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config, ConfigError, load, text
+from gfmdlayer.running import locks
+from gfmdlayer.running.shards import Shard
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 PARTIAL = ".part"
+PROBED = 1 << 16  # bytes
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -36,9 +37,10 @@ class FolderError(Exception):
 
 @dataclass(frozen=True)
 class Folder:
-    """The results folder at `path`."""
+    """The results folder at `path`, for a run of everything or of a shard."""
 
     path: Path
+    shard: Shard | None = None
 
     @property
     def config(self) -> Path:
@@ -58,7 +60,8 @@ class Folder:
     @property
     def stop(self) -> Path:
         """A file that asks every process of the run to stop, whatever host it is on."""
-        return self.cases / "stop"
+        own = "" if self.shard is None else f"-{self.shard.number}-of-{self.shard.count}"
+        return self.cases / f"stop{own}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
         """Return the file of a case; `kind` is h5, failed or running."""
@@ -108,8 +111,10 @@ class Folder:
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
 
     @contextmanager
-    def claimed(self, config: Config, restart: bool = False) -> Iterator[None]:
-        """Hold the folder for a run of `config`.
+    def claimed(
+        self, config: Config, restart: bool = False, own: Collection[int] | None = None
+    ) -> Iterator[None]:
+        """Hold the folder, or a shard's part of it, for a run of `config`.
 
         Parameters
         ----------
@@ -117,6 +122,8 @@ class Folder:
             What will be run.
         restart : bool
             Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
+        own : collection of int, optional
+            The cases of the shard.
 
         Raises
         ------
@@ -128,9 +135,13 @@ class Folder:
             self._refuse_strangers()
         if self.is_results() and not restart:
             self._refuse_another(config)
-        with self._locked():
+        with ExitStack() as claim:
             with self._refusing():
-                self._make_ready(config, restart)
+                self.cases.mkdir(parents=True, exist_ok=True)
+                with locks.turn(self.cases / ".admission"):
+                    alone = claim.enter_context(locks.held(self.cases, self.shard))
+                    self._probe()
+                    self._make_ready(config, restart, None if alone else own)
             try:
                 yield
             finally:
@@ -142,28 +153,40 @@ class Folder:
         """Turn what the file system refuses into a word to the user."""
         try:
             yield
+        except locks.HeldError as error:
+            raise FolderError(f"{self.path}: {error}; wait for it to end") from None
         except OSError as error:
             raise FolderError(
                 f"{self.path}: cannot be written ({error.strerror}: {error.filename}); "
                 "choose another with --out"
             ) from None
 
-    def _make_ready(self, config: Config, restart: bool) -> None:
+    def _probe(self) -> None:
+        """Write as much as a small file takes: a full disk still lets empty ones be made."""
+        path = self.cases / f"probe{PARTIAL}"
+        try:
+            with path.open("wb") as file:
+                file.write(bytes(PROBED))
+                file.flush()
+                os.fsync(file.fileno())
+        finally:
+            path.unlink(missing_ok=True)
+
+    def _make_ready(self, config: Config, restart: bool, own: Collection[int] | None) -> None:
         if restart:
             self._remove_results()
-        self._remove_remains()
+        self._remove_remains(own)
         if not self.is_results():
             write_whole(self.config, MARK + config.dump())
+        elif not restart:
+            self._refuse_another(config)  # another shard may have come first
 
     def _refuse_strangers(self) -> None:
         if self.path.exists() and not self.path.is_dir():
             raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
         ours = {"cases", self.config.name + PARTIAL}  # what a run leaves that ended in its first instant
-        if (
-            self.path.is_dir()
-            and not self.is_results()
-            and {entry.name for entry in self.path.iterdir()} - ours
-        ):
+        found = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
+        if found - ours and not self.is_results():
             raise FolderError(
                 f"{self.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
             )
@@ -180,37 +203,27 @@ class Folder:
                 f"{self.path}: holds results of another configuration ({'; '.join(difference)}); {WAYS_OUT}"
             )
 
-    @contextmanager
-    def _locked(self) -> Iterator[None]:
-        with self._refusing():
-            self.cases.mkdir(parents=True, exist_ok=True)
-            file = (self.cases / ".lock").open("a")
-        with file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                if error.errno in (errno.EAGAIN, errno.EACCES):
-                    raise FolderError(
-                        f"{self.path}: another run is writing here; wait for it to end"
-                    ) from None
-                # A file system without locks: the user's care has to do.
-            yield
-
     def _remove_results(self) -> None:
         for path in (self.sweep, *self.cases.glob("*.h5"), *self.cases.glob("*.xdmf"), self.config):
             path.unlink(missing_ok=True)
         for path in self.cases.glob("*.failed"):
             path.unlink()
 
-    def _remove_remains(self) -> None:
-        """Remove what a run left that was killed: nobody else is alive here while the lock is held."""
-        remains = (
-            *self.cases.glob("*.running"),
-            *self.cases.glob(f"*{PARTIAL}"),
-            *self.path.glob(f"*{PARTIAL}"),
-        )
-        for path in (self.stop, *remains):
+    def _remove_remains(self, own: Collection[int] | None) -> None:
+        """Remove what killed runs left: of all cases, or of one's own where others are at work."""
+        remains = [*self.cases.glob("*.running"), *self.cases.glob(f"*{PARTIAL}")]
+        if own is None:
+            stops = (self.cases / "stop", *self.cases.glob("stop-*-of-*"))
+            remains += [*stops, *self.path.glob(f"*{PARTIAL}")]
+        else:
+            remains = [path for path in remains if _case_number(path) in own] + [self.stop]
+        for path in remains:
             path.unlink(missing_ok=True)
+
+
+def _case_number(path: Path) -> int | None:
+    number = path.name.partition(".")[0]
+    return int(number) if number.isdigit() else None
 
 
 def write_whole(path: Path, text: str, to_disk: bool = True) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from typing import Protocol, Self, TextIO
 
@@ -90,16 +90,18 @@ class Reporter:
     ----------
     folder : Folder
         The results folder.
-    total, complete : int
-        Number of cases, and of those complete before the run.
+    own : collection of int
+        The cases of the run; other runs in the folder tell of theirs.
+    complete : int
+        Number of those complete before the run.
     report : callable, optional
         Makes the report to tell; nothing is told without.
     """
 
     def __init__(
-        self, folder: Folder, total: int, complete: int, report: Callable[[], Report] | None
+        self, folder: Folder, own: Collection[int], complete: int, report: Callable[[], Report] | None
     ) -> None:
-        self._folder, self._total = folder, total
+        self._folder, self._own, self._total = folder, own, len(own)
         self._report = report() if report else None
         self._before = self._ended = complete
         self._begun = time.monotonic()
@@ -147,7 +149,7 @@ class Reporter:
                 self.note("stopping after the current time step")
 
     def _advance(self) -> None:
-        at_work = running(self._folder)
+        at_work = [case for case in running(self._folder) if case.index in self._own]
         done = min(self._ended + sum(case.fraction for case in at_work), self._total)
         rate = (done - self._before) / (time.monotonic() - self._begun)
         left = (self._total - done) / rate if rate > 0 else None

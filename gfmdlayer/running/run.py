@@ -12,19 +12,32 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.running import guards, locks
 from gfmdlayer.running.cases import record_failure, run_case, warm_up
+from gfmdlayer.running.cost import estimate
+from gfmdlayer.running.cost_model import CostModel, finished
 from gfmdlayer.running.executors import Team
-from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError
+from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError, read_json
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
+from gfmdlayer.running.shards import Shard
 from gfmdlayer.sweep import Case, cases, remarks
 
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: outcomes of all cases, in their order, those complete before included."""
+    """How a run ended.
+
+    Attributes
+    ----------
+    outcomes : tuple of Outcome
+        Of all cases of the run or of its shard, in their order, those complete before included.
+    collected : bool
+        Whether the sweep file was written: no case waits any more, in any shard.
+    """
 
     outcomes: tuple[Outcome, ...]
+    collected: bool
 
     def count(self, state: str) -> int:
         """Return the number of cases in a state."""
@@ -43,6 +56,7 @@ def run_sweep(
     restart: bool = False,
     report: Callable[[], Report] | None = None,
     threads: int = 1,
+    shard: Shard | None = None,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -60,6 +74,8 @@ def run_sweep(
         Makes the report to which progress is told, once the run really begins.
     threads : int
         Threads that the transforms of a case may use.
+    shard : Shard, optional
+        Run these cases alone, while other runs may be at others; whoever ends last collects.
 
     Returns
     -------
@@ -71,27 +87,49 @@ def run_sweep(
     ConfigError
         Where a combination of swept values is not possible.
     FolderError
-        Where the folder cannot be used for these results.
+        Where the folder cannot be used for these results, or a file that would be replaced is open elsewhere.
     ResultsError
         Where the sweep file cannot be written.
     """
-    folder = Folder(Path(directory))
+    folder = Folder(Path(directory), shard)
     every = cases(config)
-    with folder.claimed(config, restart):
-        todo = [case for case in every if not _is_done(case, folder)]
-        outcomes = {case.index: Outcome(case.index, "complete") for case in every}
-        with Reporter(folder, len(every), len(every) - len(todo), report) as reporter:
-            reporter.note(_opening(len(every), len(todo), team, threads))
-            for remark in remarks(case.config for case in every):
-                reporter.note(f"warning: {remark}")
+    own = every if shard is None else shard.share(every)
+    numbers = frozenset(case.index for case in own)
+    with folder.claimed(config, restart, numbers):
+        todo = [case for case in own if not _is_done(case, folder)]
+        _refuse_open_files(folder, todo)
+        outcomes = {case.index: Outcome(case.index, "complete") for case in own}
+        with Reporter(folder, numbers, len(own) - len(todo), report) as reporter:
+            reporter.note(_opening(len(own), len(todo), team, threads, shard))
+            storage = sum(estimate(case.config).storage for case in todo)
+            space = guards.lack_of_space(folder.path, storage)
+            for warning in (*remarks(case.config for case in own), *team.warnings, *space):
+                reporter.note(f"warning: {warning}")
             task = partial(run_case, folder=folder, wisdom=warm_up(todo, threads), threads=threads)
-            for outcome in Schedule(team, task, folder, reporter.ended).run(todo):
+            schedule = Schedule(team, task, folder, reporter.ended)
+            for outcome in schedule.run(_ordered(todo, own, folder, team)):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
+        collected = False
         if all(outcome.state != "stopped" for outcome in outcomes.values()):
-            _collect(config, folder, every, outcomes)
-    return Summary(tuple(outcomes.values()))
+            collected = _collect(config, folder, every, outcomes)
+    return Summary(tuple(outcomes.values()), collected)
+
+
+def _ordered(todo: list[Case], own: Sequence[Case], folder: Folder, team: Team) -> list[Case]:
+    """Put the longest cases first, by what the finished ones took; one process alone keeps their order."""
+    if team.alone:
+        return todo
+    waiting = {case.index for case in todo}
+    done = [case for case in own if case.index not in waiting]
+    return CostModel(finished(folder, done)).longest_first(todo)
+
+
+def _refuse_open_files(folder: Folder, todo: Sequence[Case]) -> None:
+    replaced = [folder.sweep, *(folder.case(case.index) for case in todo)]
+    if found := guards.open_elsewhere(path for path in replaced if path.exists()):
+        raise FolderError(f"{found[0]}: is open for writing in another program; close it there first")
 
 
 def _is_done(case: Case, folder: Folder) -> bool:
@@ -105,18 +143,35 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _opening(total: int, todo: int, team: Team, threads: int) -> str:
+def _opening(total: int, todo: int, team: Team, threads: int, shard: Shard | None) -> str:
     cases = "1 case" if total == 1 else f"{total} cases"
+    part = "" if shard is None else f" in shard {shard}"
     before = f", {total - todo} complete already" if todo < total else ""
     each = "one thread" if threads == 1 else f"{threads} threads"
-    return f"{cases}{before}; {team.size} {team.kind}, {each} each"
+    return f"{cases}{part}{before}; {team.size} {team.kind}, {each} each"
 
 
-def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> None:
+def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
+    """Write the sweep file, unless cases of other shards are still to come."""
     from gfmdlayer.results.sweep_file import CaseRecord, collect
 
-    records = [
-        CaseRecord(case.index, folder.case(case.index), case.values, outcomes[case.index].reason or None)
-        for case in every
-    ]
-    collect(folder.path, records, list(config.sweep))
+    with locks.turn(folder.cases / ".collection"):
+        reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
+            case.index: _reason(folder, case) for case in every if case.index not in outcomes
+        }
+        if None in reasons.values():
+            return False
+        records = [
+            CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
+            for case in every
+        ]
+        collect(folder.path, records, list(config.sweep))
+    return True
+
+
+def _reason(folder: Folder, case: Case) -> str | None:
+    """Tell why another shard's case failed: nothing where it is complete, None where it is still to come."""
+    if folder.case(case.index).exists():
+        return ""
+    record = read_json(folder.case(case.index, "failed"))
+    return None if record is None else str(record.get("reason"))

@@ -1,7 +1,8 @@
 """Which case runs when, and by whom: the order, the hand-over, the stop.
 
-The cases are given to a team's executor.  A member with hands free takes pending ones over by cancelling
-their futures and running them itself.  A request to stop, to whichever process it came, reaches all of them
+The cases are given to a team's executor in the order in which they come, the longest first: what is left at
+the end is short.  A member with hands free takes pending ones over by cancelling their futures and running
+them itself.  A request to stop, to whichever process it came, reaches all of them
 through the folder's stop file.
 """
 
@@ -21,6 +22,7 @@ from gfmdlayer.running.folder import Folder
 from gfmdlayer.running.interrupts import request_stop, stop_requested
 
 POLL = 0.2  # seconds between two looks at the request to stop while others compute
+AHEAD = 4  # cases a member given to those who do not keep a queue of any length
 
 
 @dataclass(frozen=True)
@@ -72,27 +74,45 @@ class Schedule(Generic[Item]):
         The results folder, through which processes elsewhere are told to stop.
     ended : callable
         Told each outcome at once, possibly from another thread.
+    settled : queue, optional
+        Where outcomes wait for the submitting thread; a simulation of the schedule brings its own.
     """
 
     def __init__(
-        self, team: Team, task: Callable[[Item], Outcome], folder: Folder, ended: Callable[[Outcome], None]
+        self,
+        team: Team,
+        task: Callable[[Item], Outcome],
+        folder: Folder,
+        ended: Callable[[Outcome], None],
+        settled: SimpleQueue[Outcome] | None = None,
     ) -> None:
         self._team, self._task, self._folder, self._ended = team, task, folder, ended
+        self._waiting: deque[Item] = deque()
         self._pending: deque[tuple[Item, Future[Outcome]]] = deque()
-        self._settled: SimpleQueue[Outcome] = SimpleQueue()
+        self._settled = SimpleQueue() if settled is None else settled
         self._left: SimpleQueue[Item] = SimpleQueue()
 
     def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
-        with self._team.starting():
-            futures = [(item, self._team.executor.submit(self._task, item)) for item in items]
-        for item, future in futures:
-            future.add_done_callback(partial(self._when_done, item))
-        self._pending.extend(futures)
+        self._waiting.extend(items)
+        # Who joins in has no time to submit more; a pool of processes chokes on very many at once.
+        self._submit(len(items) if self._team.joins else AHEAD * self._team.size)
         if self._team.joins:
             self._take_over()
         for _ in items:
             yield self._next()
+
+    def _submit(self, number: int) -> None:
+        for _ in range(min(number, len(self._waiting))):
+            item = self._waiting.popleft()
+            try:
+                with self._team.starting():
+                    future = self._team.executor.submit(self._task, item)
+            except BrokenExecutor:
+                self._settle(self._task(item))  # there is nobody else any more
+                continue
+            self._pending.append((item, future))
+            future.add_done_callback(partial(self._when_done, item))
 
     def _take_over(self) -> None:
         """Take what is pending: in order when alone, off the tail beside others, who take it off the head."""
@@ -104,13 +124,17 @@ class Schedule(Generic[Item]):
     def _next(self) -> Outcome:
         while True:
             with suppress(Empty):
-                self._settle(self._task(self._left.get_nowait()))
+                self._waiting.appendleft(self._left.get_nowait())
+                self._submit(1)
             if stop_requested():
                 with suppress(OSError):  # signals alone must do then
                     self._folder.stop.touch()
+                self._submit(len(self._waiting))
                 self._take_over()  # no case is begun after a request to stop: this only settles them
             with suppress(Empty):
-                return self._settled.get(timeout=POLL)
+                outcome = self._settled.get(timeout=POLL)
+                self._submit(1)
+                return outcome
 
     def _when_done(self, item: Item, future: Future[Outcome]) -> None:
         if future.cancelled():

@@ -1,0 +1,118 @@
+"""What goes wrong before it begins: each found at the start, and told with what to do about it.
+
+More threads or ranks than cores and a second MPI library slow a run down or confuse its launcher: warnings.
+A file that somebody else has open for writing would be replaced under their hands: a refusal.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import shutil
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+MPI_PACKAGES = ("mpich", "openmpi", "impi-rt")
+
+Cores = frozenset[int]
+
+
+def threads(environment: Mapping[str, str]) -> int:
+    """Return the most threads that any numerical library will use in a process."""
+    given = [environment.get(variable, "").partition(",")[0] for variable in THREAD_VARIABLES]
+    return max((int(value) for value in given if value.isdecimal()), default=1)
+
+
+def cores() -> Cores:
+    """Return the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return frozenset(os.sched_getaffinity(0))
+    return frozenset(range(os.cpu_count() or 1))
+
+
+def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
+    """Warn of hosts on which more threads will compute than there are cores.
+
+    Parameters
+    ----------
+    members : iterable of (str, frozenset of int)
+        Host and allowed cores of each process.
+    threads : int
+        Threads of each process.
+    """
+    processes: Counter[str] = Counter()
+    usable: dict[str, Cores] = {}
+    for host, allowed in members:
+        processes[host] += 1
+        usable[host] = usable.get(host, frozenset()) | allowed
+    crowded = [host for host in processes if processes[host] * threads > len(usable[host])]
+    if not crowded:
+        return []
+    worst = max(crowded, key=lambda host: processes[host] * threads / len(usable[host]))
+    others = f" (and {len(crowded) - 1} more hosts)" if crowded[1:] else ""
+    each = "one thread" if threads == 1 else f"{threads} threads"
+    return [
+        f"{processes[worst]} processes with {each} each on {len(usable[worst])} cores of {worst}{others}: "
+        "they will wait for each other; start fewer, set OMP_NUM_THREADS=1, or give them more cores"
+    ]
+
+
+def several_mpi_libraries() -> list[str]:
+    """Warn of two MPI libraries in one Python environment: its mpirun may belong to the other one."""
+    found = [f"{package} {number}" for package in MPI_PACKAGES if (number := _installed(package))]
+    if len(found) < 2:
+        return []
+    return [
+        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to the one and the "
+        "ranks load the other; uninstall one of them"
+    ]
+
+
+def _installed(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def open_elsewhere(paths: Iterable[Path]) -> list[Path]:
+    """Return those existing files that another process has open for writing, as HDF5's locks tell."""
+    return [path for path in paths if _is_locked(path)]
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK)
+    return False
+
+
+def lack_of_space(directory: Path, needed: float) -> list[str]:
+    """Warn of a disk that will be full before `needed` bytes are written under a folder, made or not."""
+    existing = next(path for path in (directory.absolute(), *directory.absolute().parents) if path.exists())
+    free = shutil.disk_usage(existing).free
+    if needed <= free:
+        return []
+    return [f"{directory}: about {in_bytes(needed)} will be written, but only {in_bytes(free)} are free"]
+
+
+def lack_of_memory(needed: float) -> list[str]:
+    """Warn of processes that together need more bytes than this machine has."""
+    present = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed <= present:
+        return []
+    return [f"about {in_bytes(needed)} of memory are needed, but this machine has {in_bytes(present)}"]
+
+
+def in_bytes(number: float) -> str:
+    """Write a number of bytes for people."""
+    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if number >= size:
+            return f"{number / size:.3g} {unit}"
+    return f"{number:.0f} B"

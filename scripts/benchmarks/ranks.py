@@ -1,0 +1,87 @@
+"""Figures 2 to 4 on two MPI ranks against one: the cases of all three in one schedule, as in a run.
+
+Each time is that of whole cases with their files, from the first hand-over to the last outcome; everything is
+compiled and planned beforehand. One and two ranks take turns. Meaningful on a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.mpi import over_ranks
+from benchmarks.tables import Cell, Effort, Table
+
+from gfmdlayer.config import load
+from gfmdlayer.running.cases import prepare, run_case, warm_up
+from gfmdlayer.running.cost_model import CostModel
+from gfmdlayer.running.executors import Team, assemble
+from gfmdlayer.running.folder import Folder
+from gfmdlayer.running.schedule import Schedule
+from gfmdlayer.sweep import Case, cases
+
+EFFORT = Effort(points=(1 << 14,), repetitions=1)
+QUICK = Effort(points=(1 << 10,), repetitions=3)
+FIGURES = ("figure2", "figure3", "figure4")
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def figures(quick: bool) -> list[Case]:
+    """Return the cases of the three figures, numbered through."""
+    names = [f"{figure}{'-quick' if quick else ''}.yaml" for figure in FIGURES]
+    every = [case for name in names for case in cases(load(CONFIGS / name))]
+    return [Case(index, case.config, case.values) for index, case in enumerate(every)]
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Time the figures on one rank and on two; those of fewer points where the effort asks for fewer."""
+    quick = max(effort.points) < max(EFFORT.points)
+    found = [{n: _timed(n, quick) for n in (1, 2)} for _ in range(effort.repetitions)]
+    one, two = (min(times[n]["seconds"] for times in found) for n in (1, 2))
+    costs = found[0][1]["costs"]
+    row: dict[str, Cell] = {
+        "configs": "figure2 to figure4" + (", quick" if quick else ""),
+        "cases": len(costs),
+        "1 rank [s]": one,
+        "2 ranks [s]": two,
+        "efficiency": one / (2 * two),
+        "bound": sum(costs) / 2 / max(sum(costs) / 2, max(costs)),
+        "target": "≥ 0.95",
+    }
+    return [Table("ranks", "Two MPI ranks against one", [row], "The least time of the repetitions counts.")]
+
+
+def _timed(number: int, quick: bool) -> dict[str, list[float]]:
+    answer = over_ranks(number, __file__, "quick" if quick else "full")
+    if answer is None:
+        raise RuntimeError("two ranks need an mpirun: pip install 'gfmdlayer[mpich]'")
+    return dict(json.loads(answer))
+
+
+def _run(team: Team, every: list[Case]) -> dict[str, object]:
+    with TemporaryDirectory() as name:
+        folder = Folder(Path(name))
+        folder.cases.mkdir()
+        task = partial(run_case, folder=folder, wisdom=warm_up(every))
+        begun = time.perf_counter()
+        schedule = Schedule(team, task, folder, lambda _: None)
+        outcomes = list(schedule.run(CostModel().longest_first(every)))
+        seconds = time.perf_counter() - begun
+    if any(outcome.state != "complete" for outcome in outcomes):
+        raise RuntimeError("a case of the figures failed")
+    return {"seconds": seconds, "costs": [outcome.seconds for outcome in outcomes]}
+
+
+def main() -> None:
+    """Run on the ranks that there are; print JSON."""
+    with assemble(prepare=prepare) as team:
+        if team is not None:
+            print(json.dumps(_run(team, figures(sys.argv[1] == "quick"))))
+
+
+if __name__ == "__main__":
+    main()
