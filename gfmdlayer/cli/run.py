@@ -17,9 +17,11 @@ from gfmdlayer.cli.terminal import (
     add_config,
     default_directory,
     folder_name,
+    interval,
     print_some,
     refuse,
 )
+from gfmdlayer.running import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
     from gfmdlayer.running.executors import Team
@@ -42,6 +44,14 @@ def register(verbs: Verbs) -> None:
         metavar="N",
         type=int,
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
+    )
+    added.add_argument(
+        "--checkpoint-every",
+        metavar="SECONDS",
+        type=interval,
+        default=CHECKPOINT_EVERY,
+        help="time after which the state of a case is kept, for a run that is killed (default: %(default)g); "
+        "with inf only a signal has it kept",
     )
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
 
@@ -70,7 +80,15 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     try:
         config = load(options.config, options.set, objections)
         directory = default_directory(config) if options.out is None else options.out
-        summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr), threads)
+        summary = run_sweep(
+            config,
+            directory,
+            team,
+            options.restart,
+            lambda: report_to(sys.stderr),
+            threads,
+            options.checkpoint_every,
+        )
     except ConfigError as error:
         return refuse(*error.problems)
     except FolderError as error:

@@ -46,6 +46,17 @@ def folder_name(name: str) -> str:
     return name
 
 
+def interval(text: str) -> float:
+    """Take a number of seconds from the command line."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not seconds >= 0:
+        raise argparse.ArgumentTypeError(f"got {text}; must be a number of seconds >= 0, or inf")
+    return seconds
+
+
 def add_config(parser: argparse.ArgumentParser) -> None:
     """Let a verb take a configuration."""
     parser.add_argument("config", metavar="CONFIG", help="YAML file")

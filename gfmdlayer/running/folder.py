@@ -5,6 +5,8 @@
     DIR/cases/NNNN.xdmf    what ParaView opens of a surface in two dimensions
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running how far a case is (JSON)
+    DIR/cases/NNNN.checkpoint, .journal0, .journal1  from where a case goes on that is not complete
+    DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/cases/stop         asks every process of the run to stop
     DIR/sweep.h5           all cases, labelled
 
@@ -27,6 +29,8 @@ from gfmdlayer.config import Config, ConfigError, load, text
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 PARTIAL = ".part"
+ASIDE = ".aside"
+RESUMABLE = ("*.checkpoint", "*.journal?")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -61,8 +65,13 @@ class Folder:
         return self.cases / "stop"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed or running."""
+        """Return the file of a case; `kind` is h5, failed, running, checkpoint, journal0 or journal1."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def set_aside(self, path: Path) -> None:
+        """Give a file that cannot be used another name, if it is there."""
+        with suppress(FileNotFoundError):
+            path.replace(path.with_name(path.name + ASIDE))
 
     def is_results(self) -> bool:
         """Whether the folder was made by gfmdlayer."""
@@ -199,8 +208,9 @@ class Folder:
     def _remove_results(self) -> None:
         for path in (self.sweep, *self.cases.glob("*.h5"), *self.cases.glob("*.xdmf"), self.config):
             path.unlink(missing_ok=True)
-        for path in self.cases.glob("*.failed"):
-            path.unlink()
+        for pattern in ("*.failed", *RESUMABLE, f"*{ASIDE}"):
+            for path in self.cases.glob(pattern):
+                path.unlink(missing_ok=True)
 
     def _remove_remains(self) -> None:
         """Remove what a run left that was killed: nobody else is alive here while the lock is held."""
@@ -208,9 +218,17 @@ class Folder:
             *self.cases.glob("*.running"),
             *self.cases.glob(f"*{PARTIAL}"),
             *self.path.glob(f"*{PARTIAL}"),
+            *self._of_complete_cases(),
         )
         for path in (self.stop, *remains):
             path.unlink(missing_ok=True)
+
+    def _of_complete_cases(self) -> Iterator[Path]:
+        """Find checkpoints that were to be removed when the run was killed."""
+        for pattern in RESUMABLE:
+            for path in self.cases.glob(pattern):
+                if path.with_suffix(".h5").exists():
+                    yield path
 
 
 def write_whole(path: Path, text: str, to_disk: bool = True) -> None:

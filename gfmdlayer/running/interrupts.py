@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
 
 class Stopped(Exception):  # noqa: N818 - an outcome that was asked for, not an error
@@ -35,7 +35,7 @@ def stop_requested() -> bool:
 
 
 def listen() -> None:
-    """Turn SIGINT and SIGTERM into a request to stop, for the rest of this process's life."""
+    """Turn SIGINT, SIGTERM and SIGUSR1 into a request to stop, for the rest of this process's life."""
     for signum in STOP_SIGNALS:
         signal.signal(signum, request_stop)
 

@@ -12,9 +12,10 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.running import CHECKPOINT_EVERY
 from gfmdlayer.running.cases import record_failure, run_case, warm_up
 from gfmdlayer.running.executors import Team
-from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError
+from gfmdlayer.running.folder import ASIDE, WAYS_OUT, Folder, FolderError
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
 from gfmdlayer.sweep import Case, cases, remarks
@@ -43,6 +44,7 @@ def run_sweep(
     restart: bool = False,
     report: Callable[[], Report] | None = None,
     threads: int = 1,
+    checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -60,6 +62,8 @@ def run_sweep(
         Makes the report to which progress is told, once the run really begins.
     threads : int
         Threads that the transforms of a case may use.
+    checkpoint_every : float
+        Seconds after which the state of a case is kept, from which a killed run goes on.
 
     Returns
     -------
@@ -79,12 +83,25 @@ def run_sweep(
     every = cases(config)
     with folder.claimed(config, restart):
         todo = [case for case in every if not _is_done(case, folder)]
+        damaged = [case.index for case in todo if folder.case(case.index).exists()]
+        for index in damaged:
+            folder.set_aside(folder.case(index))
         outcomes = {case.index: Outcome(case.index, "complete") for case in every}
         with Reporter(folder, len(every), len(every) - len(todo), report) as reporter:
             reporter.note(_opening(len(every), len(todo), team, threads))
             for remark in remarks(case.config for case in every):
                 reporter.note(f"warning: {remark}")
-            task = partial(run_case, folder=folder, wisdom=warm_up(todo, threads), threads=threads)
+            for index in damaged:
+                reporter.note(
+                    f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
+                )
+            task = partial(
+                run_case,
+                folder=folder,
+                wisdom=warm_up(todo, threads),
+                threads=threads,
+                checkpoint_every=checkpoint_every,
+            )
             for outcome in Schedule(team, task, folder, reporter.ended).run(todo):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
