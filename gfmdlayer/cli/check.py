@@ -11,6 +11,7 @@ from gfmdlayer.cli.terminal import (
     count_cases,
     default_directory,
     print_some,
+    read_config,
     refuse,
 )
 
@@ -28,12 +29,12 @@ def register(verbs: Verbs) -> None:
 
 def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
-    from gfmdlayer.config import ConfigError, load
+    from gfmdlayer.config import ConfigError
     from gfmdlayer.running.cost import estimate, total
-    from gfmdlayer.sweep import cases, label, objections, remarks
+    from gfmdlayer.sweep import cases, label, remarks
 
     try:
-        config = load(options.config, options.set, objections)
+        config = read_config(options)
         every = cases(config)
     except ConfigError as error:
         return refuse(*error.problems)
@@ -44,7 +45,7 @@ def check(options: argparse.Namespace) -> int:
     print(f"steps      {cost.steps:,}")
     print(f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}")
     print(f"memory     about {_in_bytes(cost.memory)} a process")
-    print(f"disk       about {_in_bytes(cost.storage)} in {default_directory(config)}")
+    print(f"disk       about {_in_bytes(cost.storage)} in {default_directory(config, options.config)}")
     for remark in remarks(case.config for case in every):
         print(f"warning: {remark}")
     return COMPLETE

@@ -19,6 +19,7 @@ from gfmdlayer.cli.terminal import (
     folder_name,
     interval,
     print_some,
+    read_config,
     refuse,
 )
 from gfmdlayer.running import CHECKPOINT_EVERY
@@ -70,16 +71,15 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
-    from gfmdlayer.config import ConfigError, load
+    from gfmdlayer.config import ConfigError
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.running.folder import FolderError
     from gfmdlayer.running.reports import report_to
     from gfmdlayer.running.run import run_sweep
-    from gfmdlayer.sweep import objections
 
     try:
-        config = load(options.config, options.set, objections)
-        directory = default_directory(config) if options.out is None else options.out
+        config = read_config(options)
+        directory = default_directory(config, options.config) if options.out is None else options.out
         summary = run_sweep(
             config,
             directory,

@@ -102,9 +102,10 @@ class Checkpoints:
 
         self._writer = writer
         before = None if self._found is None else Position.of(self._found.about["journal"])
-        names = [self._folder.case(self._index, kind) for kind in _JOURNALS]
-        free = names[before is not None and before.file == names[0].name]
-        self._journal = Journal(free, writer)
+        own, self._done_with = (self._folder.case(self._index, kind) for kind in _JOURNALS)
+        if before is not None and before.file == own.name:
+            own, self._done_with = self._done_with, own
+        self._journal = Journal(own, writer)
         if before is not None:
             try:
                 self._journal.replay(before)
@@ -187,6 +188,7 @@ class Checkpoints:
                 "journal": self._journal.kept().plain(),
             }
             Checkpoint(self._made_by, about, self._memory.state()).write(self._path)
+            self._done_with.unlink(missing_ok=True)
         except OSError as error:
             self._warn(f"goes on, but its state cannot be kept: {error.strerror or error}")
         ended = time.monotonic()
@@ -209,7 +211,8 @@ def made_by(digest: str) -> dict[str, str]:
     return {
         "format": _FORMAT,
         "digest": digest,
-        "git_commit": known["git_commit"],
+        # Two trees with changes of their own cannot be told apart; that a file was touched says too little.
+        "git_commit": known["git_commit"].removesuffix("-dirty"),
         "processor": get_host_cpu_name(),
         **versions,
     }
