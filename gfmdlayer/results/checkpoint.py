@@ -53,7 +53,7 @@ class Checkpoint:
             Where the disk refuses; what was there before is still there.
         """
         partial = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}{UNFINISHED}")
-        about = json.dumps({"made_by": self.made_by, **self.about})
+        about = json.dumps({"made_by": self.made_by, "names": sorted(self.state), **self.about})
         try:
             with partial.open("xb") as file:
                 np.savez(file, **{_ABOUT: np.array(about)}, **self.state)  # type: ignore[arg-type]
@@ -79,6 +79,8 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
             state = dict(file)
         about = json.loads(str(state.pop(_ABOUT)))
         others: dict[str, str] = about.pop("made_by")
+        if about.pop("names") != sorted(state):  # the archive's own list of them is under no checksum
+            raise ValueError("not all of it is there")  # noqa: TRY301
     except Exception as error:  # a damaged file can fail anywhere, with any exception
         raise CheckpointError(f"it cannot be read: {type(error).__name__}: {error}") from None
     changed = [

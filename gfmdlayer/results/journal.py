@@ -165,6 +165,8 @@ class Journal:
 
 
 def _arrays(path: Path, count: int) -> Iterator[NDArray[Any]]:
+    if count == 0:  # then there is no file
+        return
     with path.open("rb") as file:
         for _ in range(count):
             yield np.load(file, allow_pickle=False)
