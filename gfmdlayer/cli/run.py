@@ -51,8 +51,8 @@ def register(verbs: Verbs) -> None:
         metavar="SECONDS",
         type=interval,
         default=CHECKPOINT_EVERY,
-        help="time after which the state of a case is kept, for a run that is killed (default: %(default)g); "
-        "with inf only a signal has it kept",
+        help="time after which the state of a case is kept, for a run that is killed (default: %(default)g; "
+        "0: after every step; inf: only when a signal stops the run)",
     )
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
 

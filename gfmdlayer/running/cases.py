@@ -75,9 +75,9 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
     from gfmdlayer.results.provenance import now
 
     path = folder.case(case.index, "failed")
-    if trace or not path.exists():
-        record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
-        with suppress(OSError):  # a full disk; the outcome still tells
+    record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+    with suppress(OSError):  # a full disk, a lost permission; the outcome still tells
+        if trace or not path.exists():
             write_whole(path, json.dumps(record, default=str))
             folder.case(case.index, "running").unlink(missing_ok=True)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.resumable import Resumable
 
-_SHARE = 0.02  # of the time goes into keeping states, at most
+_SHARE = 0.02  # of the time goes into keeping states, at most, unless every step is asked for
 _FORMAT = "1"  # of checkpoint and journal
 _JOURNALS = ("journal0", "journal1")
 _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
@@ -53,7 +53,7 @@ class Checkpoints:
     digest : str
         Of its configuration.
     interval : float
-        Seconds from one state to the next; more where keeping one takes long.
+        Seconds from one state to the next, more where keeping one takes long; 0 for every step.
     told : callable
         Told the simulated time after each attempt at a step; raises `Stopped` where the run is to stop.
     """
@@ -192,7 +192,8 @@ class Checkpoints:
         except OSError as error:
             self._warn(f"goes on, but its state cannot be kept: {error.strerror or error}")
         ended = time.monotonic()
-        self._due = ended + max(self._interval, (ended - begun) / _SHARE)
+        pause = (ended - begun) / _SHARE if self._interval > 0 else 0.0
+        self._due = ended + max(self._interval, pause)
 
     def _warn(self, line: str) -> None:
         if line != self._told:
