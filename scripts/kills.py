@@ -61,6 +61,7 @@ def main() -> int:
         trial = Trial(options.seed)
         while trial.counts["kills"] < options.kills:
             trial.kill_one()
+            print(f"{trial.counts['kills']} of {options.kills} kills", end="\r", file=sys.stderr)
         trial.finish()
     print("\n".join(f"{count:6d}  {what}" for what, count in trial.counts.items()))
     for failure in trial.failures:

@@ -151,7 +151,8 @@ class Journal:
         if self._size == 0:
             return
         if self._file is None:
-            self._file = self._path.open("wb")
+            self._path.unlink(missing_ok=True)  # which a dying process may still be writing
+            self._file = self._path.open("xb")
         self._file.seek(self._end)  # over what a failed attempt may have left
         arrays = [np.array(self._rows, dtype=float), np.array(self._times), *self._fields]
         checksum = self._good.checksum

@@ -37,13 +37,6 @@ _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
 class Checkpoints:
     """Keeps the state of a case, and finds the one that was kept.
 
-    Attributes
-    ----------
-    started : str
-        When the case was begun for the first time.
-    elapsed : float
-        Seconds that went into the state that was found.
-
     Parameters
     ----------
     folder : Folder
@@ -56,6 +49,13 @@ class Checkpoints:
         Seconds from one state to the next, more where keeping one takes long; 0 for every step.
     told : callable
         Told the simulated time after each attempt at a step; raises `Stopped` where the run is to stop.
+
+    Attributes
+    ----------
+    started : str
+        When the case was begun for the first time.
+    elapsed : float
+        Seconds that went into the state that was found.
     """
 
     def __init__(
