@@ -30,7 +30,7 @@ from gfmdlayer.results.reader import attributes, is_complete
 SWEEP = """\
 name: kills
 grid: {points: 64}
-time: {end: 2.0, step: 0.01}
+time: {end: 2.0, step: 0.02}
 output: {snapshots: [0.5, 1.0, 2.0]}
 sweep: {solver.method: [active_set, conjugate_gradient, fire], layer.thickness: [0.05, .inf]}
 """

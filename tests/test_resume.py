@@ -114,12 +114,15 @@ def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body: str, steps: str
     assert parts.recording == whole
 
 
-def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work() -> None:
+@pytest.mark.parametrize(("steps", "method"), [("adaptive", "fire"), *((s, "active_set") for s in STEPS)])
+def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, method: str) -> None:
     # Between a rejected attempt and the next one there is more to remember than between accepted steps.
-    config = Config(name="parts").with_values(SMALL | STEPS["adaptive"] | {"layer.material.tau": 0.05})
+    config = Config(name="parts").with_values(
+        SMALL | STEPS[steps] | {"solver.method": method, "layer.material.tau": 0.05}
+    )
     whole = Bits()
     simulate(config, whole)
-    assert any(row["rejected"] != (0.0).hex() for row in whole.rows)
+    assert any(row["rejected"] != (0.0).hex() for row in whole.rows) == (steps == "adaptive")
     assert InParts(config, iter(lambda: 1, None)).recording == whole
 
 
