@@ -59,9 +59,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         trial = Trial(options.seed)
-        while trial.counts["kills"] < options.kills:
-            trial.kill_one()
-            print(f"{trial.counts['kills']} of {options.kills} kills", end="\r", file=sys.stderr)
+        with suppress(KeyboardInterrupt):  # what was seen until then is told
+            while trial.counts["kills"] < options.kills:
+                trial.kill_one()
+                print(f"{trial.counts['kills']} of {options.kills} kills", end="\r", file=sys.stderr)
         trial.finish()
     print("\n".join(f"{count:6d}  {what}" for what, count in trial.counts.items()))
     for failure in trial.failures:
