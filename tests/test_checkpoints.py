@@ -31,6 +31,8 @@ CONFIG = Config(name="tiny").with_values(
         "time.step": 0.1,
         "time.integrator": "backward_euler",
         "output.snapshots": [0.2, 0.8],
+        "output.histograms": {"gap": {"max": 0.1, "bins": 3}},
+        "output.patches": True,
     }
 )
 CASE = Case(7, CONFIG, {})
@@ -40,21 +42,24 @@ class Heard:
     """A recorder that keeps what it hears."""
 
     def __init__(self) -> None:
-        self.rows: list[dict[str, float]] = []
-        self.snapshots: list[tuple[float, bytes, bytes]] = []
+        self.rows: list[dict[str, Any]] = []
+        self.snapshots: list[tuple[float | bytes, ...]] = []
 
-    def row(self, **values: float) -> None:
-        self.rows.append(values)
+    def row(self, **values: Any) -> None:
+        self.rows.append({name: np.asarray(value).tolist() for name, value in values.items()})
 
-    def snapshot(self, time: float, displacement: Any, pressure: Any) -> None:
-        self.snapshots.append((time, displacement.tobytes(), pressure.tobytes()))
+    def snapshot(self, time: float, *fields: Any) -> None:
+        self.snapshots.append((time, *(field.tobytes() for field in fields)))
+
+    def note(self, **attributes: float) -> None:
+        self.rows.append(attributes)
 
 
 def record(into: Journal, steps: Iterator[int] | range) -> None:
     for step in steps:
-        into.row(time=step / 3, transforms=step)
+        into.row(time=step / 3, transforms=step, gap_histogram=np.array([step, 1 / 3]))
         if step % 3 == 0:
-            into.snapshot(step / 3, np.full((4, 2), step / 7), np.full((4, 2), step / 9))
+            into.snapshot(step / 3, *(np.full((4, 2), step / part) for part in (7, 9, 11)))
 
 
 @pytest.fixture

@@ -26,12 +26,16 @@ Field = NDArray[np.float64]
 class Recorder(Protocol):
     """Takes what a simulation finds."""
 
-    def row(self, **values: float) -> None:
-        """Take the observables of an accepted step."""
+    def row(self, **values: float | Field) -> None:
+        """Take the observables of an accepted step: numbers, and histograms."""
         ...
 
-    def snapshot(self, time: float, displacement: Field, pressure: Field) -> None:
+    def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
         """Take the surface at an asked time."""
+        ...
+
+    def note(self, **attributes: float) -> None:
+        """Take what became known of the run as a whole."""
         ...
 
 
@@ -73,19 +77,23 @@ class Journal:
         self._forget()
         self._lost: OSError | None = None
 
-    def row(self, **values: float) -> None:
-        """Take the observables of an accepted step."""
+    def row(self, **values: float | Field) -> None:
+        """Take the observables of an accepted step: numbers, and histograms."""
         self._recorder.row(**values)
         self._columns = tuple(values)
         self._rows.append(tuple(values.values()))
-        self._hold(8 * len(values))
+        self._hold(sum(map(np.size, values.values())) * 8)
 
-    def snapshot(self, time: float, displacement: Field, pressure: Field) -> None:
+    def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
         """Take the surface at an asked time."""
-        self._recorder.snapshot(time, displacement, pressure)
+        self._recorder.snapshot(time, displacement, pressure, gap)
         self._times.append(time)
-        self._fields += displacement, pressure
-        self._hold(displacement.nbytes + pressure.nbytes)
+        self._fields += displacement, pressure, gap
+        self._hold(3 * gap.nbytes)
+
+    def note(self, **attributes: float) -> None:
+        """Pass on what became known of the run as a whole, which it only is at the end."""
+        self._recorder.note(**attributes)
 
     def replay(self, position: Position) -> None:
         """Record what another journal in the same folder holds up to a position.
@@ -104,11 +112,12 @@ class Journal:
         if checksum != position.checksum:
             raise ValueError(f"{source.name}, which belongs to it, is damaged")
         arrays = _arrays(source, position.arrays)
-        for rows in arrays:
-            for row in rows.tolist():
+        for (columns,) in arrays:
+            values = [next(arrays) for _ in range(columns)]
+            for row in zip(*values, strict=True):
                 self.row(**dict(zip(position.columns, row, strict=True)))
             for time in next(arrays).tolist():
-                self.snapshot(time, next(arrays), next(arrays))
+                self.snapshot(time, next(arrays), next(arrays), next(arrays))
 
     def kept(self) -> Position:
         """Bring everything to the disk and return the position that it has.
@@ -142,7 +151,7 @@ class Journal:
             self._forget()
 
     def _forget(self) -> None:
-        self._rows: list[tuple[float, ...]] = []
+        self._rows: list[tuple[float | Field, ...]] = []
         self._times: list[float] = []
         self._fields: list[Field] = []
         self._size = 0
@@ -154,7 +163,8 @@ class Journal:
             self._path.unlink(missing_ok=True)  # which a dying process may still be writing
             self._file = self._path.open("xb")
         self._file.seek(self._end)  # over what a failed attempt may have left
-        arrays = [np.array(self._rows, dtype=float), np.array(self._times), *self._fields]
+        columns = [np.array(values) for values in zip(*self._rows, strict=True)]
+        arrays = [np.array([len(columns)]), *columns, np.array(self._times), *self._fields]
         checksum = self._good.checksum
         for array in arrays:
             np.save(self._file, array, allow_pickle=False)
