@@ -29,6 +29,7 @@ from gfmdlayer.contact.transforms import ComplexArray, Transforms
 from gfmdlayer.contact.travel import make_travel
 from gfmdlayer.contact.wisdom import planned
 from gfmdlayer.inputs import histogram_edges, make_grid, make_punch, make_trajectory, make_velocity
+from gfmdlayer.resumable import Memoryless, Resumable, Together
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Material, Prony, Zener
 from gfmdlayer.solid.relaxation import relaxation_spectrum
@@ -68,7 +69,7 @@ class Recorder(Protocol):
         ...
 
 
-class Integrator(Energy, Protocol):
+class Integrator(Energy, Resumable, Protocol):
     """From the history to the slopes and intercepts of the stress."""
 
     @property
@@ -85,7 +86,7 @@ class Integrator(Energy, Protocol):
         ...
 
 
-class Steps(Protocol):
+class Steps(Resumable, Protocol):
     """The time points of a run."""
 
     def __iter__(self) -> Iterator[Instant]:
@@ -103,6 +104,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
+    resume: Callable[[Resumable], None] | None = None,
 ) -> None:
     """Run one case.
 
@@ -118,6 +120,9 @@ def simulate(
         FFTW wisdom, where the bits of another run are to be reproduced.
     threads : int
         Threads that the transforms of a large grid may use.
+    resume : callable, optional
+        Handed everything that has a memory, before the first step: may put back a state of such a run, which
+        then goes on to the last bit, and may take out the state whenever `progress` is called.
 
     Raises
     ------
@@ -137,6 +142,10 @@ def simulate(
     statistics = Statistics(grid.shape, histogram_edges(config), patches=config.output.patches)
     guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
     settling = make_settling(config, integrator, kinks)
+    if resume is not None:
+        memory = {"solver": solver, "integrator": integrator, "steps": steps, "guess": guess}
+        judge = Memoryless() if settling is None else settling
+        resume(Together(**memory, transforms=transforms, ledger=ledger, attempts=attempts, settling=judge))
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6

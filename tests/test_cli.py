@@ -208,21 +208,69 @@ def test_a_failing_case_makes_the_status_1_and_is_told(jobs: str) -> None:
     assert "0001 failed: ConvergenceError" in shown
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("signum", "jobs"),
+    [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1"), (signal.SIGUSR1, "2")],
+)
 def test_a_signal_stops_a_run_that_the_next_takes_up(signum: signal.Signals, jobs: str) -> None:
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     command = ("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
     process = interrupted(signum, *command)
     assert process.returncode == 75, process.stderr
     assert "Traceback" not in process.stderr
-    assert sorted(path.name for path in Path("out/cases").iterdir()) == [".lock", "0000.h5"]
+    left = {path.name for path in Path("out/cases").iterdir()}
+    assert left == {".lock", "0000.h5", "0001.checkpoint", "0001.journal0"}
     assert "1 complete, 0 running, 0 failed, 1 waiting" in gfmdlayer("status", "out").stdout
     before = Path("out/cases/0000.h5").read_bytes()
     process = gfmdlayer(*command)
     assert process.returncode == 0, process.stderr
     assert "1 complete already" in process.stderr
+    assert "case 0001 goes on from time" in process.stderr
     assert Path("out/cases/0000.h5").read_bytes() == before
+    assert {path.name for path in Path("out/cases").iterdir()} == {".lock", "0000.h5", "0001.h5"}
+    assert gfmdlayer("run", "tiny.yaml", "--out", "whole").returncode == 0
+    assert_same_bits(Path("out"), Path("whole"))
+
+
+def test_a_case_runs_again_from_its_file() -> None:
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    process = gfmdlayer("run", "out/cases/0001.h5")
+    assert (process.returncode, process.stdout) == (0, "complete: results/tiny-0001/sweep.h5\n")
+    Path("results/tiny-0001/sweep.h5").unlink()
+    Path("results/tiny-0001/cases/0000.h5").rename("results/tiny-0001/cases/0001.h5")
+    for index in (0, 2):
+        Path(f"out/cases/000{index}.h5").unlink()
+    Path("out/sweep.h5").unlink()
+    assert_same_bits(Path("out"), Path("results/tiny-0001"))
+
+
+@pytest.mark.parametrize(("name", "reason"), [
+    ("out/sweep.h5", "out/sweep.h5: holds no configuration; must be YAML, or the file of a case"),
+    ("half.h5", "half.h5: not a complete result file"),
+])  # fmt: skip
+def test_a_file_without_a_configuration_is_refused(name: str, reason: str) -> None:
+    gfmdlayer("run", "tiny.yaml", "--out", "out")
+    Path("half.h5").write_bytes(Path("out/cases/0000.h5").read_bytes()[:5000])
+    process = gfmdlayer("run", name)
+    assert (process.returncode, process.stderr) == (2, f"gfmdlayer: {reason}\n")
+
+
+def test_a_case_whose_input_file_has_changed_is_not_run_again() -> None:
+    Path("path.txt").write_text("0 0\n1 0.001\n")
+    Path("tiny.yaml").write_text(TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}"))
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    assert gfmdlayer("check", "out/cases/0000.h5").returncode == 0
+    Path("path.txt").write_text("0 0\n1 0.002\n")
+    process = gfmdlayer("run", "out/cases/0000.h5")
+    assert process.returncode == 2
+    assert "path.txt has changed since this case was computed from it" in process.stderr
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "often"])
+def test_an_impossible_interval_is_refused(seconds: str) -> None:
+    process = gfmdlayer("run", "tiny.yaml", "--checkpoint-every", seconds)
+    assert process.returncode == 2
+    assert f"got {seconds}; must be a number of seconds >= 0, or inf" in process.stderr
 
 
 def test_status_needs_no_file_but_the_results() -> None:

@@ -24,6 +24,7 @@ FORBIDDEN = {
     "inputs": {"solid", "stepping", "results"} | ABOVE,
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,
+    "resumable": NUMERICS | {"config", "results", "inputs", "tables", "trajectory"} | ABOVE,
     "simulation": {"results"} | RUNNING,
     "sweep": NUMERICS | {"results", "simulation", "running", "cli", "__main__"},
     "running": {"solid", "stepping", "cli", "__main__"},

@@ -16,6 +16,7 @@ from gfmdlayer.cli.terminal import (
     count_cases,
     default_directory,
     print_some,
+    read_config,
     refuse,
 )
 
@@ -37,18 +38,18 @@ def register(verbs: Verbs) -> None:
 
 def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
-    from gfmdlayer.config import ConfigError, load
+    from gfmdlayer.config import ConfigError
     from gfmdlayer.running import guards
     from gfmdlayer.running.cost import estimate, total
-    from gfmdlayer.sweep import cases, label, objections, remarks
+    from gfmdlayer.sweep import cases, label, remarks
 
     try:
-        config = load(options.config, options.set, objections)
+        config = read_config(options)
         every = cases(config)
     except ConfigError as error:
         return refuse(*error.problems)
     cost = total(estimate(case.config) for case in every)
-    directory = Path(options.out or default_directory(config))
+    directory = Path(options.out or default_directory(config, options.config))
     print(f"{config.name}: {count_cases(len(every))}")
     if config.sweep:
         print_some(f"  {case.index:04d}  {label(case.values)}" for case in every)

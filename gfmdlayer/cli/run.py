@@ -17,9 +17,12 @@ from gfmdlayer.cli.terminal import (
     add_config,
     add_team,
     default_directory,
+    interval,
     print_some,
+    read_config,
     refuse,
 )
+from gfmdlayer.running import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
     from gfmdlayer.running.executors import Team
@@ -43,6 +46,14 @@ def register(verbs: Verbs) -> None:
     )
     added.add_argument(
         "--shard", metavar="I/N", type=shard, help="run part I of N; N runs at once share DIR (job arrays)"
+    )
+    added.add_argument(
+        "--checkpoint-every",
+        metavar="SECONDS",
+        type=interval,
+        default=CHECKPOINT_EVERY,
+        help="time after which the state of a case is kept, for a run that is killed (default: %(default)g; "
+        "0: after every step; inf: only when a signal stops the run)",
     )
     added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
 
@@ -73,18 +84,24 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
-    from gfmdlayer.config import ConfigError, load
+    from gfmdlayer.config import ConfigError
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.running.folder import FolderError
     from gfmdlayer.running.reports import report_to
     from gfmdlayer.running.run import run_sweep
-    from gfmdlayer.sweep import objections
 
     try:
-        config = load(options.config, options.set, objections)
-        directory = default_directory(config) if options.out is None else options.out
+        config = read_config(options)
+        directory = default_directory(config, options.config) if options.out is None else options.out
         summary = run_sweep(
-            config, directory, team, options.restart, lambda: report_to(sys.stderr), threads, options.shard
+            config,
+            directory,
+            team,
+            options.restart,
+            lambda: report_to(sys.stderr),
+            threads,
+            options.shard,
+            options.checkpoint_every,
         )
     except ConfigError as error:
         return refuse(*error.problems)

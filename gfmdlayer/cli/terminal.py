@@ -46,9 +46,20 @@ def folder_name(name: str) -> str:
     return name
 
 
+def interval(text: str) -> float:
+    """Take a number of seconds from the command line."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not seconds >= 0:
+        raise argparse.ArgumentTypeError(f"got {text}; must be a number of seconds >= 0, or inf")
+    return seconds
+
+
 def add_config(parser: argparse.ArgumentParser) -> None:
     """Let a verb take a configuration."""
-    parser.add_argument("config", metavar="CONFIG", help="YAML file")
+    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the file of a case, to run it again")
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -73,9 +84,28 @@ def refuse(*problems: str) -> int:
     return REFUSED
 
 
-def default_directory(config: Config) -> Path:
-    """Where the results go unless told otherwise."""
-    return Path("results") / config.name
+def read_config(options: argparse.Namespace) -> Config:
+    """Read the configuration that a verb was given.
+
+    Raises
+    ------
+    ConfigError
+        With everything that is wrong with it.
+    """
+    from gfmdlayer.config import load
+    from gfmdlayer.running.again import is_result, stored_config
+    from gfmdlayer.sweep import objections
+
+    if is_result(options.config):
+        return stored_config(options.config, options.set)
+    return load(options.config, options.set, objections)
+
+
+def default_directory(config: Config, path: str) -> Path:
+    """Where the results go unless told otherwise; those of a case that is run again are kept apart."""
+    from gfmdlayer.running.again import is_result
+
+    return Path("results") / (f"{config.name}-{Path(path).stem}" if is_result(path) else config.name)
 
 
 def count_cases(number: int) -> str:

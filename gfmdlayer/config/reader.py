@@ -25,7 +25,12 @@ FILES = ("punch.file", "trajectory.file", "trajectory.velocity_file")
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]
 
 
-def load(path: str | Path, overrides: Iterable[str] = (), inspect: Inspection | None = None) -> Config:
+def load(
+    path: str | Path,
+    overrides: Iterable[str] = (),
+    inspect: Inspection | None = None,
+    content: str | None = None,
+) -> Config:
     """Read a configuration.
 
     Parameters
@@ -37,6 +42,8 @@ def load(path: str | Path, overrides: Iterable[str] = (), inspect: Inspection | 
     inspect : callable, optional
         Looks further into a sound configuration, for what numbers and files can show: yields dotted keys and
         what is wrong with them.
+    content : str, optional
+        The YAML, where the file holds it in another form.
 
     Returns
     -------
@@ -49,7 +56,7 @@ def load(path: str | Path, overrides: Iterable[str] = (), inspect: Inspection | 
         With every problem found, each ``file:line:column: key: what was wrong; what is allowed``; those of
         overrides begin with ``--set`` instead.
     """
-    document = _document(Path(path), str(path))
+    document = _document(Path(path), str(path)) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
         raise _error(document.problems)
     for override in overrides:

@@ -32,9 +32,10 @@ problem.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
 from gfmdlayer.contact.active_set_start import begin
@@ -44,6 +45,7 @@ from gfmdlayer.contact.dual import Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.resumable import State
 
 _ROUNDS = 30
 _LIMIT = 200  # iterations of conjugate gradients
@@ -135,6 +137,43 @@ class ActiveSet:
             found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, True)
             transforms, iterations = transforms + more, iterations + done
 
+    def state(self) -> State:
+        """Return the last pressure, contact and increment, and the directions with their stiffness."""
+        if self._stiffness is None:
+            return {}
+        bank, kept = self._bank, self._bank.age > 0
+        return {
+            "stiffness": self._stiffness,
+            "softest": self._softest,
+            "settled": self._settled,
+            "odd": self._odd,
+            "age": bank.age,
+            "direction": bank.direction[kept],
+            "change": bank.change[kept],
+            **self._carried(),
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        if "stiffness" not in state:
+            return
+        self._take_stiffness(state["stiffness"], float(state["softest"]))
+        self._settled, self._odd = bool(state["settled"]), int(state["odd"])
+        bank, kept = self._bank, state["age"] > 0
+        bank.age[:], bank.direction[kept], bank.change[kept] = (
+            state[name] for name in ("age", "direction", "change")
+        )
+        for name, array in self._carried().items():
+            array[:] = state[name]
+
+    def _carried(self) -> dict[str, npt.NDArray[Any]]:
+        """Arrays that one step hands to the next, but for the directions."""
+        contact, work = self._contact, {"scales": self._work.scales, "level": self._work.level}
+        listed = {"member": contact.member, "runs": contact.runs, "near": contact.near}
+        past = {f"past.{name}": array for name, array in self._past._asdict().items()}
+        counts = {"counts": contact.counts, "gap0": self._gap0}
+        return {**self._at._asdict(), **listed, **counts, **past, **work}
+
     def _descend(self, system: System, problem: Problem, shift: float, within: float, limit: int) -> int:
         """Leave the problem to `descent`; in portions, between which a signal is noticed."""
         longest = float(problem.stiffness[problem.stiffness > 0].min())  # of the stiffnesses that A inverts
@@ -157,14 +196,17 @@ class ActiveSet:
         if stiffness is self._stiffness:
             return self._settled
         same = self._stiffness is not None and np.array_equal(stiffness, self._stiffness)
-        self._stiffness = stiffness
         if same:
+            self._stiffness = stiffness
             return self._settled
         self._bank.age[:], self._past.listed[0] = 0, -1
-        self._softest, n = problem.softest, self._at.p.size
+        self._take_stiffness(stiffness, problem.softest)
+        return False
+
+    def _take_stiffness(self, stiffness: FloatArray, softest: float) -> None:
+        self._stiffness, self._softest, n = stiffness, softest, self._at.p.size
         self._per_point = stiffness / n
         self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
-        return False
 
     def _system(self, problem: Problem) -> System:
         """The problem in pressures."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gfmdlayer.contact.problem import Solution
+from gfmdlayer.resumable import State
 
 
 class Attempts:
@@ -26,3 +27,12 @@ class Attempts:
         }
         self._transforms = self._iterations = self._number = 0
         return columns
+
+    def state(self) -> State:
+        """Return the counts."""
+        return {"transforms": self._transforms, "iterations": self._iterations, "number": self._number}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._transforms, self._iterations = int(state["transforms"]), int(state["iterations"])
+        self._number = int(state["number"])

@@ -34,6 +34,7 @@ from gfmdlayer.contact.dual import (
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, Problem, Solution
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
+from gfmdlayer.resumable import Memoryless
 
 _ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
 _SHORTEST = 1e-12  # part of the first trial length at which only rounding is left to descend
@@ -47,7 +48,7 @@ class Search(NamedTuple):
     work: ComplexArray
 
 
-class ConjugateGradient:
+class ConjugateGradient(Memoryless):
     """Polonsky's and Keer's solver for the steps of one run.
 
     Parameters

@@ -25,6 +25,7 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.pivoting import Mask, Pivoting
 from gfmdlayer.contact.problem import Problem, Solution, Solver, judged
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
+from gfmdlayer.resumable import State
 
 SHARE = 0.3  # of the tolerance is what a problem without drag may take, lest its error hide the iteration's
 _MOST_PROBLEMS = 12
@@ -89,6 +90,14 @@ class Dragged:
             state, contact = self._by_pivoting(problem, state, contact)
         # Where there is no contact, what is within the tolerance is no pressure either.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
+
+    def state(self) -> State:
+        """Return what the solver remembers."""
+        return self._solver.state()
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._solver.restore(state)
 
     def _by_pivoting(self, problem: Problem, so_far: Solution, contact: Mask) -> tuple[Solution, Mask]:
         transforms, iterations = so_far.transforms, so_far.iterations

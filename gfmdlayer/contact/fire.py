@@ -32,6 +32,7 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, judged
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.resumable import Memoryless
 
 _CHUNK = 1 << 21  # points moved between two returns to Python, where signals are seen: some 20 ms
 
@@ -42,7 +43,7 @@ MASS_WEIGHTED = Constants(first_step=0.4, longest_step=0.6, mixing=0.5, growth=1
 UNIFORM = Constants(first_step=0.5, longest_step=1.0, mixing=0.1, growth=1.1, cut=0.5, decay=0.99)
 
 
-class Fire:
+class Fire(Memoryless):
     """FIRE for the steps of one run.
 
     Parameters

@@ -22,6 +22,7 @@ import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
+from gfmdlayer.resumable import State
 
 _BLOCK = 64  # points that are passed over together where nothing is in contact
 
@@ -60,6 +61,15 @@ class DisplacementPrediction:
         if not self._times:
             return self._nothing.copy()
         return _combined(_weights(self._times, time), _three(self._past))
+
+    def state(self) -> State:
+        """Return the past."""
+        return {"times": list(self._times), "past": np.array(self._past)}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._times.extend(state["times"].tolist())
+        self._past.extend(state["past"])
 
 
 def _weights(times: Sequence[float], time: float) -> Weights:
@@ -122,6 +132,18 @@ class PressurePrediction:
             return self._nothing.copy()
         pressures, gaps = _three(self._pressures), _three(self._gaps)
         return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1)
+
+    def state(self) -> State:
+        """Return the past, and what was learned from it."""
+        past = {"pressures": np.array(self._pressures), "gaps": np.array(self._gaps)}
+        return {"times": list(self._times), **past, "mu": self._mu, "moves": self._moves}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._times.extend(state["times"].tolist())
+        self._pressures.extend(state["pressures"])
+        self._gaps.extend(state["gaps"])
+        self._mu, self._moves = float(state["mu"]), int(state["moves"])
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

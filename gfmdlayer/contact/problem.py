@@ -24,6 +24,7 @@ import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.transforms import ComplexArray
+from gfmdlayer.resumable import Resumable
 
 # Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
 FASTMATH = {"reassoc", "contract"}
@@ -115,7 +116,7 @@ class Solution:
 Judgement = tuple[float, float, float, float]
 
 
-class Solver(Protocol):
+class Solver(Resumable, Protocol):
     """A method for `Problem`; one object serves all steps of a run."""
 
     @property

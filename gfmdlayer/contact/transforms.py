@@ -25,6 +25,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.resumable import State
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -48,6 +49,10 @@ _fftw.fftw_plan_with_nthreads.restype = None
 _fftw.fftw_plan_with_nthreads.argtypes = [ctypes.c_int]
 _fftw.fftw_destroy_plan.restype = None
 _fftw.fftw_destroy_plan.argtypes = [ctypes.c_void_p]
+_fftw.fftw_sprint_plan.restype = ctypes.c_void_p
+_fftw.fftw_sprint_plan.argtypes = [ctypes.c_void_p]
+_fftw.free.restype = None
+_fftw.free.argtypes = [ctypes.c_void_p]
 _fftw.fftw_set_timelimit.restype = None
 _fftw.fftw_set_timelimit.argtypes = [ctypes.c_double]
 
@@ -126,11 +131,17 @@ class Transforms:
     ) -> None:
         self.shape = shape
         self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
+        self._time_limit, self._threads = time_limit, threads
+        self._plan(wisdom)
+
+    def _plan(self, wisdom: str | None) -> None:
         if wisdom:
+            pyfftw.forget_wisdom()  # FFTW would pass over what it believes to be worse than what it knows
             pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+        shape, threads = self.shape, self._threads
         field, spectrum = self.empty_field(), self.empty_spectrum()
         dimensions = (ctypes.c_int * len(shape))(*shape)
-        _fftw.fftw_set_timelimit(time_limit)
+        _fftw.fftw_set_timelimit(self._time_limit)
         if threads > 1 and field.size >= WORTH_THREADS and _fftw.fftw_init_threads():
             _fftw.fftw_plan_with_nthreads(threads)
         self._forward = _fftw.fftw_plan_dft_r2c(
@@ -151,6 +162,9 @@ class Transforms:
         )
 
     def __del__(self) -> None:
+        self._destroy()
+
+    def _destroy(self) -> None:
         for plan in (getattr(self, "_forward", None), getattr(self, "_backward", None)):
             if plan:
                 _fftw.fftw_destroy_plan(plan)
@@ -159,6 +173,30 @@ class Transforms:
     def wisdom(self) -> str:
         """FFTW's accumulated wisdom in double precision; equal wisdom gives equal plans and equal bits."""
         return str(pyfftw.export_wisdom()[0].decode())
+
+    @property
+    def description(self) -> str:
+        """Both plans in FFTW's words: how they split the transform, and by which of its codelets."""
+        return "\n".join(_described(plan) for plan in (self._forward, self._backward))
+
+    def state(self) -> State:
+        """Return which plans these are, and the wisdom that they came from."""
+        return {"plans": self.description, "wisdom": self.wisdom}
+
+    def restore(self, state: State) -> None:
+        """Use the same plans.
+
+        Raises
+        ------
+        ValueError
+            Where this FFTW, on this processor, does not make them.
+        """
+        if self.description == str(state["plans"]):
+            return
+        self._destroy()
+        self._plan(str(state["wisdom"]))
+        if self.description != str(state["plans"]):
+            raise ValueError("FFTW plans the transforms in another way here")
 
     def empty_field(self) -> FloatArray:
         """Uninitialised flat field, aligned as the plans need it."""
@@ -181,6 +219,14 @@ class Transforms:
         aligned[:] = np.ravel(spectrum)
         _execute_backward(self.plans, aligned, field)
         return field
+
+
+def _described(plan: int) -> str:
+    text = _fftw.fftw_sprint_plan(plan)
+    try:
+        return ctypes.string_at(text).decode()
+    finally:
+        _fftw.free(text)
 
 
 def _address(function: Any) -> int:

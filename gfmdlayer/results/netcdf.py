@@ -89,9 +89,7 @@ class NewFile:
             os.fsync(self._stream.fileno())
             self._stream.close()
             self.unfinished.replace(self.path)
-        # Some network file systems refuse to synchronise a folder; the file is whole all the same.
-        with suppress(OSError):
-            _synchronise_folder(self.path.parent)
+        synchronise_folder(self.path.parent)
 
     def discard(self) -> None:
         """Close and remove the unfinished file; the final name is left as it was."""
@@ -124,12 +122,17 @@ def naming(path: Path) -> Iterator[None]:
         raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _synchronise_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+def synchronise_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk.
+
+    Some network file systems refuse that; a file that was renamed there is whole all the same.
+    """
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def add_variable(

@@ -59,6 +59,8 @@ class CaseWriter:
         The edges of the bins of histograms, {"pressure": edges, "gap": edges}, for rows that have them.
     flush_interval
         Seconds after which what has been recorded is handed to the operating system.
+    elapsed
+        Seconds that went into the case before, added to `wall_seconds`.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class CaseWriter:
         attributes: Mapping[str, Attribute] | None = None,
         edges: Mapping[str, NDArray[np.float64]] | None = None,
         flush_interval: float = FLUSH_INTERVAL,
+        elapsed: float = 0.0,
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
@@ -80,7 +83,7 @@ class CaseWriter:
         self._attributes = dict(attributes or {})
         self._edges = dict(edges or {})
         self.noted: dict[str, Attribute] = {}
-        self._flush_interval = flush_interval
+        self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5py.Dataset] = {}
         self._held: list[tuple[float | NDArray[np.float64], ...]] = []
@@ -116,6 +119,11 @@ class CaseWriter:
             return
         with self._stack:
             self._finish()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds that went into the case so far."""
+        return self._elapsed + time.monotonic() - self._begun
 
     def row(self, **values: float | NDArray[np.float64]) -> None:
         """Record one accepted step.
@@ -242,7 +250,7 @@ class CaseWriter:
 
     def _finish(self) -> None:
         self._append_rows()
-        ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": time.monotonic() - self._begun}
+        ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
         counts = {"rows": self._rows, "snapshots": len(self._growing["snapshot"])}
         self._h5.attrs.update({**ended, **self._attributes, **self.noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:

@@ -6,9 +6,13 @@ import json
 import time
 import traceback
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import partial
+from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.running import CHECKPOINT_EVERY
+from gfmdlayer.running.checkpoints import Checkpoints
 from gfmdlayer.running.folder import Folder, write_whole
 from gfmdlayer.running.interrupts import Stopped
 from gfmdlayer.running.schedule import Outcome
@@ -20,11 +24,19 @@ Wisdom = dict[tuple[int, ...], str]
 
 def prepare() -> None:
     """Import what a case needs; compiles nothing."""
+    import gfmdlayer.results.checkpoint
+    import gfmdlayer.results.journal
     import gfmdlayer.results.writer
     import gfmdlayer.simulation  # noqa: F401
 
 
-def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None, threads: int = 1) -> Outcome:
+def run_case(
+    case: Case,
+    folder: Folder,
+    wisdom: Wisdom | None = None,
+    threads: int = 1,
+    checkpoint_every: float = CHECKPOINT_EVERY,
+) -> Outcome:
     """Run one case into its file; whatever goes wrong with it becomes its outcome.
 
     Parameters
@@ -37,6 +49,8 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None, threads: 
         FFTW wisdom for each shape of the grid, the same for all who compute.
     threads : int
         Threads that the transforms may use.
+    checkpoint_every : float
+        Seconds after which the state of the case is kept.
 
     Returns
     -------
@@ -45,7 +59,8 @@ def run_case(case: Case, folder: Folder, wisdom: Wisdom | None = None, threads: 
     """
     begun = time.monotonic()
     try:
-        remark = _simulate(case, folder, (wisdom or {}).get(case.config.grid.points), threads)
+        shape = case.config.grid.points
+        remark = _simulate(case, folder, (wisdom or {}).get(shape), threads, checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -60,35 +75,56 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
     from gfmdlayer.results.provenance import now
 
     path = folder.case(case.index, "failed")
-    if trace or not path.exists():
-        record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
-        with suppress(OSError):  # a full disk; the outcome still tells
+    record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+    with suppress(OSError):  # a full disk, a lost permission; the outcome still tells
+        if trace or not path.exists():
             write_whole(path, json.dumps(record, default=str))
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
-def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> str:
+def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, checkpoint_every: float) -> str:
     """Run the case; return what there is to remark on it."""
+    from gfmdlayer.results.checkpoint import CheckpointError
+
+    config, hashed = case.config, digest(case.config)
+    with (
+        StatusFile(folder, case.index, config.time.end) as status,
+        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
+    ):
+        folder.case(case.index, "failed").unlink(missing_ok=True)
+        compute = partial(_compute, config, hashed, folder.case(case.index), checkpoints, wisdom, threads)
+        try:
+            checkpoints.find()
+            remark = compute()
+        except CheckpointError as error:
+            checkpoints.set_aside(str(error))
+            remark = compute()
+        checkpoints.remove()
+    return remark
+
+
+def _compute(
+    config: Config, hashed: str, path: Path, checkpoints: Checkpoints, wisdom: str | None, threads: int
+) -> str:
     from gfmdlayer.contact.grid import Grid
     from gfmdlayer.inputs import histogram_edges
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
 
-    config = case.config
-    with StatusFile(folder, case.index, config.time.end) as status:
-        folder.case(case.index, "failed").unlink(missing_ok=True)
-        axes = Grid(config.grid.points, config.grid.period).coordinates
-        coordinates = dict(zip("xy", axes, strict=False))
-        edges = histogram_edges(config)
-        with CaseWriter(folder.case(case.index), coordinates, _attributes(config), edges) as recorder:
-            simulate(config, recorder, status.advance, wisdom, threads)
-    if recorder.noted.get("settled") == 0:
+    axes = Grid(config.grid.points, config.grid.period).coordinates
+    coordinates = dict(zip("xy", axes, strict=False))
+    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    edges = histogram_edges(config)
+    with CaseWriter(path, coordinates, attributes, edges, elapsed=checkpoints.elapsed) as writer:
+        recorder = checkpoints.recorder(writer)
+        simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+    if writer.noted.get("settled") == 0:
         return f"NOT STEADY within {config.time.steady:g} at time.end = {config.time.end:g}"
     return ""
 
 
 def _attributes(config: Config) -> dict[str, str | float]:
-    found: dict[str, str | float] = {"name": config.name, "config": config.dump(), "digest": digest(config)}
+    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
         found["tau"] = config.layer.material.tau
     if said := remarks([config]):

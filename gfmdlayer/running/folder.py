@@ -5,6 +5,8 @@
     DIR/cases/NNNN.xdmf    what ParaView opens of a surface in two dimensions
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running how far a case is (JSON)
+    DIR/cases/NNNN.checkpoint, .journal0, .journal1  from where a case goes on that is not complete
+    DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 that of a shard
     DIR/sweep.h5           all cases, labelled
 
@@ -28,6 +30,8 @@ from gfmdlayer.running.shards import Shard
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 PARTIAL = ".part"
 PROBED = 1 << 16  # bytes
+ASIDE = ".aside"
+RESUMABLE = ("*.checkpoint", "*.journal?")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -64,8 +68,13 @@ class Folder:
         return self.cases / f"stop{own}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed or running."""
+        """Return the file of a case; `kind` is h5, failed, running, checkpoint, journal0 or journal1."""
         return self.cases / f"{index:04d}.{kind}"
+
+    def set_aside(self, path: Path) -> None:
+        """Give a file that cannot be used another name, if it is there."""
+        with suppress(FileNotFoundError):
+            path.replace(path.with_name(path.name + ASIDE))
 
     def is_results(self) -> bool:
         """Whether the folder was made by gfmdlayer."""
@@ -206,12 +215,17 @@ class Folder:
     def _remove_results(self) -> None:
         for path in (self.sweep, *self.cases.glob("*.h5"), *self.cases.glob("*.xdmf"), self.config):
             path.unlink(missing_ok=True)
-        for path in self.cases.glob("*.failed"):
-            path.unlink()
+        for pattern in ("*.failed", *RESUMABLE, f"*{ASIDE}"):
+            for path in self.cases.glob(pattern):
+                path.unlink(missing_ok=True)
 
     def _remove_remains(self, own: Collection[int] | None) -> None:
         """Remove what killed runs left: of all cases, or of one's own where others are at work."""
-        remains = [*self.cases.glob("*.running"), *self.cases.glob(f"*{PARTIAL}")]
+        remains = [
+            *self.cases.glob("*.running"),
+            *self.cases.glob(f"*{PARTIAL}"),
+            *self._of_complete_cases(),
+        ]
         if own is None:
             stops = (self.cases / "stop", *self.cases.glob("stop-*-of-*"))
             remains += [*stops, *self.path.glob(f"*{PARTIAL}")]
@@ -219,6 +233,13 @@ class Folder:
             remains = [path for path in remains if _case_number(path) in own] + [self.stop]
         for path in remains:
             path.unlink(missing_ok=True)
+
+    def _of_complete_cases(self) -> Iterator[Path]:
+        """Find checkpoints that were to be removed when the run was killed."""
+        for pattern in RESUMABLE:
+            for path in self.cases.glob(pattern):
+                if path.with_suffix(".h5").exists():
+                    yield path
 
 
 def _case_number(path: Path) -> int | None:

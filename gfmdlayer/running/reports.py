@@ -149,7 +149,10 @@ class Reporter:
                 self.note("stopping after the current time step")
 
     def _advance(self) -> None:
-        at_work = [case for case in running(self._folder) if case.index in self._own]
+        try:
+            at_work = [case for case in running(self._folder) if case.index in self._own]
+        except OSError:  # the folder cannot be read for a while
+            return
         done = min(self._ended + sum(case.fraction for case in at_work), self._total)
         rate = (done - self._before) / (time.monotonic() - self._begun)
         left = (self._total - done) / rate if rate > 0 else None

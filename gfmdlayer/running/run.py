@@ -12,12 +12,12 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
-from gfmdlayer.running import guards, locks
+from gfmdlayer.running import CHECKPOINT_EVERY, guards, locks
 from gfmdlayer.running.cases import record_failure, run_case, warm_up
 from gfmdlayer.running.cost import estimate
 from gfmdlayer.running.cost_model import CostModel, finished
 from gfmdlayer.running.executors import Team
-from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError, read_json
+from gfmdlayer.running.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
 from gfmdlayer.running.shards import Shard
@@ -57,6 +57,7 @@ def run_sweep(
     report: Callable[[], Report] | None = None,
     threads: int = 1,
     shard: Shard | None = None,
+    checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -76,6 +77,8 @@ def run_sweep(
         Threads that the transforms of a case may use.
     shard : Shard, optional
         Run these cases alone, while other runs may be at others; whoever ends last collects.
+    checkpoint_every : float
+        Seconds after which the state of a case is kept, from which a killed run goes on.
 
     Returns
     -------
@@ -98,14 +101,19 @@ def run_sweep(
     with folder.claimed(config, restart, numbers):
         todo = [case for case in own if not _is_done(case, folder)]
         _refuse_open_files(folder, todo)
+        damaged = _set_damaged_aside(folder, todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         with Reporter(folder, numbers, len(own) - len(todo), report) as reporter:
             reporter.note(_opening(len(own), len(todo), team, threads, shard))
-            storage = sum(estimate(case.config).storage for case in todo)
-            space = guards.lack_of_space(folder.path, storage)
-            for warning in (*remarks(case.config for case in own), *team.warnings, *space):
-                reporter.note(f"warning: {warning}")
-            task = partial(run_case, folder=folder, wisdom=warm_up(todo, threads), threads=threads)
+            for line in (*_warnings(own, todo, team, folder), *damaged):
+                reporter.note(line)
+            task = partial(
+                run_case,
+                folder=folder,
+                wisdom=warm_up(todo, threads),
+                threads=threads,
+                checkpoint_every=checkpoint_every,
+            )
             schedule = Schedule(team, task, folder, reporter.ended)
             for outcome in schedule.run(_ordered(todo, own, folder, team)):
                 outcomes[outcome.index] = outcome
@@ -115,6 +123,24 @@ def run_sweep(
         if all(outcome.state != "stopped" for outcome in outcomes.values()):
             collected = _collect(config, folder, every, outcomes)
     return Summary(tuple(outcomes.values()), collected)
+
+
+def _set_damaged_aside(folder: Folder, todo: Sequence[Case]) -> list[str]:
+    """Give files of complete cases that cannot be read another name; return what to say of them."""
+    damaged = [case.index for case in todo if folder.case(case.index).exists()]
+    for index in damaged:
+        folder.set_aside(folder.case(index))
+    return [
+        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
+        for index in damaged
+    ]
+
+
+def _warnings(own: Sequence[Case], todo: Sequence[Case], team: Team, folder: Folder) -> list[str]:
+    """What should be known of the cases, of those who run them and of the disk."""
+    space = guards.lack_of_space(folder.path, sum(estimate(case.config).storage for case in todo))
+    found = (*remarks(case.config for case in own), *team.warnings, *space)
+    return [f"warning: {warning}" for warning in found]
 
 
 def _ordered(todo: list[Case], own: Sequence[Case], folder: Folder, team: Team) -> list[Case]:

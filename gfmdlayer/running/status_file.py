@@ -59,13 +59,18 @@ class StatusFile:
         """
         now = time.monotonic()
         due = now - self._written >= WRITE_INTERVAL
-        if stop_requested() or (due and self._stop.exists()):
+        if stop_requested() or (due and self._stop_is_there()):
             raise Stopped
         if due:
             self._written = now
             content = self._fixed | {"simulated_time": float(simulated_time), "updated": time.time()}
             with suppress(OSError):  # progress is not worth a simulation
                 write_whole(self._path, json.dumps(content), to_disk=False)
+
+    def _stop_is_there(self) -> bool:
+        with suppress(OSError):  # a folder that cannot be read for a while asks for nothing
+            return self._stop.exists()
+        return False
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ class Running:
     def alive(self) -> bool:
         """Whether the process still exists; judged by its last update where it is on another host."""
         if self.host != socket.gethostname():
-            return time.time() - self.updated < SILENCE
+            return abs(time.time() - self.updated) < SILENCE  # a clock that was set back is no sign of life
         try:
             os.kill(self.pid, 0)
         except ProcessLookupError:

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from gfmdlayer.resumable import State
 from gfmdlayer.stepping.corrected import Corrected
 from gfmdlayer.stepping.schedule import Instant, stops
 
@@ -28,6 +29,8 @@ _SHRINK = (0.2, 0.8)  # of a step that is tried again
 _AFTER_KINK = 0.3  # of the last step
 _AT_REST = 30.0  # times the tolerance and the shortest relaxation time: the first step of a punch at rest
 _AFTER_JUMP = 1e-6  # of that time: the first step where the punch is pressed in at t = 0
+
+_MEMORY = ("time", "next_stop", "turns", "next", "since_kink", "largest", "deepest", "depth")
 
 
 class AdaptiveSteps:
@@ -57,27 +60,24 @@ class AdaptiveSteps:
     ) -> None:
         self._integrator, self._tolerance = integrator, tolerance
         self._stops = stops(end, snapshots, kinks, times)
-        self._accepted = False
-        self._step = self._next = 0.0
+        self._next_stop, self._turns = 0, False
+        self._time = self._step = self._next = 0.0
         self._since_kink = 0
         self._largest = self._deepest = self._depth = 0.0
 
     def __iter__(self) -> Iterator[Instant]:
         """Give the time points in order; a step that was not accepted is followed by a shorter one."""
-        first, *rest = self._stops
-        yield Instant(0.0, 0.0, first.snapshot)
-        time = 0.0
-        for stop in rest:
-            while time < stop.time:
-                self._step = self._shortened(stop.time - time)
-                lands = self._step == stop.time - time
-                then = stop.time if lands else time + self._step
-                yield Instant(then, self._step, lands and stop.snapshot, lands and stop.kink)
-                if self._accepted:
-                    time = then
-            if stop.kink:
+        while self._next_stop < len(self._stops):
+            if self._turns:
                 self._integrator.turn()
-                self._next, self._since_kink = _AFTER_KINK * self._next, 0
+                self._next, self._since_kink, self._turns = _AFTER_KINK * self._next, 0, False
+            stop = self._stops[self._next_stop]
+            left = stop.time - self._time
+            self._step = self._shortened(left)
+            self._lands = self._step == left
+            self._then = stop.time if self._lands else self._time + self._step
+            kink = self._lands and stop.kink and left > 0
+            yield Instant(self._then, self._step, self._lands and stop.snapshot, kink)
 
     def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
         """Judge the step that was given out last.
@@ -93,23 +93,36 @@ class AdaptiveSteps:
         """
         largest, deepest = max(self._largest, abs(found)), max(self._deepest, abs(depth))
         if self._step == 0:
-            self._accepted = True
+            accepted = True
             self._next = self._integrator.fastest * (
                 _AFTER_JUMP if deepest > 0 else _AT_REST * self._tolerance
             )
         else:
             relative, displacement = self._integrator.error(spectrum, moving=depth != self._depth)
             error = max(_part(relative * abs(found), largest), _part(displacement, deepest))
-            self._accepted = error <= self._tolerance
-            self._choose(_SAFETY * self._tolerance / max(error, 1e-300))
-        if self._accepted:
+            accepted = error <= self._tolerance
+            self._choose(_SAFETY * self._tolerance / max(error, 1e-300), accepted)
+        if accepted:
             self._largest, self._deepest, self._depth = largest, deepest, depth
-        return self._accepted
+            self._time = self._then
+            if self._lands:
+                self._turns = self._step > 0 and self._stops[self._next_stop].kink
+                self._next_stop += 1
+        return accepted
 
-    def _choose(self, room: float) -> None:
+    def state(self) -> State:
+        """Return where the run is, and what the length of the next step depends on."""
+        return {name: getattr(self, f"_{name}") for name in _MEMORY}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        for name in _MEMORY:
+            setattr(self, f"_{name}", state[name].item())
+
+    def _choose(self, room: float, accepted: bool) -> None:
         """Set the length of the next step, when the error of this one may grow by the factor `room`."""
         factor = room ** (1 / 3)
-        if self._accepted:
+        if accepted:
             growth = _FIRST_GROWTH if self._since_kink < _FIRST_STEPS else _GROWTH
             # A step that was cut to land somewhere does not shorten those that follow.
             self._next = max(min(self._next, factor * self._step), min(growth, factor) * self._step)

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping import modes_loop
 from gfmdlayer.stepping.modes import Modes, exponential
@@ -124,6 +125,18 @@ class Corrected(Modes):
             1.0, self._kappa, where=stiff, out=np.zeros_like(self._kappa)
         )
         return abs(relative), math.sqrt(self._mean(free, free))
+
+    def state(self) -> State:
+        """Return the history, and how the surface moved last."""
+        moved = {"follows": self._follows, "velocity": self._velocity}
+        known = {name: value for name, value in moved.items() if value is not None}
+        return {**super().state(), **known, "last_step": self._last_step}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        super().restore(state)
+        self._follows, self._velocity = state.get("follows"), state.get("velocity")
+        self._last_step = float(state["last_step"])
 
     def _curvature(self, spectrum: ComplexArray) -> ComplexArray | None:
         """dt^2 u''/2 by the divided difference of the last three displacements, this one among them."""

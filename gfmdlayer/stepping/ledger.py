@@ -12,6 +12,10 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Protocol
 
+import numpy as np
+
+from gfmdlayer.resumable import State
+
 
 class Energy(Protocol):
     """An integrator that knows the energy of its modes."""
@@ -58,6 +62,16 @@ class Ledger:
             "dissipated": energy.dissipated,
             "energy_residual": self._work - energy.stored - energy.dissipated,
         }
+
+    def state(self) -> State:
+        """Return the work, and the last two points of each curve under which it is the area."""
+        return {"work": self._work, "past": np.reshape([*self._past, *self._way], (2, -1, 2))}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._work = float(state["work"])
+        for curve, points in zip((self._past, self._way), state["past"].tolist(), strict=True):
+            curve.extend((x, y) for x, y in points)
 
 
 def _area(*points: tuple[float, float]) -> float:

@@ -41,6 +41,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.polynomial import polyval
 
+from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping import modes_loop
 from gfmdlayer.stepping.modes_loop import Factors
@@ -180,6 +181,23 @@ class Modes:
         )
         self.stored = twice / 2
         self.dissipated += heat
+
+    def state(self) -> State:
+        """Return displacement, stretches and energies."""
+        return {
+            "u": self.u,
+            "stretches": self._stretches,
+            "own_stretches": self._own_stretches,
+            "stored": self.stored,
+            "dissipated": self.dissipated,
+        }
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self.u[:] = state["u"]
+        self._stretches[:] = state["stretches"]
+        self._own_stretches[:] = state["own_stretches"]
+        self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
 
     def missing(self, curvature: ComplexArray) -> ComplexArray:
         """What the stress -sigma lacks at the end of the step if dt^2 u''/2 of it was not zero but this."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
+
+from gfmdlayer.resumable import State
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -30,14 +33,25 @@ class FixedSteps:
 
     def __init__(self, instants: Iterable[Instant]) -> None:
         self._instants = instants
+        self._given = 0
 
     def __iter__(self) -> Iterator[Instant]:
         """Give the time points in order."""
-        return iter(self._instants)
+        for instant in islice(self._instants, self._given, None):
+            self._given += 1
+            yield instant
 
     def accepts(self, _spectrum: ComplexArray, _found: float, _depth: float) -> bool:
         """Say yes."""
         return True
+
+    def state(self) -> State:
+        """Return how many steps were given out."""
+        return {"given": self._given}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._given = int(state["given"])
 
 
 def equal_steps(

@@ -10,6 +10,8 @@ import math
 
 import numpy as np
 
+from gfmdlayer.resumable import State
+
 _ROUNDING = 1e-12  # of friction, where the body is elastic
 
 
@@ -56,6 +58,14 @@ class Settling:
         if settled:
             self.verdict = {"settled": 1, "steady_time": time}
         return settled
+
+    def state(self) -> State:
+        """Return the window that was begun; there is a verdict only after the last step."""
+        return {"begun": self._begun, "least": self._least, "most": self._most}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._begun, self._least, self._most = float(state["begun"]), state["least"], state["most"]
 
     def _begin(self, time: float, values: tuple[float, ...]) -> None:
         self._begun, self._least = time, np.array(values)

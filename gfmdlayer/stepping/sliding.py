@@ -38,6 +38,7 @@ import numba as nb
 import numpy as np
 import numpy.typing as npt
 
+from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping.corrected import Corrected
 from gfmdlayer.stepping.modes import Modes, Scheme
@@ -152,6 +153,15 @@ class SlidingModes(Modes):
         self.dissipated += max(heat, 0.0)  # which rounding can make negative where there is none
         self._time += self.step
 
+    def state(self) -> State:
+        """Return the history, the stretches and the time."""
+        return {**super().state(), "y": self._y, "time": self._time}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        super().restore(state)
+        self._y[:], self._time = state["y"], float(state["time"])
+
     def missing(self, curvature: ComplexArray) -> ComplexArray:
         """What the stress -sigma lacks at the end of the step if dt^2 U''/2 of it was not zero but this."""
         bend = (1 - self._r) * (2 * self._phi[2] - self._phi[1])
@@ -192,6 +202,15 @@ class CorrectedSliding(Corrected, SlidingModes):
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms`."""
         return np.asarray(super().force(spectrum) + 1j * self.drag * spectrum)
+
+    def state(self) -> State:
+        """Return the history, and the largest tangential force."""
+        return {**super().state(), "largest": self._largest}
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        super().restore(state)
+        self._largest = float(state["largest"])
 
     def error(self, spectrum: ComplexArray, *, moving: bool) -> tuple[float, float]:
         """Error of the step, that of the tangential force among it, relative to its largest value so far."""
