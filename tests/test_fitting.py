@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from gfmdlayer import cli
+from gfmdlayer.assembly import make_material
 from gfmdlayer.config import load
 from gfmdlayer.config import sections as config
 from gfmdlayer.fitting import (
@@ -30,7 +31,7 @@ from gfmdlayer.fitting import (
 from gfmdlayer.fitting.figure import fit_figure
 from gfmdlayer.fitting.prony import ACCURACY, MARGIN
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.simulation import make_material, simulate
+from gfmdlayer.simulation import simulate
 from gfmdlayer.solid.materials import Material, Prony
 from gfmdlayer.tables import TableError
 

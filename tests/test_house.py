@@ -13,22 +13,23 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 NUMERICS = {"solid", "contact", "stepping"}
 RUNNING = {"sweep", "running", "cli", "__main__"}
-ABOVE = {"simulation", "fitting"} | RUNNING  # what no room may know
+ABOVE = {"assembly", "simulation", "fitting"} | RUNNING  # what no room may know
 FORBIDDEN = {
     "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
     "solid": {"contact", "stepping", "results"} | ABOVE,
     "contact": {"solid", "stepping", "results"} | ABOVE,
     "stepping": {"contact", "results"} | ABOVE,
     "results": NUMERICS | ABOVE,
-    "fitting": {"contact", "stepping", "simulation"} | RUNNING,
+    "fitting": {"contact", "stepping", "assembly", "simulation"} | RUNNING,
     "inputs": {"solid", "stepping", "results"} | ABOVE,
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,
     "resumable": NUMERICS | {"config", "results", "inputs", "tables", "trajectory"} | ABOVE,
-    "simulation": {"results"} | RUNNING,
-    "sweep": NUMERICS | {"results", "simulation", "running", "cli", "__main__"},
-    "running": {"solid", "stepping", "cli", "__main__"},
-    "cli": NUMERICS | {"simulation", "__main__"},
+    "assembly": {"results", "simulation"} | RUNNING,
+    "simulation": {"solid", "results"} | RUNNING,
+    "sweep": NUMERICS | {"results", "assembly", "simulation", "running", "cli", "__main__"},
+    "running": {"solid", "stepping", "assembly", "cli", "__main__"},
+    "cli": NUMERICS | {"assembly", "simulation", "__main__"},
     "__main__": (NUMERICS | ABOVE | {"results"}) - {"cli"},
     "__init__": set[str](),
 }
@@ -65,8 +66,8 @@ def test_imports_follow_the_arrows(path: Path) -> None:
     assert not rooms_imported(path) & FORBIDDEN[room(path)]
 
 
-def test_only_the_simulation_knows_all_of_the_numerics() -> None:
-    assert [path.name for path in FILES if rooms_imported(path) >= NUMERICS] == ["simulation.py"]
+def test_only_the_assembly_knows_all_of_the_numerics() -> None:
+    assert [path.name for path in FILES if rooms_imported(path) >= NUMERICS] == ["assembly.py"]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))

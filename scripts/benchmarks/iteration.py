@@ -6,11 +6,12 @@ import numpy as np
 from benchmarks.common import STEP, bare_pairs, default_case, ratio
 from benchmarks.tables import Effort, Table
 
+from gfmdlayer.assembly import make_integrator
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
-from gfmdlayer.simulation import make_integrator, warm_up
+from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)

@@ -7,11 +7,12 @@ from collections import deque
 from benchmarks.common import METHODS, STEP, FloatArray, Trace, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
+from gfmdlayer.assembly import make_integrator, make_loading, make_steps
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.inputs import make_grid
-from gfmdlayer.simulation import make_integrator, make_loading, make_steps, warm_up
+from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)

@@ -17,11 +17,12 @@ from benchmarks.common import STEP, FloatArray, Trace, bare_pairs, default_case,
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.work import TOLERANCES, reference
 
+from gfmdlayer.assembly import make_integrator
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem, assess
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
-from gfmdlayer.simulation import make_integrator, simulate, warm_up
+from gfmdlayer.simulation import simulate, warm_up
 
 if TYPE_CHECKING:
     from benchmarks.tamaas_halfspace import Step
