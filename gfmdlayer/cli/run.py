@@ -15,6 +15,7 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     Verbs,
     add_config,
+    count_cases,
     default_directory,
     folder_name,
     print_some,
@@ -43,7 +44,9 @@ def register(verbs: Verbs) -> None:
         type=int,
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
     )
-    added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+    which = added.add_mutually_exclusive_group()
+    which.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+    which.add_argument("--only-failed", action="store_true", help="run the cases that failed before alone")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -62,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     from gfmdlayer.config import ConfigError, load
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.running.folder import FolderError
+    from gfmdlayer.running.folder import Folder, FolderError
     from gfmdlayer.running.reports import report_to
     from gfmdlayer.running.run import run_sweep
     from gfmdlayer.sweep import objections
@@ -70,7 +73,10 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     try:
         config = load(options.config, options.set, objections)
         directory = default_directory(config) if options.out is None else options.out
-        summary = run_sweep(config, directory, team, options.restart, lambda: report_to(sys.stderr), threads)
+        if options.only_failed:
+            Folder(Path(directory)).must_hold_results()
+        told, only_failed = (lambda: report_to(sys.stderr)), options.only_failed
+        summary = run_sweep(config, directory, team, options.restart, told, threads, only_failed)
     except ConfigError as error:
         return refuse(*error.problems)
     except FolderError as error:
@@ -86,5 +92,8 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
         print_some(f"  {outcome.index:04d}: {outcome.reason}" for outcome in summary.failures)
         print(f"what is complete is in {directory}; the same command tries the failed ones again")
         return FAILED
+    if waiting := summary.count("waiting"):
+        print(f"no case is left that failed; {count_cases(waiting)} wait: run again without --only-failed")
+        return COMPLETE
     print(f"complete: {Path(directory) / 'sweep.h5'}")
     return COMPLETE

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, load, text
+from gfmdlayer.config import Config, ConfigError, load, sweeps, text
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 PARTIAL = ".part"
@@ -80,7 +80,7 @@ class Folder:
         FolderError
             Where this is not a results folder, or its configuration cannot be read.
         """
-        self._must_hold_results()
+        self.must_hold_results()
         try:
             return load(self.config)
         except ConfigError as error:
@@ -95,13 +95,20 @@ class Folder:
         FolderError
             Where this is not a results folder, or its configuration cannot be read.
         """
-        self._must_hold_results()
+        self.must_hold_results()
         document = text.read(self.config.read_text(encoding="utf-8"), str(self.config))
         if not isinstance(document.data, dict):
             raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
         return dict(document.data.get("sweep") or {})
 
-    def _must_hold_results(self) -> None:
+    def must_hold_results(self) -> None:
+        """Refuse what is not a results folder.
+
+        Raises
+        ------
+        FolderError
+            Where it is not one.
+        """
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
@@ -153,7 +160,7 @@ class Folder:
             self._remove_results()
         self._remove_remains()
         if not self.is_results():
-            write_whole(self.config, MARK + config.dump())
+            write_whole(self.config, f"{MARK}# Cases: {sweeps.count(config.sweep)}\n{config.dump()}")
 
     def _refuse_strangers(self) -> None:
         if self.path.exists() and not self.path.is_dir():

@@ -12,9 +12,11 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.running.cases import record_failure, run_case, warm_up
 from gfmdlayer.running.executors import Team
 from gfmdlayer.running.folder import WAYS_OUT, Folder, FolderError
+from gfmdlayer.running.listing import numbers
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
 from gfmdlayer.sweep import Case, cases, remarks
@@ -22,7 +24,7 @@ from gfmdlayer.sweep import Case, cases, remarks
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended: outcomes of all cases, in their order, those complete before included."""
+    """How a run ended: outcomes of all cases, in their order, those that were not its own included."""
 
     outcomes: tuple[Outcome, ...]
 
@@ -43,6 +45,7 @@ def run_sweep(
     restart: bool = False,
     report: Callable[[], Report] | None = None,
     threads: int = 1,
+    only_failed: bool = False,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -60,6 +63,8 @@ def run_sweep(
         Makes the report to which progress is told, once the run really begins.
     threads : int
         Threads that the transforms of a case may use.
+    only_failed : bool
+        Run the cases that are on record as failed, and leave the others that are not complete.
 
     Returns
     -------
@@ -78,10 +83,13 @@ def run_sweep(
     folder = Folder(Path(directory))
     every = cases(config)
     with folder.claimed(config, restart):
-        todo = [case for case in every if not _is_done(case, folder)]
+        found = numbers(folder)
+        undone = [case for case in every if case.index not in found["h5"] or not _is_done(case, folder)]
+        todo = [case for case in undone if not only_failed or case.index in found["failed"]]
         outcomes = {case.index: Outcome(case.index, "complete") for case in every}
-        with Reporter(folder, len(every), len(every) - len(todo), report) as reporter:
-            reporter.note(_opening(len(every), len(todo), team, threads))
+        outcomes |= {case.index: Outcome(case.index, "waiting") for case in undone}
+        with Reporter(folder, len(every), len(every) - len(undone), report) as reporter:
+            reporter.note(_opening(len(every), len(every) - len(undone), len(todo), team, threads))
             for remark in remarks(case.config for case in every):
                 reporter.note(f"warning: {remark}")
             task = partial(run_case, folder=folder, wisdom=warm_up(todo, threads), threads=threads)
@@ -89,7 +97,7 @@ def run_sweep(
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
-        if all(outcome.state != "stopped" for outcome in outcomes.values()):
+        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
             _collect(config, folder, every, outcomes)
     return Summary(tuple(outcomes.values()))
 
@@ -105,9 +113,10 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _opening(total: int, todo: int, team: Team, threads: int) -> str:
+def _opening(total: int, complete: int, todo: int, team: Team, threads: int) -> str:
     cases = "1 case" if total == 1 else f"{total} cases"
-    before = f", {total - todo} complete already" if todo < total else ""
+    before = f", {complete} complete already" if complete else ""
+    before += f", {todo} to be run" if complete + todo < total else ""
     each = "one thread" if threads == 1 else f"{threads} threads"
     return f"{cases}{before}; {team.size} {team.kind}, {each} each"
 
@@ -119,4 +128,5 @@ def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: di
         CaseRecord(case.index, folder.case(case.index), case.values, outcomes[case.index].reason or None)
         for case in every
     ]
-    collect(folder.path, records, list(config.sweep))
+    keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
+    collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
