@@ -3,8 +3,9 @@
 Every figure is a count, or a ratio of times taken in turns within the run, so that it holds elsewhere.
 
     python scripts/benchmark.py                     all sections: some minutes
-    python scripts/benchmark.py --quick             a look: under 40 seconds
+    python scripts/benchmark.py --quick             a look: under a minute
     python scripts/benchmark.py --only pairs run --points 16384
+    python scripts/benchmark.py --only overhead --cases 10000
     python scripts/benchmark.py --json all.json --markdown all.md --plot work.png
 
 Sections
@@ -12,6 +13,7 @@ Sections
     pairs       FFT pairs per step, and what the ingredients of FIRE bring
     run         a whole run over its bare FFT pairs
     work        error against work: integrator, solver, step length
+    overhead    what a case of a sweep costs beside its solves, alone and over two ranks
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
     rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
 """
@@ -27,7 +29,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, pairs, peer, rough, whole_run, work
+from benchmarks import iteration, overhead, pairs, peer, rough, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.plot_style import check_suffix
@@ -39,10 +41,11 @@ SECTIONS = {
     "pairs": pairs,
     "run": whole_run,
     "work": work,
+    "overhead": overhead,
     "peer": peer,
     "rough": rough,
 }
-QUICK = ("iteration", "pairs", "run")
+QUICK = ("iteration", "pairs", "run", "overhead")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -74,6 +77,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--points", nargs="+", type=_positive, metavar="N", help="grid points in place of a section's own"
     )
     parser.add_argument("--steps", type=_positive, metavar="N", help="time steps in place of a section's own")
+    parser.add_argument(
+        "--cases", type=_positive, metavar="N", help="of the sweep whose overhead is measured"
+    )
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")
@@ -102,7 +108,9 @@ def _positive(text: str) -> int:
 def _effort(name: str, asked: argparse.Namespace) -> Effort:
     section = SECTIONS[name]
     effort: Effort = section.QUICK if asked.quick else section.EFFORT
-    given = {key: getattr(asked, key) for key in ("steps", "repetitions", "plot") if getattr(asked, key)}
+    given = {
+        key: getattr(asked, key) for key in ("steps", "repetitions", "cases", "plot") if getattr(asked, key)
+    }
     points = tuple(asked.points or effort.points)
     if asked.large and name == "pairs":
         points += (pairs.LARGE,)
