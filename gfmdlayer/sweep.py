@@ -1,17 +1,17 @@
 """One configuration, many cases.
 
-A sweep is the product of the values of its keys, the last key running fastest; without one there is a single
-case.
+A sweep is a product of values and of lists of combinations (`gfmdlayer.config.sweeps`), the last key running
+fastest; without one there is a single case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.checks import plainly_possible
+from gfmdlayer.config.sweeps import as_label, combinations
 
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
@@ -35,13 +35,8 @@ class Case:
     values: dict[str, object]
 
 
-def combinations(sweep: Mapping[str, Sequence[object]]) -> list[dict[str, object]]:
-    """Return the swept keys and their values in each case, in the order of the cases."""
-    return [dict(zip(sweep, values, strict=True)) for values in product(*sweep.values())]
-
-
 def cases(config: Config) -> list[Case]:
-    """Return the cases of a configuration: the product of the swept values, the last key fastest.
+    """Return the cases of a configuration, the last swept key fastest.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
     end/200, so that their curves share a time axis.
@@ -84,4 +79,5 @@ def label(values: dict[str, object]) -> str:
     """Write swept values for people: ``thickness = 0.1, Ginf = 10``."""
     short = [key.rpartition(".")[2] for key in values]
     names = [last if short.count(last) == 1 else key for key, last in zip(values, short, strict=True)]
-    return ", ".join(f"{name} = {value}" for name, value in zip(names, values.values(), strict=True))
+    texts = [as_label(key, value) for key, value in values.items()]
+    return ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True))

@@ -5,6 +5,7 @@ Every figure is a count, or a ratio of times taken in turns within the run, so t
     python scripts/benchmark.py                     all sections: some minutes
     python scripts/benchmark.py --quick             a look: about a minute
     python scripts/benchmark.py --only pairs run --points 16384
+    python scripts/benchmark.py --only overhead --cases 10000
     python scripts/benchmark.py --json all.json --markdown all.md --plot work.png
 
 Sections
@@ -14,6 +15,7 @@ Sections
     work        error against work: integrator, solver, step length
     scheduling  a sweep of 100 000 cases on 1 to 4096 ranks, simulated around the real scheduler
     ranks       Figures 2 to 4 on two MPI ranks against one
+    overhead    what a case of a sweep costs beside its solves, alone and over two ranks
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
     rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
 """
@@ -29,7 +31,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, pairs, peer, ranks, rough, scheduling, whole_run, work
+from benchmarks import iteration, overhead, pairs, peer, ranks, rough, scheduling, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.plot_style import check_suffix
@@ -42,11 +44,12 @@ SECTIONS = {
     "run": whole_run,
     "work": work,
     "scheduling": scheduling,
+    "overhead": overhead,
     "ranks": ranks,
     "peer": peer,
     "rough": rough,
 }
-QUICK = ("iteration", "pairs", "run", "scheduling")
+QUICK = ("iteration", "pairs", "run", "overhead", "scheduling")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -80,6 +83,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--steps", type=_positive, metavar="N", help="time steps, or cases, in place of a section's own"
     )
+    parser.add_argument(
+        "--cases", type=_positive, metavar="N", help="of the sweep whose overhead is measured"
+    )
     parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")
@@ -108,7 +114,9 @@ def _positive(text: str) -> int:
 def _effort(name: str, asked: argparse.Namespace) -> Effort:
     section = SECTIONS[name]
     effort: Effort = section.QUICK if asked.quick else section.EFFORT
-    given = {key: getattr(asked, key) for key in ("steps", "repetitions", "plot") if getattr(asked, key)}
+    given = {
+        key: getattr(asked, key) for key in ("steps", "repetitions", "cases", "plot") if getattr(asked, key)
+    }
     points = tuple(asked.points or effort.points)
     if asked.large and name == "pairs":
         points += (pairs.LARGE,)

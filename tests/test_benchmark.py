@@ -107,6 +107,15 @@ def test_a_simulated_schedule_never_passes_its_bound_and_one_rank_never_idles(tm
             assert row["efficiency"] == pytest.approx(1, abs=1e-2)  # 300 submissions of microseconds
 
 
+def test_overhead_is_told_of_every_case_on_one_rank_and_two(tmp_path: Path) -> None:
+    rows = tables(tmp_path, "--only overhead --cases 12")["overhead"]
+    assert [(row["ranks"], row["cases"]) for row in rows] == [(1, 12), (2, 12)]
+    for row in rows:
+        assert 12 / row["ranks"] <= row["of the fullest rank"] <= 12
+        assert row["overhead / case [ms]"] > row["start-up / case [ms]"] > 0
+        assert row["solves / case [ms]"] > 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

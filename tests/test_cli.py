@@ -112,7 +112,7 @@ def test_version_is_that_of_the_distribution() -> None:
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["check"], ["status"], ["plot"]])
+@pytest.mark.parametrize("verb", [[], ["run"], ["check"], ["status"], ["clean"], ["plot"]])
 def test_examples_in_help_name_things_that_exist(verb: list[str]) -> None:
     shown = gfmdlayer(*verb, "--help").stdout
     example = shown.partition("example:\n")[2].splitlines()[0]
@@ -143,6 +143,8 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["run", "tiny.yaml", "--out", "tiny.yaml"], "is a file"),
         (["status", "absent"], "absent: no such folder"),
         (["status", "."], "not a results folder"),
+        (["clean", "."], "not a results folder"),
+        (["run", "tiny.yaml", "--only-failed"], "results/tiny: no such folder"),
         (["plot", "absent"], "absent: no such folder"),
         (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: means nothing to this figure"),
         (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),

@@ -431,10 +431,125 @@ REFUSED = {
         "2:33: sweep.layer.thickness[2]: got 1.0",
         "second",
     ),
-    "swept list": (
-        "sweep: {grid.points: [[8, 8]]}",
-        "2:23: sweep.grid.points[0]: got [8, 8]",
-        "single number",
+    "swept list of one bad count": (
+        "sweep: {grid.points: [16, [8, 2]]}",
+        "2:27: sweep.grid.points[1]: got 2",
+        ">= 8",
+    ),
+    "swept list where a number is due": (
+        "sweep: {layer.thickness: [[1, 2]]}",
+        "2:27: sweep.layer.thickness[0]: got [1, 2]",
+        ">= 0 or .inf",
+    ),
+    "swept nothing": (
+        "sweep: {layer.thickness: [1, null]}",
+        "2:30: sweep.layer.thickness[1]: got nothing",
+        "must have a value",
+    ),
+    "swept section and a key in it": (
+        "sweep: {punch.radius: [1, 2], punch: [{shape: wedge, slope: 1}]}",
+        "2:31: sweep.punch: swept beside punch.radius",
+        "given once",
+    ),
+    "swept section of a kind without a key": (
+        "sweep: {punch: [{radius: 1}, {shape: wedge, slope: 1, radius: 1}]}",
+        "2:30: sweep.punch[1]: with a mapping, punch.radius: unknown key",
+        "allowed: shape, slope",
+    ),
+    "misspelt zip": ("sweep: {ziip: {}}", "2:9: sweep.ziip: unknown key", "did you mean 'zip'?"),
+    "zip of nothing": ("sweep: {zip: {}}", "2:14: sweep.zip: got no keys", "each with a list of values"),
+    "zip that is null": ("sweep: {zip: }", "2:13: sweep.zip: got nothing (null)", "must have a value"),
+    "zip that is a list": ("sweep: {zip: [1]}", "2:14: sweep.zip: got [1]", "a mapping"),
+    "zip of unequal lengths": (
+        "sweep: {zip: {layer.thickness: [1, 2, 3], punch.radius: [1, 2]}}",
+        "2:57: sweep.zip.punch.radius: got 2 values beside 3 of layer.thickness",
+        "must be as many",
+    ),
+    "zipped number": ("sweep: {zip: {punch.radius: 1}}", "2:29: sweep.zip.punch.radius: got 1;", "a list"),
+    "zipped combination twice": (
+        "sweep: {zip: {layer.thickness: [1, 2, 1], punch.radius: [1, 1, 1.0]}}",
+        "2:39: sweep.zip.layer.thickness[2]: the combination at [0] a second time",
+        "different",
+    ),
+    "zipped value not possible": (
+        "sweep: {zip: {layer.thickness: [1, -1]}}",
+        "2:36: sweep.zip.layer.thickness[1]: got -1",
+        ">= 0 or .inf",
+    ),
+    "zipped values in contradiction": (
+        "sweep: {zip: {layer.thickness: [1, 0], halfspace.shear_modulus: [1, .inf]}}",
+        "2:36: sweep.zip.layer.thickness[1]: got 0 on a rigid halfspace",
+        "must be > 0",
+    ),
+    "zipped and swept": (
+        "sweep: {zip: {punch.radius: [1, 2]}, punch.radius: [1, 2]}",
+        "2:38: sweep.punch.radius: swept beside punch.radius",
+        "given once",
+    ),
+    "zipped key misspelt": (
+        "sweep: {zip: {punch.radus: [1, 2]}}",
+        "2:15: sweep.zip.punch.radus: unknown",
+        "'punch.radius'?",
+    ),
+    "two lists": (
+        "sweep: {zip: {punch.radius: [1]}, sobol: {samples: 2, layer.thickness: {from: 1, to: 2}}}",
+        "2:35: sweep.sobol: given beside zip",
+        "one of zip, latin_hypercube, sobol",
+    ),
+    "samples without ranges": (
+        "sweep: {sobol: {samples: 4}}",
+        "2:16: sweep.sobol: got no keys",
+        "each with {from: ..., to: ...}",
+    ),
+    "range without an end": (
+        "sweep: {sobol: {samples: 4, punch.radius: {from: 1}}}",
+        "2:29: sweep.sobol.punch.radius.to: missing",
+        "must be a number",
+    ),
+    "range with a key misspelt": (
+        "sweep: {sobol: {samples: 4, punch.radius: {from: 1, to: 2, scal: log}}}",
+        "2:60: sweep.sobol.punch.radius.scal: unknown key; allowed: from, to, scale",
+        "did you mean 'scale'?",
+    ),
+    "range that is a list": (
+        "sweep: {sobol: {samples: 4, punch.radius: [1, 2]}}",
+        "2:43: sweep.sobol.punch.radius: got [1, 2]",
+        "a mapping",
+    ),
+    "range that ends before it begins": (
+        "sweep: {latin_hypercube: {samples: 4, punch.radius: {from: 2, to: 1}}}",
+        "2:67: sweep.latin_hypercube.punch.radius.to: got 1.0",
+        "> from = 2.0",
+    ),
+    "logarithm of zero": (
+        "sweep: {sobol: {samples: 4, layer.thickness: {from: 0, to: 1, scale: log}}}",
+        "2:70: sweep.sobol.layer.thickness.scale: got log from 0.0",
+        "from a number > 0",
+    ),
+    "no number of samples": (
+        "sweep: {sobol: {punch.radius: {from: 1, to: 2}}}",
+        "2:9: sweep.sobol.samples: missing",
+        "whole number >= 1",
+    ),
+    "number of samples that Sobol's sequence is not balanced for": (
+        "sweep: {sobol: {samples: 100, punch.radius: {from: 1, to: 2}}}",
+        "2:26: sweep.sobol.samples: got 100",
+        "power of two, such as 64 or 128",
+    ),
+    "negative seed": (
+        "sweep: {sobol: {samples: 4, seed: -1, punch.radius: {from: 1, to: 2}}}",
+        "2:35: sweep.sobol.seed: got -1",
+        ">= 0",
+    ),
+    "sampled value not possible": (
+        "sweep: {latin_hypercube: {samples: 9, layer.poisson: {from: 0, to: 0.9}}}",
+        "2:54: sweep.latin_hypercube.layer.poisson: got 0.",
+        "<= 0.5",
+    ),
+    "samples of a whole number": (
+        "sweep: {sobol: {samples: 4, grid.points: {from: 8, to: 99}}}",
+        "2:42: sweep.sobol.grid.points: got",
+        "whole number",
     ),
     "swept values in contradiction": (
         "sweep: {layer.thickness: [1, 0], halfspace.shear_modulus: [1, .inf]}",

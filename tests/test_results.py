@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gfmdlayer.results import writer
+from gfmdlayer.results import blank, writer
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
@@ -82,7 +83,8 @@ def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
 
 
 def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writer, "BLOCK", 24)
+    monkeypatch.setattr(blank, "BLOCK", 24)
+    monkeypatch.setattr(writer, "blank", blank.blank.__wrapped__)  # none that is kept
     field = np.arange(16.0 * 10).reshape(16, 10)
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
         case.snapshot(0.5, field, -field, 2 * field)
@@ -374,18 +376,19 @@ def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "labels"),
+    ("key", "values", "labels"),
     [
-        (["fire", "active_set"], ["fire", "active_set"]),
-        ([[64, 64], [64, 128]], ["64x64", "64x128"]),
-        ([0.005, "adaptive"], ["0.005", "adaptive"]),
-        ([{"model": "zener", "G0": 1.0}, {"model": "prony"}], ["model=zener, G0=1.0", "model=prony"]),
+        ("a.b", ["fire", "active_set"], ["fire", "active_set"]),
+        ("grid.b", [64, [64, 128]], ["64", "64x128"]),
+        ("a.b", [[1, 2], [0.5]], ["[1, 2]", "[0.5]"]),
+        ("a.b", [0.005, "adaptive"], ["0.005", "adaptive"]),
+        ("a.b", [{"model": "zener", "G0": 1.0}, {"model": "prony"}], ["model=zener, G0=1.0", "model=prony"]),
     ],
 )
 def test_values_that_are_no_numbers_become_text(
-    tmp_path: Path, values: list[object], labels: list[str]
+    tmp_path: Path, key: str, values: list[object], labels: list[str]
 ) -> None:
-    collect(tmp_path, write_sweep(tmp_path, [{"a.b": value} for value in values]), ["a.b"])
+    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), [key])
     with open_results(tmp_path) as data:
         assert data["b"].to_numpy().tolist() == labels
         assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
@@ -422,6 +425,52 @@ def test_cases_with_other_steps_share_their_common_times(tmp_path: Path) -> None
         np.testing.assert_array_equal(data["contact_area"], [[0.0, 1.0]] * 2)
     with pytest.raises(ResultsError, match=r"0000\.h5: no row at time 0\.5"):
         collect(tmp_path, records, ["a.b"], times=[0.5])
+
+
+def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
+    collect(tmp_path, records, ["layer.thickness"], listed=True)
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].dims == ("case", "time")
+        np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
+
+
+def test_ten_thousand_failures_are_named(tmp_path: Path) -> None:
+    # Far beyond the 64 kB that HDF5 allows an attribute of fixed length.
+    reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
+    records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(10_000)]
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(10_000)]
+
+
+def test_a_case_spoiled_on_the_disk_is_lost_and_no_other(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
+    path = records[1].path
+    with h5py.File(path) as h5:
+        chunk = h5["contact_area"].id.get_chunk_info(0)
+    contents = bytearray(path.read_bytes())
+    contents[chunk.byte_offset + 9] ^= 1
+    path.write_bytes(contents)
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]
+        assert data.attrs["failed"] == "0001: no complete result file"
+
+
+def test_collecting_needs_no_more_memory_for_more_cases(tmp_path: Path) -> None:
+    # A run of neighbours is held at a time, 2 x 2^16 values and as many in copies: 4 MB, where all the
+    # curves of 300 cases take 24 MB.
+    path = write_case(case_path(tmp_path, 0), np.linspace(0, 1, 5000))
+    peaks = []
+    for number in (30, 300):
+        records = [CaseRecord(i, path, {"a.b": i}) for i in range(number)]
+        tracemalloc.start()
+        collect(tmp_path, records, ["a.b"])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 6e6
+    assert peaks[1] < 1.2 * peaks[0]
 
 
 def test_single_case_is_opened_itself(tmp_path: Path) -> None:

@@ -45,10 +45,10 @@ def configure(tmp_path: Path) -> Configure:
     return write
 
 
-def run(config: Config, directory: Path, restart: bool = False) -> Summary:
+def run(config: Config, directory: Path, restart: bool = False, only_failed: bool = False) -> Summary:
     with assemble() as team:
         assert team is not None
-        return run_sweep(config, directory, team, restart)
+        return run_sweep(config, directory, team, restart, only_failed=only_failed)
 
 
 def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,6 +250,24 @@ def test_a_failed_case_is_tried_again_and_alone(
     assert not list((tmp_path / "out/cases").glob("*.failed"))
     with open_results(tmp_path / "out") as results:
         assert results.attrs["failed"] == ""
+
+
+def test_only_failed_runs_what_failed_and_leaves_what_waits(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as once:
+        fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
+        run(configure(), tmp_path / "out")
+    for waiting in (tmp_path / "out/cases/0003.h5", tmp_path / "out/sweep.h5"):
+        waiting.unlink()
+    summary = run(configure(), tmp_path / "out", only_failed=True)
+    assert (summary.count("complete"), summary.count("waiting")) == (5, 1)
+    assert sorted(path.name for path in (tmp_path / "out/cases").glob("*.h5")) == [
+        f"{index:04d}.h5" for index in (0, 1, 2, 4, 5)
+    ]
+    assert not (tmp_path / "out/sweep.h5").exists()  # a case is still to come
+    forbid_simulating(monkeypatch)
+    assert run(configure(), tmp_path / "out", only_failed=True).count("waiting") == 1
 
 
 def test_values_that_exclude_each_other_are_refused(configure: Configure) -> None:

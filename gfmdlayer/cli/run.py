@@ -16,6 +16,7 @@ from gfmdlayer.cli.terminal import (
     Verbs,
     add_config,
     add_team,
+    count_cases,
     default_directory,
     interval,
     print_some,
@@ -55,7 +56,9 @@ def register(verbs: Verbs) -> None:
         help="time after which the state of a case is kept, for a run that is killed (default: %(default)g; "
         "0: after every step; inf: only when a signal stops the run)",
     )
-    added.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+    which = added.add_mutually_exclusive_group()
+    which.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+    which.add_argument("--only-failed", action="store_true", help="run the cases that failed before alone")
 
 
 def shard(text: str) -> Shard:
@@ -86,13 +89,15 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.running.folder import FolderError
+    from gfmdlayer.running.folder import Folder, FolderError
     from gfmdlayer.running.reports import report_to
     from gfmdlayer.running.run import run_sweep
 
     try:
         config = read_config(options)
         directory = default_directory(config, options.config) if options.out is None else options.out
+        if options.only_failed:
+            Folder(Path(directory)).must_hold_results()
         summary = run_sweep(
             config,
             directory,
@@ -102,6 +107,7 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
             threads,
             options.shard,
             options.checkpoint_every,
+            options.only_failed,
         )
     except ConfigError as error:
         return refuse(*error.problems)
@@ -118,6 +124,9 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
         print_some(f"  {outcome.index:04d}: {outcome.reason}" for outcome in summary.failures)
         print(f"what is complete is in {directory}; the same command tries the failed ones again")
         return FAILED
+    if waiting := summary.count("waiting"):
+        print(f"no case is left that failed; {count_cases(waiting)} wait: run again without --only-failed")
+        return COMPLETE
     if not summary.collected:
         print(f"shard {options.shard} complete; sweep.h5 follows when the other shards are")
         return COMPLETE

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, count_cases, print_some, refuse
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, refuse, some
+
+if TYPE_CHECKING:
+    from gfmdlayer.running.folder import Folder
+    from gfmdlayer.running.overview import Overview
+    from gfmdlayer.running.status_file import Running
+
+WATCH_INTERVAL = 2.0  # seconds between two looks
 
 
 def register(verbs: Verbs) -> None:
@@ -16,33 +27,86 @@ def register(verbs: Verbs) -> None:
         "gfmdlayer status results/figure2-quick",
     )
     added.add_argument("directory", metavar="DIR", help="results folder")
+    added.add_argument("--watch", action="store_true", help="look again until all is done, or Ctrl-C")
 
 
 def status(options: argparse.Namespace) -> int:
     """Tell what is done, running, failed and waiting."""
-    from gfmdlayer.running.folder import Folder, FolderError, read_json
-    from gfmdlayer.running.status_file import running
-    from gfmdlayer.sweep import combinations, label
+    from gfmdlayer.running.folder import Folder, FolderError
+    from gfmdlayer.running.overview import overview
 
     folder = Folder(Path(options.directory))
     try:
-        values = combinations(folder.stored_sweep())
+        if options.watch:
+            _watch(folder)
+        else:
+            print("\n".join(_lines(overview(folder))))
     except FolderError as error:
         return refuse(str(error))
-    at_work = running(folder)
-    busy = {case.index for case in at_work}
-    complete = {int(path.stem) for path in folder.cases.glob("[0-9]*.h5")} - busy
-    failed = {int(path.stem) for path in folder.cases.glob("[0-9]*.failed")} - busy - complete
-    waiting = len(values) - len(complete) - len(failed) - len(busy)
-    print(f"{count_cases(len(values))}: {len(complete)} complete, {len(busy)} running, ", end="")
-    print(f"{len(failed)} failed, {waiting} waiting")
-    print_some(
-        f"  {case.index:04d} running on {case.host} (process {case.pid}): "
-        f"time {case.simulated_time:g} of {case.end:g}  {label(values[case.index])}"
-        for case in at_work
-    )
-    reasons = {
-        index: (read_json(folder.case(index, "failed")) or {}).get("reason") for index in sorted(failed)
-    }
-    print_some(f"  {index:04d} failed: {reason}  {label(values[index])}" for index, reason in reasons.items())
+    except KeyboardInterrupt:
+        pass  # how a watch is left
     return COMPLETE
+
+
+def _watch(folder: Folder) -> None:
+    """Look again and again; on a terminal in place, elsewhere a line whenever something has changed."""
+    if sys.stdout.isatty():
+        from rich.console import Console
+        from rich.live import Live
+        from rich.text import Text
+
+        with Live(console=Console(), auto_refresh=False) as live:
+            for seen in _looks(folder):
+                live.update(Text("\n".join(_lines(seen))), refresh=True)
+        return
+    told = ""
+    for seen in _looks(folder):
+        if told != (told := _counts(seen)):
+            print(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {told}", flush=True)
+
+
+def _looks(folder: Folder) -> Iterator[Overview]:
+    from gfmdlayer.running.overview import overview
+
+    while True:
+        seen = overview(folder)
+        yield seen
+        if seen.over:
+            return
+        time.sleep(WATCH_INTERVAL)
+
+
+def _lines(seen: Overview) -> list[str]:
+    return [_counts(seen), *some([_at_work(case) for case in seen.running]), *_failures(seen)]
+
+
+def _counts(seen: Overview) -> str:
+    return (
+        f"{count_cases(seen.total)}: {seen.complete} complete, {len(seen.running)} running, "
+        f"{seen.failed} failed, {seen.waiting} waiting"
+    )
+
+
+def _at_work(case: Running) -> str:
+    from gfmdlayer.running.reports import duration
+
+    left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
+    return (
+        f"  {case.index:04d} running on {case.host} (process {case.pid}): step {case.steps}, "
+        f"time {case.simulated_time:g} of {case.end:g}{left}  {case.label}"
+    ).rstrip()
+
+
+def _failures(seen: Overview) -> list[str]:
+    """Tell each of a few failures, and of many how many are alike."""
+    from gfmdlayer.running.overview import alike
+    from gfmdlayer.sweep import label
+
+    if seen.failed <= LISTED:
+        return [
+            f"  {f.index:04d} failed: {f.reason}  {label(dict(f.values))}".rstrip() for f in seen.failures
+        ]
+    groups = alike(seen.failures)
+    lines = some([f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups])
+    unread = seen.failed - len(seen.failures)
+    return [*lines, f"  {unread} more failed; see cases/*.failed"] if unread else lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,8 +115,11 @@ def count_cases(number: int) -> str:
 
 def print_some(lines: Iterable[str]) -> None:
     """Print the first lines of a list, and how many more there are."""
-    every = list(lines)
-    for line in every[:LISTED]:
+    for line in some(list(lines)):
         print(line)
-    if len(every) > LISTED:
-        print(f"  ... and {len(every) - LISTED} more")
+
+
+def some(lines: Sequence[str]) -> list[str]:
+    """Return the first lines of a list, and how many more there are."""
+    more = [f"  ... and {len(lines) - LISTED} more"] if len(lines) > LISTED else []
+    return [*lines[:LISTED], *more]

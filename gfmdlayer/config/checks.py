@@ -6,23 +6,17 @@ is not blamed a second time.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from gfmdlayer.config.problems import Location, Problem, shown, unknown_key
+from gfmdlayer.config.problems import Location, Problem
 from gfmdlayer.config.punch_checks import punch_conflicts
 
 if TYPE_CHECKING:
     from gfmdlayer.config.model import Config
 
-MAX_CASES = 1_000_000
 _MOST_ROWS = 1_000_000  # of a case
-MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
-
-Blame = tuple[str, object, str, tuple[str, ...]]
-Validate = Callable[[dict[str, object]], list[Problem]]
 
 
 def conflicts(config: Config) -> Iterator[Problem]:
@@ -190,91 +184,3 @@ def _sequence(key: str, times: tuple[float, ...], end: float) -> Iterator[Proble
             yield Problem(
                 location, f"got {time!r} after {times[i - 1]!r}; must be larger, times increase", (key,)
             )
-
-
-def sweep_conflicts(config: Config, keys: list[str], validate: Validate) -> Iterator[Problem]:
-    """Yield what is wrong with a sweep: its keys, its values, and the cases that they make.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration whose `sweep` is looked at.
-    keys : list of str
-        Dotted keys that can be swept.
-    validate : callable
-        Dotted key -> value, to the problems of the case made with these values.
-    """
-    sound: dict[str, list[object]] = {}
-    for key, values in config.sweep.items():
-        if key not in keys:
-            yield Problem(("sweep", key), _not_swept(key, keys), at_key=True)
-            continue
-        faults = dict(_values(key, values))
-        yield from faults.values()
-        if kept := [value for i, value in enumerate(values) if i not in faults]:
-            sound[key] = kept
-    size = math.prod(map(len, sound.values()))
-    if size > MAX_CASES:
-        yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
-    elif sound:
-        everywhere = [p for p in conflicts(config) if sound.keys().isdisjoint({p.key, *p.others})]
-        yield from everywhere
-
-        def validate_rest(case: dict[str, object]) -> list[Problem]:
-            return [problem for problem in validate(case) if problem not in everywhere]
-
-        found = _sweep_cases(sound, validate_rest, product=size <= MAX_CHECKED_PRODUCT)
-        for key, value, message, others in found:
-            yield Problem(("sweep", key, config.sweep[key].index(value)), message, others)
-
-
-def _not_swept(key: str, keys: list[str]) -> str:
-    if key.partition(".")[0] in {"name", "sweep"}:
-        return "cannot be swept; allowed: a dotted key such as layer.thickness"
-    siblings = [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
-    return unknown_key(key, siblings or keys, keys)
-
-
-def _values(key: str, values: list[object]) -> Iterator[tuple[int, Problem]]:
-    """Yield what is wrong with a list of values before any is tried, with the index (-1: the list itself)."""
-    if not values:
-        yield -1, Problem(("sweep", key), "got an empty list; must be a list of at least one value")
-    seen: set[object] = set()
-    for i, value in enumerate(values):
-        wrong = None
-        if value is None or isinstance(value, (list, tuple, dict)):
-            wrong = f"got {shown(value)}; must be a single number or word, which labels the results"
-        elif value in seen:
-            wrong = f"got {shown(value)} a second time; must be different values"
-        else:
-            seen.add(value)
-        if wrong:
-            yield i, Problem(("sweep", key, i), wrong)
-
-
-def _sweep_cases(sweep: dict[str, list[object]], validate: Validate, *, product: bool) -> dict[Blame, None]:
-    """Return the swept values that cases fail on, in the order in which they were found.
-
-    First come the cases that differ from the first one in a single value, then their whole product. All of
-    them will run, so nothing is refused for a value of the configuration itself that no case has.
-    """
-    first = {key: values[0] for key, values in sweep.items()}
-    varied = next(iter(sweep))
-    known = validate(first)
-    found = dict.fromkeys(_blame(problem, first, varied) for problem in known)
-    for key, values in sweep.items():
-        for value in values[1:]:
-            case = first | {key: value}
-            found |= dict.fromkeys(_blame(new, case, key) for new in validate(case) if new not in known)
-    if not found and product:
-        for combination in itertools.product(*sweep.values()):
-            case = dict(zip(sweep, combination, strict=True))
-            found |= dict.fromkeys(_blame(problem, case, varied) for problem in validate(case))
-    return found
-
-
-def _blame(problem: Problem, case: dict[str, object], varied: str) -> Blame:
-    """Return the swept key and value a case's problem comes from, the message, and the keys it rests on."""
-    culprit = next((name for name in (problem.key, *problem.others) if name in case), varied)
-    message = problem.message if culprit == problem.key else f"with {shown(case[culprit])}, {problem}"
-    return culprit, case[culprit], message, (problem.key, *problem.others)

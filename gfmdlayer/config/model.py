@@ -9,12 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Self
+from textwrap import indent
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gfmdlayer.config import checks, punches, sections, text
+from gfmdlayer.config import checks, punches, sections, sweep_checks, sweeps, text
 from gfmdlayer.config import output as outputs
 from gfmdlayer.config.problems import ConfigError, InconsistentError, Location, Problem, problems_of
 from gfmdlayer.config.sections import Section
@@ -29,9 +31,9 @@ class Config(Section):
         Names the folder of the results.
     grid, layer, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
-    sweep : dict of str to list
-        Dotted key -> its values; the cases are their product in the order of the keys. A configuration with
-        a sweep is sound when its cases are: its own value of a swept key is not run.
+    sweep : dict
+        Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
+        with a sweep is sound when its cases are: its own value of a swept key is not run.
     """
 
     name: sections.Name
@@ -43,14 +45,14 @@ class Config(Section):
     time: sections.Time = Field(default_factory=sections.Time)
     solver: sections.Solver = Field(default_factory=sections.Solver)
     output: outputs.Output = Field(default_factory=outputs.Output)
-    sweep: dict[str, list[Any]] = Field(default_factory=dict)
+    sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
         if self.sweep:
             given = self._given()
-            found = checks.sweep_conflicts(
-                self, leaves(self), lambda values: problems(assigned(given, values))
+            found = sweep_checks.conflicts(
+                self, sweepable(self), lambda values: problems(assigned(given, values))
             )
         else:
             found = checks.conflicts(self)
@@ -81,19 +83,39 @@ class Config(Section):
 
         A default that follows from a swept key of its section differs between the cases and is left out.
         """
+        if not self.sweep:
+            return _yaml(self)
         data = self.model_dump(exclude_none=True)
-        for head in {key.partition(".")[0] for key in self.sweep}:
+        for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
             section = getattr(self, head)
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
                     data[head].pop(key, None)
-        if not self.sweep:
-            del data["sweep"]
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:
         """Return what was given, without defaults: these follow from the other values."""
         return self.model_dump(exclude_unset=True, exclude={"sweep"})
+
+
+def _yaml(section: Section) -> str:
+    """Return a section's keys as YAML; what was written last is kept, as the cases of a sweep share most."""
+    parts = []
+    for key, plain in section.model_dump(exclude_none=True, exclude={"sweep"}).items():
+        value = getattr(section, key)
+        if isinstance(value, Section) and plain:
+            parts.append(f"{key}:\n" + indent(_kept_yaml(value), "  "))
+        else:
+            parts.append(_entry(key, plain) if isinstance(plain, str | float) else text.written({key: plain}))
+    return "".join(parts)
+
+
+@lru_cache(maxsize=256, typed=True)
+def _entry(key: str, value: str | float) -> str:
+    return text.written({key: value})
+
+
+_kept_yaml = lru_cache(maxsize=256)(_yaml)
 
 
 def digest(config: Config) -> str:
@@ -129,6 +151,13 @@ def leaves(section: Section, prefix: str = "") -> list[str]:
     return found
 
 
+def sweepable(config: Config) -> list[str]:
+    """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
+    kinds = [".".join(map(str, at)) for at, tag in _TAGS.items() if tag]
+    keys = leaves(config)
+    return keys + [kind for kind in kinds if any(key.startswith(f"{kind}.") for key in keys)]
+
+
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
     """Return nested `data` with values at dotted keys; `data` itself is left as it is."""
     result = dict(data)
@@ -151,7 +180,13 @@ def problems(data: Mapping[str, Any]) -> list[Problem]:
 def explained(error: ValidationError) -> list[Problem]:
     """Return what pydantic found wrong with a configuration, as problems."""
     known = ["name", *leaves(Config(name="defaults"))]
-    return problems_of(error, _SECTIONS, _TAGS, known)
+    return problems_of(error, _section, _TAGS, known)
+
+
+def _section(location: Location) -> type[Section] | None:
+    if location[0:1] == ("sweep",):
+        return (sweeps.Sweep, sweeps.Samples, sweeps.Range)[len(location) - 1]
+    return _SECTIONS.get(location)
 
 
 def _by_shape(members: Iterable[type[Section]]) -> dict[str, type[Section]]:

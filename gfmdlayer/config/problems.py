@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, GetCoreSchemaHandler, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 Location = tuple[str | int, ...]
@@ -164,7 +165,7 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
 
 def problems_of(
     error: ValidationError,
-    sections: Mapping[Location, type[BaseModel]],
+    section_at: Callable[[Location], type[BaseModel] | None],
     tags: Mapping[Location, str],
     everywhere: Iterable[str],
 ) -> list[Problem]:
@@ -174,8 +175,8 @@ def problems_of(
     ----------
     error : pydantic.ValidationError
         Raised by the configuration's model.
-    sections : mapping
-        Location as pydantic spells it (with the tag of a union, without indices) -> the model there.
+    section_at : callable
+        From a location as pydantic spells it (with the tag of a union, without indices) to the model there.
     tags : mapping
         Location of a union -> the key that chooses its member; pydantic puts the member's name behind these.
     everywhere : iterable of str
@@ -185,7 +186,7 @@ def problems_of(
     for entry in error.errors(include_url=False):
         raw = entry["loc"]
         location = _untagged(raw, tags)
-        section = sections.get(tuple(part for part in raw[:-1] if isinstance(part, str)))
+        section = section_at(tuple(part for part in raw[:-1] if isinstance(part, str)))
         cause = entry.get("ctx", {}).get("error")
         if entry["type"] == "default_factory_not_called":
             continue  # the value that it would follow from is reported itself
@@ -194,7 +195,7 @@ def problems_of(
                 Problem((*location, *p.location), p.message, p.others, p.at_key) for p in cause.problems
             ]
         elif entry["type"] == "extra_forbidden" and section is not None:
-            message = unknown_key(str(raw[-1]), section.model_fields, everywhere)
+            message = unknown_key(str(raw[-1]), _fields(section), everywhere)
             found.append(Problem(location, message, at_key=True))
         elif entry["type"] == "missing" and section is not None:
             found.append(Problem(location, f"missing; must be {_allowed(section, str(raw[-1]))}"))
@@ -227,8 +228,13 @@ def _untagged(location: Location, tags: Iterable[Location]) -> Location:
     return location
 
 
+def _fields(section: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a section by the names that users write."""
+    return {field.alias or name: field for name, field in section.model_fields.items()}
+
+
 def _allowed(section: type[BaseModel], key: str) -> str:
-    field = section.model_fields[key]
+    field = _fields(section)[key]
     return next(
         (note.what for note in field.metadata if isinstance(note, MustBe)), field.description or "given"
     )

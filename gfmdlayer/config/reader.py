@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from gfmdlayer.config import text
 from gfmdlayer.config.model import Config, explained, problems
 from gfmdlayer.config.problems import ConfigError, Location, Problem
+from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
 
 FILES = ("punch.file", "trajectory.file", "trajectory.velocity_file")
@@ -74,8 +75,7 @@ def load(
         raise _error(document.problems + [told for told in found if told[0] not in unreadable]) from None
     if not document.problems and inspect is not None:
         for key, message in inspect(config):
-            location = ("sweep", key) if key in config.sweep else tuple(key.split("."))
-            problem = Problem(location, message)
+            problem = Problem(location_of(config.sweep, key), message)
             document.problems.append((_place(document, problem), str(problem)))
     if document.problems:
         raise _error(document.problems)
@@ -111,7 +111,8 @@ def _override(document: Document, override: str) -> None:
     key, equals, value = override.partition("=")
     location: tuple[str, ...] = tuple(key.strip().split("."))
     if location[0] == "sweep" and len(location) > 1:
-        location = ("sweep", ".".join(location[1:]))
+        whole = 2 if location[1] in LISTS else 1  # what follows is one key, dots and all
+        location = (*location[:whole], ".".join(location[whole:])) if location[whole:] else location
     if not equals or not all(location):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
         return
@@ -147,8 +148,17 @@ def _resolve(data: dict[str, Any], folder: Path) -> None:
         head, _, tail = name.partition(".")
         if isinstance(section := data.get(head), dict) and tail in section:
             section[tail] = absolute(section[tail])
-        if isinstance(sweep := data.get("sweep"), dict) and isinstance(values := sweep.get(name), list):
-            sweep[name] = [absolute(value) for value in values]
+        sweep = data.get("sweep")
+        for swept in (sweep, sweep.get("zip")) if isinstance(sweep, dict) else ():
+            if isinstance(swept, dict) and isinstance(values := swept.get(name), list):
+                swept[name] = [absolute(value) for value in values]
+            if isinstance(swept, dict) and isinstance(values := swept.get(head), list):
+                swept[head] = [
+                    value | {tail: absolute(value[tail])}
+                    if isinstance(value, dict) and tail in value
+                    else value
+                    for value in values
+                ]
 
 
 def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
@@ -158,7 +168,7 @@ def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]
     aside: list[str] = []
     while new:
         removed = [_set_aside(rest, problem.location) for problem in new]
-        aside += removed + [key.removeprefix("sweep.") for key in removed]
+        aside += removed + [unswept(key) for key in removed]
         new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
         found = found + new
     return [_as_written(data, problem) for problem in found]
@@ -179,7 +189,7 @@ def _set_aside(data: Any, location: Location) -> str:
 
 
 def _rests_on(problem: Problem, key: str) -> bool:
-    own = problem.key if problem.at_key else problem.key.removeprefix("sweep.")
+    own = problem.key if problem.at_key else unswept(problem.key)
     names = (own, problem.key, *problem.others)
     return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
 

@@ -6,47 +6,36 @@
 A case that ended when it was steady goes on with its last row.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
-shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases has one dimension,
-`case`, with the swept values along it. Numbers are numbers; names, and values that are lists, are text.
+shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
+one dimension, `case`, with the swept values along it. Numbers are numbers; names, and values that are lists
+or mappings, are text.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.results import scan
 from gfmdlayer.results.netcdf import add_values, add_variable, new_file
-from gfmdlayer.results.reader import attributes as attributes_of
-from gfmdlayer.results.reader import is_complete, sweep_path
+from gfmdlayer.results.reader import sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
+from gfmdlayer.results.survey import LOST, CaseRecord, Survey, rows_at
+
+__all__ = ["CaseRecord", "collect", "dimension_names"]
 
 OBSERVABLES = ("contact_area", "mean_pressure")
 OF_MOTION = ("friction", "tangential_force")
-
-# Rows of two cases are at the same time if they differ by less than this part of the whole; steps that are
-# counted up in different ways differ by rounding.
-SAME_TIME = 1e-9
-
-_OF_ONE_CASE = {
-    *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
-}
-
-
-@dataclass(frozen=True)
-class CaseRecord:
-    """One case of a sweep: its number, file, swept values, and why it failed if it did."""
-
-    index: int
-    path: Path
-    values: Mapping[str, object]
-    failed: str | None = None
+CHUNK = 1 << 16  # values: half a megabyte, which fits the cache of HDF5
 
 
 @dataclass(frozen=True)
@@ -64,8 +53,9 @@ def collect(
     keys: Sequence[str],
     times: ArrayLike | None = None,
     attributes: Mapping[str, str | int | float] | None = None,
+    listed: bool = False,
 ) -> Path:
-    """Write DIR/sweep.h5 from the files of the cases, one at a time.
+    """Write DIR/sweep.h5 from the files of the cases, in a memory that does not grow with their number.
 
     Parameters
     ----------
@@ -80,6 +70,8 @@ def collect(
         common to all cases. Where all cases have the same steps, these are the times.
     attributes
         Attributes of the file, beside those that all cases share (name, tau, versions).
+    listed
+        Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
 
     Returns
     -------
@@ -93,21 +85,18 @@ def collect(
         If the file cannot be written, or a complete case lacks one of `times`.
     """
     path = sweep_path(directory)
-    failed = _failures(records)
-    done = [record for record in records if record.index not in failed]
-    layout = _layout(records, keys)
-    rows = _common_times([record.path for record in done], times)
-    shared = _shared_attributes(record.path for record in done)
+    survey = Survey(records)
+    rows = survey.common if times is None or survey.same_steps else np.asarray(times, dtype=float)
+    layout = _layout(records, keys, listed)
     with new_file(path) as file:
-        h5 = file.h5
-        moves = any(_moves(record.path) for record in done)
-        _add_coordinates(h5, layout, records, rows, OBSERVABLES + OF_MOTION * moves)
-        for record, place in zip(records, layout.places, strict=True):
-            if record.index not in failed:
-                _copy_rows(record.path, h5, place, rows)
-                file.check()
-        h5.attrs.update({**shared, **(attributes or {}), "swept": " ".join(keys), "complete": 1})
-        h5.attrs["failed"] = "\n".join(f"{index:04d}: {reason}" for index, reason in failed.items())
+        observables = OBSERVABLES + OF_MOTION * survey.moves
+        _add_coordinates(file.begin(), layout, records, rows, observables)
+        for block in _blocks(layout.places, rows.size):
+            curves = _curves(records[block], survey.failed, rows, observables)
+            _write(file.h5, layout.places[block], dict(zip(observables, curves, strict=True)))
+            file.check()
+        own = {"swept": " ".join(keys), "complete": 1, "failed": survey.report()}
+        file.h5.attrs.update({**survey.shared, **(attributes or {}), **own})
     return path
 
 
@@ -118,20 +107,14 @@ def dimension_names(keys: Sequence[str]) -> list[str]:
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
-def _failures(records: Sequence[CaseRecord]) -> dict[int, str]:
-    failed = {record.index: record.failed for record in records if record.failed is not None}
-    missing = [record for record in records if record.failed is None and not is_complete(record.path)]
-    lost = {record.index: "no complete result file" for record in missing}
-    return dict(sorted({**failed, **lost}.items()))
-
-
-def _layout(records: Sequence[CaseRecord], keys: Sequence[str]) -> _Layout:
+def _layout(records: Sequence[CaseRecord], keys: Sequence[str], listed: bool) -> _Layout:
     names = dimension_names(keys)
     values = {key: [record.values[key] for record in records] for key in keys}
-    columns = [_labels(values[key]) for key in keys]
+    columns = [_labels(key, values[key]) for key in keys]
     axes = [list(dict.fromkeys(column)) for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
-    if len(set(cells)) == len(records) == math.prod(len(axis) for axis in axes):
+    is_product = len(set(cells)) == len(records) == math.prod(len(axis) for axis in axes)
+    if is_product and not listed:
         labels = {
             name: (key, name, np.array(axis)) for name, key, axis in zip(names, keys, axes, strict=True)
         }
@@ -142,64 +125,13 @@ def _layout(records: Sequence[CaseRecord], keys: Sequence[str]) -> _Layout:
     return _Layout({"case": len(records)}, along, [(place,) for place in range(len(records))])
 
 
-def _labels(values: Sequence[object]) -> list[int] | list[float] | list[str]:
+def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
     """Labels of one kind for the values of one key: numbers if all are numbers, else text."""
     if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
         return [int(str(value)) for value in values]
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return [float(str(value)) for value in values]
-    return [_text(value) for value in values]
-
-
-def _text(value: object) -> str:
-    """Write a value as a label: fire, 64x128 for a pair of numbers, model=zener, G0=1.0 for a mapping."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key}={_text(entry)}" for key, entry in value.items())
-    if isinstance(value, list | tuple):
-        is_pair = len(value) == 2 and all(isinstance(entry, int | float) for entry in value)
-        return "x".join(map(str, value)) if is_pair else f"[{', '.join(map(_text, value))}]"
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _common_times(paths: Sequence[Path], times: ArrayLike | None) -> NDArray[np.float64]:
-    common: NDArray[np.float64] | None = None
-    same_steps = goes_on = True
-    for path in paths:
-        own, settled = _times(path)
-        if common is None or np.array_equal(own, common):
-            common = own
-        else:
-            same_steps = False
-            later = own[own > common.max(initial=0.0)] if goes_on else own[:0]
-            common = np.append(common[_rows_at(own, common, goes_on=settled) >= 0], later)
-        goes_on &= settled
-    if times is not None and not same_steps:
-        return np.asarray(times, dtype=float)
-    return np.empty(0) if common is None else common
-
-
-def _times(path: Path) -> tuple[NDArray[np.float64], bool]:
-    """Read the times of a case, and whether it ended because nothing changed any more."""
-    with h5py.File(path, locking="best-effort") as h5:
-        return np.asarray(h5["time"][()], dtype=float), bool(h5.attrs.get("settled", 0))
-
-
-def _rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, goes_on: bool) -> NDArray[np.int64]:
-    """Find the rows that are at the wanted times; -1 where there is none, and no last row that goes on."""
-    if times.size == 0 or wanted.size == 0:
-        return np.full(wanted.shape, -1)
-    tolerance = SAME_TIME * max(abs(times[-1]), abs(wanted[-1]))
-    after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
-    found = (np.abs(times[after] - wanted) <= tolerance) | (goes_on & (wanted > times[-1]))
-    return np.where(found, after, -1)
-
-
-def _shared_attributes(paths: Iterable[Path]) -> dict[str, object]:
-    shared: dict[str, object] | None = None
-    for path in paths:
-        own = {name: value for name, value in attributes_of(path).items() if name not in _OF_ONE_CASE}
-        shared = own if shared is None else {n: v for n, v in shared.items() if n in own and own[n] == v}
-    return shared or {}
+    return [as_label(key, value) for value in values]
 
 
 def _add_coordinates(
@@ -222,9 +154,16 @@ def _add_coordinates(
         add_values(h5, "case", dimensions, numbers)
     beside = " ".join(sorted({"case", *layout.labels} - set(dimensions)))
     for name in observables:
-        dataset = add_variable(
-            h5, name, (*dimensions, "time"), shape=(*numbers.shape, rows.size), fillvalue=np.nan
-        )
+        shape = (*numbers.shape, rows.size)
+        chunks = _chunks(shape)
+        packed: dict[str, Any] = {
+            "chunks": chunks,
+            "compression": "gzip",
+            "compression_opts": 1,
+            "shuffle": True,
+        }
+        options = packed if chunks else {}
+        dataset = add_variable(h5, name, (*dimensions, "time"), shape=shape, fillvalue=np.nan, **options)
         dataset.attrs["coordinates"] = beside
 
 
@@ -238,17 +177,63 @@ def _add_labels(h5: h5py.File, name: str, dimension: str, key: str, labels: NDAr
     add_variable(h5, name, (dimension,), described, **data)
 
 
-def _moves(path: Path) -> bool:
-    with h5py.File(path, locking="best-effort") as case:
-        return "friction" in case
+def _chunks(shape: tuple[int, ...]) -> tuple[int, ...] | None:
+    """Whole curves of neighbouring cases, up to CHUNK values together."""
+    if 0 in shape or not shape:
+        return None
+    chunks: list[int] = []
+    for length in reversed(shape):
+        chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
+    return tuple(chunks)
 
 
-def _copy_rows(path: Path, h5: h5py.File, place: tuple[int, ...], times: NDArray[np.float64]) -> None:
-    own, settled = _times(path)
-    rows = _rows_at(own, times, goes_on=settled)
-    if np.any(rows < 0):
-        raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
-    with h5py.File(path, locking="best-effort") as case:
-        for name in (*OBSERVABLES, *OF_MOTION):
-            if name in h5:
-                h5[name][place] = case[name][()][rows] if name in case else np.nan
+def _blocks(places: Sequence[tuple[int, ...]], rows: int) -> Iterator[slice]:
+    """Yield runs of cases that are neighbours along the last swept dimension, not too many to be held."""
+    begin, most = 0, max(1, CHUNK // max(1, rows))
+    for i in range(1, len(places) + 1):
+        ended = i == len(places) or i - begin == most or not places[i]
+        if ended or places[i] != (*places[begin][:-1], places[begin][-1] + i - begin):
+            yield slice(begin, i)
+            begin = i
+
+
+def _curves(
+    records: Sequence[CaseRecord],
+    failed: dict[int, str],
+    times: NDArray[np.float64],
+    observables: Sequence[str],
+) -> NDArray[np.float64]:
+    """Read the curves of neighbours; one that turns out to be damaged joins the failed ones."""
+    curves = np.full((len(observables), len(records), times.size), np.nan)
+    for i, record in enumerate(records):
+        if record.index not in failed:
+            try:
+                _read(record.path, times, observables, curves[:, i])
+            except ResultsError:
+                raise
+            except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
+                curves[:, i], failed[record.index] = np.nan, LOST
+    return curves
+
+
+def _read(
+    path: Path, times: NDArray[np.float64], observables: Sequence[str], curves: NDArray[np.float64]
+) -> None:
+    with scan.opened(path) as case:
+        rows = rows_at(scan.column(case, "time"), times, goes_on=bool(scan.attribute(case, "settled")))
+        if np.any(rows < 0):
+            raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
+        for curve, name in zip(curves, observables, strict=True):
+            if scan.holds(case, name):
+                curve[:] = scan.column(case, name)[rows]
+
+
+def _write(
+    h5: h5py.File, places: Sequence[tuple[int, ...]], curves: Mapping[str, NDArray[np.float64]]
+) -> None:
+    for name, values in curves.items():
+        if places[0]:
+            *others, first = places[0]
+            h5[name][(*others, slice(first, first + len(places)))] = values
+        else:
+            h5[name][()] = values[0]

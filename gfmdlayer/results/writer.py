@@ -4,12 +4,8 @@
     snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
 
 Rows are gathered in memory and appended when ROWS_HELD of them wait or FLUSH_INTERVAL has passed, and a
-snapshot is written as it comes, in blocks of at most BLOCK points, so that a run of any length needs the same
-memory. Chunks carry checksums: what a disk has spoiled is refused when it is read.
-
-Snapshots are shuffled by byte and compressed by gzip at level 1. Measured on a rough contact of 2^22 points,
-the pressure, mostly zeros, shrinks to 10 % in 34 ns a point, the gap to 74 % and the displacement to 82 % in
-142 ns, of which the disk alone takes 13; level 4 gains 1 % more.
+snapshot is written as it comes, so that a run of any length needs the same memory. Chunks carry checksums:
+what a disk has spoiled is refused when it is read.
 """
 
 from __future__ import annotations
@@ -20,21 +16,19 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-import h5py
 import numpy as np
+from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.results.netcdf import NewFile, add_values, add_variable, new_file
+from gfmdlayer.results.blank import SNAPSHOTS, add_field, blank
+from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
-from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import variable
+from gfmdlayer.results.provenance import now
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
-BLOCK = 2**20  # points of a snapshot in a chunk
-PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 
 Attribute = str | int | float
 
@@ -85,26 +79,16 @@ class CaseWriter:
         self.noted: dict[str, Attribute] = {}
         self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
-        self._growing: dict[str, h5py.Dataset] = {}
+        self._growing: dict[str, h5d.DatasetID] = {}
         self._held: list[tuple[float | NDArray[np.float64], ...]] = []
         self._rows = 0
         self._last_time = -math.inf
 
     def __enter__(self) -> Self:
         self._begun = self._flushed = time.monotonic()
+        self._started = now()
         with ExitStack() as stack:
             self._file: NewFile = stack.enter_context(new_file(self.path))
-            self._h5 = self._file.h5
-            self._h5.attrs.update({**provenance(), "started": now(), **self._attributes})
-            self._add_series("time", "time")
-            for name, values in self._coordinates.items():
-                add_values(self._h5, name, (name,), values)
-            for name, values in self._edges.items():
-                add_values(self._h5, f"{name}_bin", (f"{name}_bin",), values[:-1])
-                add_values(self._h5, f"{name}_bin_end", (f"{name}_bin",), values[1:])
-            self._add_series("snapshot", "snapshot")
-            self._add_field("displacement")
-            self._add_field("pressure")
             self._stack = stack.pop_all()
         return self
 
@@ -142,7 +126,7 @@ class CaseWriter:
             For columns other than the first row's, no time, or a time that does not grow.
         """
         if self._columns is None:
-            self._begin_columns(tuple(values))
+            self._begin(tuple(values))
         elif values.keys() != set(self._columns):
             raise ValueError(
                 f"{self.path}: row has columns {sorted(values)}, the first had {sorted(self._columns)}"
@@ -174,73 +158,47 @@ class CaseWriter:
         ValueError
             For arrays of another shape, or a gap that some snapshots lack.
         """
+        if self._columns is None:
+            self._begin(("time",))
         fields = {"displacement": displacement, "pressure": pressure}
         if gap is not None:
             fields["gap"] = gap
-            if not len(self._growing["snapshot"]):
-                self._add_field("gap")
+            if not self._growing["snapshot"].shape[0]:
+                self._growing["gap"] = add_field(self._h5, "gap", tuple(self._coordinates)).id
         if ("gap" in fields) != ("gap" in self._growing):
             raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
         for name, field in fields.items():
             if np.shape(field) != self._shape:
                 raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
         for name, values in {"snapshot": time, **fields}.items():
-            dataset = self._growing[name]
-            dataset.resize(len(dataset) + 1, axis=0)
-            dataset[-1] = values
+            append(self._growing[name], np.asarray(values)[np.newaxis])
         self._file.check()
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that only the run can tell."""
         self.noted.update(attributes)
 
-    def _begin_columns(self, names: tuple[str, ...]) -> None:
-        if "time" not in names:
+    def _begin(self, columns: tuple[str, ...]) -> None:
+        """Begin the file, now that it is known what it will hold."""
+        if "time" not in columns:
             raise ValueError(f"{self.path}: a row needs its time")
-        for name in names:
-            variable(name)
-        for name in names:
-            if name != "time":
-                self._add_series(name, "time")
-        self._columns = names
-
-    def _add_series(self, name: str, dimension: str) -> None:
-        along = variable(name).along
-        places = () if along is None else (len(self._h5[along]),)
-        self._growing[name] = add_variable(
-            self._h5,
-            name,
-            (dimension,) if along is None else (dimension, along),
-            shape=(0, *places),
-            maxshape=(None, *places),
-            chunks=(ROWS_HELD, *places),
-            **({"fletcher32": True} if along is None else PACKED),
-        )
-        if along is not None:
-            self._growing[name].attrs["coordinates"] = f"{along}_end"
-
-    def _add_field(self, name: str) -> None:
-        blocks = -(-math.prod(self._shape) // BLOCK)
-        rows = -(-self._shape[0] // blocks)
-        self._growing[name] = add_variable(
-            self._h5,
-            name,
-            ("snapshot", *self._coordinates),
-            shape=(0, *self._shape),
-            maxshape=(None, *self._shape),
-            chunks=(1, rows, *self._shape[1:]),
-            **PACKED,
-        )
+        bins = {f"{name}_bin": edges[:-1] for name, edges in self._edges.items()}
+        ends = {f"{name}_bin_end": edges[1:] for name, edges in self._edges.items()}
+        lengths = [tuple((name, len(v)) for name, v in known.items()) for known in (self._coordinates, bins)]
+        self._h5 = self._file.begin(blank(columns, *lengths))
+        for name, values in (self._coordinates | bins | ends).items():
+            self._h5[name][...] = values
+        growing = dict.fromkeys((*columns, *SNAPSHOTS))
+        self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
+        set_attributes(self._h5, {"started": self._started, **self._attributes})
+        self._columns = columns
 
     def _append_rows(self) -> None:
         if not self._held:
             return
-        end = self._rows + len(self._held)
         for name, values in zip(self._columns or (), zip(*self._held, strict=True), strict=True):
-            dataset = self._growing[name]
-            dataset.resize(end, axis=0)
-            dataset[self._rows :] = np.asarray(values, dtype=dataset.dtype)
-        self._rows = end
+            append(self._growing[name], values)
+        self._rows += len(self._held)
         self._held.clear()
         self._file.check()
 
@@ -249,9 +207,12 @@ class CaseWriter:
         self._flushed = time.monotonic()
 
     def _finish(self) -> None:
+        if self._columns is None:
+            self._begin(("time",))
         self._append_rows()
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
-        counts = {"rows": self._rows, "snapshots": len(self._growing["snapshot"])}
-        self._h5.attrs.update({**ended, **self._attributes, **self.noted, **counts, "complete": 1})
+        counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
+        untold = {name: value for name, value in ended.items() if name not in self._attributes}
+        set_attributes(self._h5, {**untold, **self.noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

@@ -17,7 +17,7 @@ from gfmdlayer.running.folder import Folder, write_whole
 from gfmdlayer.running.interrupts import Stopped
 from gfmdlayer.running.schedule import Outcome
 from gfmdlayer.running.status_file import StatusFile
-from gfmdlayer.sweep import Case, remarks
+from gfmdlayer.sweep import Case, label, remarks
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -88,7 +88,7 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
 
     config, hashed = case.config, digest(case.config)
     with (
-        StatusFile(folder, case.index, config.time.end) as status,
+        StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
         closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)

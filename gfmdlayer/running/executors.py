@@ -30,6 +30,7 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 # Variables that show a launcher without saying a size.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 RENEWALS = 100  # of a pool of processes; what kills its workers again and again will not stop
+SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 others wait a tenth of the time where cases are tiny
 
 
 class LauncherError(Exception):
@@ -253,6 +254,8 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[Team | Non
     executor: Any
     with MPICommExecutor(comm, root=0) as executor:
         if executor is not None:
+            # The thread that serves the others has to wait for this one to let go of the interpreter.
+            sys.setswitchinterval(SWITCH_INTERVAL)
             try:
                 warnings = (*_warnings(members), *guards.several_mpi_libraries())
                 yield Team(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)

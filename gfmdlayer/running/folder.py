@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, load, text
+from gfmdlayer.config import Config, ConfigError, load, sweeps, text
 from gfmdlayer.running import locks
 from gfmdlayer.running.shards import Shard
 
@@ -92,7 +92,7 @@ class Folder:
         FolderError
             Where this is not a results folder, or its configuration cannot be read.
         """
-        self._must_hold_results()
+        self.must_hold_results()
         try:
             return load(self.config)
         except ConfigError as error:
@@ -107,13 +107,20 @@ class Folder:
         FolderError
             Where this is not a results folder, or its configuration cannot be read.
         """
-        self._must_hold_results()
+        self.must_hold_results()
         document = text.read(self.config.read_text(encoding="utf-8"), str(self.config))
         if not isinstance(document.data, dict):
             raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
         return dict(document.data.get("sweep") or {})
 
-    def _must_hold_results(self) -> None:
+    def must_hold_results(self) -> None:
+        """Refuse what is not a results folder.
+
+        Raises
+        ------
+        FolderError
+            Where it is not one.
+        """
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
@@ -186,7 +193,7 @@ class Folder:
             self._remove_results()
         self._remove_remains(own)
         if not self.is_results():
-            write_whole(self.config, MARK + config.dump())
+            write_whole(self.config, f"{MARK}# Cases: {sweeps.count(config.sweep)}\n{config.dump()}")
         elif not restart:
             self._refuse_another(config)  # another shard may have come first
 

@@ -12,12 +12,14 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.running import CHECKPOINT_EVERY, guards, locks
 from gfmdlayer.running.cases import record_failure, run_case, warm_up
 from gfmdlayer.running.cost import estimate
 from gfmdlayer.running.cost_model import CostModel, finished
 from gfmdlayer.running.executors import Team
 from gfmdlayer.running.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
+from gfmdlayer.running.listing import numbers
 from gfmdlayer.running.reports import Report, Reporter
 from gfmdlayer.running.schedule import Outcome, Schedule
 from gfmdlayer.running.shards import Shard
@@ -58,6 +60,7 @@ def run_sweep(
     threads: int = 1,
     shard: Shard | None = None,
     checkpoint_every: float = CHECKPOINT_EVERY,
+    only_failed: bool = False,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
@@ -79,6 +82,8 @@ def run_sweep(
         Run these cases alone, while other runs may be at others; whoever ends last collects.
     checkpoint_every : float
         Seconds after which the state of a case is kept, from which a killed run goes on.
+    only_failed : bool
+        Run the cases that are on record as failed, and leave the others that are not complete.
 
     Returns
     -------
@@ -97,14 +102,18 @@ def run_sweep(
     folder = Folder(Path(directory), shard)
     every = cases(config)
     own = every if shard is None else shard.share(every)
-    numbers = frozenset(case.index for case in own)
-    with folder.claimed(config, restart, numbers):
-        todo = [case for case in own if not _is_done(case, folder)]
+    mine = frozenset(case.index for case in own)
+    with folder.claimed(config, restart, mine):
+        found = numbers(folder)
+        undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
+        todo = [case for case in undone if not only_failed or case.index in found["failed"]]
         _refuse_open_files(folder, todo)
         damaged = _set_damaged_aside(folder, todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
-        with Reporter(folder, numbers, len(own) - len(todo), report) as reporter:
-            reporter.note(_opening(len(own), len(todo), team, threads, shard))
+        outcomes |= {case.index: Outcome(case.index, "waiting") for case in undone}
+        complete = len(own) - len(undone)
+        with Reporter(folder, mine, complete, report) as reporter:
+            reporter.note(_opening(len(own), complete, len(todo), team, threads, shard))
             for line in (*_warnings(own, todo, team, folder), *damaged):
                 reporter.note(line)
             task = partial(
@@ -120,7 +129,7 @@ def run_sweep(
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
         collected = False
-        if all(outcome.state != "stopped" for outcome in outcomes.values()):
+        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
             collected = _collect(config, folder, every, outcomes)
     return Summary(tuple(outcomes.values()), collected)
 
@@ -169,10 +178,11 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _opening(total: int, todo: int, team: Team, threads: int, shard: Shard | None) -> str:
+def _opening(total: int, complete: int, todo: int, team: Team, threads: int, shard: Shard | None) -> str:
     cases = "1 case" if total == 1 else f"{total} cases"
     part = "" if shard is None else f" in shard {shard}"
-    before = f", {total - todo} complete already" if todo < total else ""
+    before = f", {complete} complete already" if complete else ""
+    before += f", {todo} to be run" if complete + todo < total else ""
     each = "one thread" if threads == 1 else f"{threads} threads"
     return f"{cases}{part}{before}; {team.size} {team.kind}, {each} each"
 
@@ -191,7 +201,8 @@ def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: di
             CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
             for case in every
         ]
-        collect(folder.path, records, list(config.sweep))
+        keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
+        collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
     return True
 
 

@@ -34,7 +34,7 @@ class Outcome:
     index : int
         The case.
     state : str
-        complete, failed (tried again by the next run), or stopped (waiting for the next run).
+        complete, failed (tried again by the next run), stopped or waiting (left to the next run).
     reason : str
         Why it failed.
     seconds : float
@@ -44,7 +44,7 @@ class Outcome:
     """
 
     index: int
-    state: Literal["complete", "failed", "stopped"]
+    state: Literal["complete", "failed", "stopped", "waiting"]
     reason: str = ""
     seconds: float = 0.0
     remark: str = ""

@@ -63,6 +63,8 @@ class Effort:
         Time steps, of 0.005 tau each.
     repetitions : int
         Of each measured time; the median counts.
+    cases : int
+        Cases of a sweep.
     plot : Path, optional
         Where the section's figure goes, if it has one.
     """
@@ -70,6 +72,7 @@ class Effort:
     points: tuple[int, ...]
     steps: int = 400
     repetitions: int = 5
+    cases: int = 1
     plot: Path | None = None
 
 

@@ -1,0 +1,212 @@
+"""Checks of a sweep: its keys, its values, and the cases that they make."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.config import checks
+from gfmdlayer.config.problems import Location, Problem, shown, unknown_key
+from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
+
+if TYPE_CHECKING:
+    from gfmdlayer.config.model import Config
+
+MAX_CASES = 1_000_000
+MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
+
+Validate = Callable[[Row], list[Problem]]
+
+
+def conflicts(config: Config, keys: Sequence[str], validate: Validate) -> Iterator[Problem]:
+    """Yield what is wrong with a sweep.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration whose `sweep` is looked at.
+    keys : sequence of str
+        Dotted keys that can be swept.
+    validate : callable
+        Dotted key -> value, to the problems of the case made with these values.
+    """
+    misplaced = {problem.location: problem for problem in _keys(config.sweep, keys)}
+    wrong = misplaced | {p.location: p for p in _lists(config.sweep) if p.location not in misplaced}
+    yield from wrong.values()
+    sound = _without(config.sweep, wrong.keys())
+    size = count(sound)
+    if size > MAX_CASES:
+        yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
+        return
+    factors = axes(sound)
+    refused = {problem.location: problem for axis in factors for problem in _values(axis)}
+    yield from refused.values()
+    axes_left = {
+        axis: places
+        for axis in factors
+        if (
+            places := [
+                i for i, row in enumerate(axis.rows) if refused.keys().isdisjoint(_places(axis, row, i))
+            ]
+        )
+    }
+    if axes_left:
+        everywhere = [p for p in checks.conflicts(config) if not any(_touched(p, axis) for axis in axes_left)]
+        yield from everywhere
+        yield from _Cases(
+            axes_left, lambda case: [p for p in validate(case) if p not in everywhere]
+        ).problems()
+
+
+def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
+    """Yield what is wrong with the keys: unknown ones, those swept twice, lists beside each other."""
+    lists = [name for name in LISTS if name in sweep]
+    for name in lists[1:]:
+        message = f"given beside {lists[0]}; must be one of {', '.join(LISTS)}"
+        yield Problem(("sweep", name), message, at_key=True)
+    for name in lists:
+        if not keys_of(sweep[name]):
+            values = "{from: ..., to: ...}" if name in SAMPLED else "a list of values"
+            yield Problem(("sweep", name), f"got no keys; must hold dotted keys, each with {values}")
+    seen: list[str] = []
+    listed = [(("sweep", name, key), key) for name in lists for key in keys_of(sweep[name])]
+    for location, key in [*listed, *((("sweep", key), key) for key in sweep if key not in LISTS)]:
+        same = next((other for other in seen if f"{key}.".startswith(f"{other}.")), None) or next(
+            (other for other in seen if other.startswith(f"{key}.")), None
+        )
+        if key not in keys:
+            yield Problem(location, _not_swept(key, keys, location), at_key=True)
+        elif same is not None:
+            yield Problem(location, f"swept beside {same}; must be given once", at_key=True)
+        else:
+            seen.append(key)
+
+
+def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
+    if key.partition(".")[0] in {"name", "sweep"}:
+        return "cannot be swept; allowed: a dotted key such as layer.thickness"
+    siblings = [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
+    lists = list(LISTS) if len(location) == 2 and "." not in key else []
+    return unknown_key(key, siblings or [*keys, *lists], keys)
+
+
+def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield what is wrong with the lists of values as such, and with the number of samples."""
+    zipped = {("sweep", "zip", key): values for key, values in sweep.get("zip", {}).items()}
+    for location, values in (zipped | {("sweep", k): v for k, v in sweep.items() if k not in LISTS}).items():
+        if not isinstance(values, list | tuple):
+            yield Problem(location, f"got {shown(values)}; must be a list")
+        elif not values:
+            yield Problem(location, "got an empty list; must be a list of at least one value")
+    lists = {
+        location[-1]: values for location, values in zipped.items() if isinstance(values, list) and values
+    }
+    first = next(iter(lists), "")
+    for key, values in lists.items():
+        if len(values) != len(lists[first]):
+            message = f"got {len(values)} values beside {len(lists[first])} of {first}; must be as many"
+            yield Problem(("sweep", "zip", key), message)
+    number = sweep.get("sobol", {}).get("samples", 1)
+    if number & (number - 1):
+        below = 1 << (number.bit_length() - 1)
+        message = (
+            f"got {number}; must be a power of two, such as {below} or {2 * below} (others lose balance)"
+        )
+        yield Problem(("sweep", "sobol", "samples"), message)
+
+
+def _without(sweep: Mapping[str, Any], wrong: Collection[Location]) -> dict[str, Any]:
+    """Return what is sound of a sweep; samples are so as a whole."""
+    sound: dict[str, Any] = {}
+    for name, given in sweep.items():
+        if ("sweep", name) in wrong:
+            continue
+        if name == "zip":
+            given = {key: values for key, values in given.items() if ("sweep", name, key) not in wrong}
+        if given and not (name in SAMPLED and any(location[:2] == ("sweep", name) for location in wrong)):
+            sound[name] = given
+    return sound
+
+
+def _values(axis: Axis) -> Iterator[Problem]:
+    """Yield what is wrong with values before any is tried."""
+    seen: dict[object, int] = {}
+    for i, row in enumerate(axis.rows):
+        nothing = [key for key, value in row.items() if value is None]
+        for key in nothing:
+            yield Problem(axis.place(key, i), "got nothing (null); must have a value")
+        before = seen.setdefault(_hashable(list(row.values())), i)
+        if before != i and not nothing and not axis.sampled:
+            key, value = next(iter(row.items()))
+            if axis.location == ("sweep",):
+                yield Problem(
+                    axis.place(key, i), f"got {shown(value)} a second time; must be different values"
+                )
+            else:
+                message = f"the combination at [{before}] a second time; must be different ones"
+                yield Problem(axis.place(key, i), message, (".".join(map(str, axis.location)),))
+
+
+def _hashable(value: object) -> object:
+    if isinstance(value, Mapping):
+        return tuple((key, _hashable(entry)) for key, entry in sorted(value.items()))
+    return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
+
+
+def _places(axis: Axis, row: Row, index: int) -> list[Location]:
+    return [axis.place(key, index) for key in row]
+
+
+def _touched(problem: Problem, axis: Axis) -> list[str]:
+    """Return the axis's keys that a problem rests on, the one that it is about first."""
+    names = (problem.key, *problem.others)
+    return [key for name in names for key in axis.rows[0] if f"{name}.".startswith(f"{key}.")]
+
+
+class _Cases:
+    """Tries the cases: first those that differ from the first in a single place, then their whole product.
+
+    All of them will run, so nothing is refused for a value of the configuration itself that no case has.
+    """
+
+    def __init__(self, places: Mapping[Axis, Sequence[int]], validate: Validate) -> None:
+        self._places, self._validate = places, validate
+        self._axes = list(places)
+
+    def problems(self) -> list[Problem]:
+        """Return what is wrong, told of the swept values that cases fail on; of drawn ones the first."""
+        first = tuple(places[0] for places in self._places.values())
+        known = self._validate(self._case(first))
+        found = [self._blame(problem, first, 0) for problem in known]
+        for n, places in enumerate(self._places.values()):
+            for i in places[1:]:
+                at = (*first[:n], i, *first[n + 1 :])
+                new = [problem for problem in self._validate(self._case(at)) if problem not in known]
+                found += [self._blame(problem, at, n) for problem in new]
+        if not found and math.prod(map(len, self._places.values())) <= MAX_CHECKED_PRODUCT:
+            for at in itertools.product(*self._places.values()):
+                found += [self._blame(problem, at, 0) for problem in self._validate(self._case(at))]
+        drawn = {axis.location for axis in self._axes if axis.sampled}
+        once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(found)}
+        return list(reversed(once.values()))
+
+    def _case(self, at: Sequence[int]) -> Row:
+        rows = [axis.rows[i] for axis, i in zip(self._axes, at, strict=True)]
+        return {key: value for row in rows for key, value in row.items()}
+
+    def _blame(self, problem: Problem, at: Sequence[int], varied: int) -> Problem:
+        """Tell a case's problem of the swept value that it comes from."""
+        touched = [(key, n) for n, axis in enumerate(self._axes) for key in _touched(problem, axis)]
+        names = (problem.key, *problem.others)
+        rank = {
+            key: next(i for i, name in enumerate(names) if f"{name}.".startswith(f"{key}."))
+            for key, _ in touched
+        }
+        key, n = min(
+            touched, key=lambda one: rank[one[0]], default=(next(iter(self._axes[varied].rows[0])), varied)
+        )
+        value = self._axes[n].rows[at[n]][key]
+        message = problem.message if key == problem.key else f"with {shown(value)}, {problem}"
+        return Problem(self._axes[n].place(key, at[n]), message, names)

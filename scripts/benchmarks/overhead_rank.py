@@ -1,0 +1,71 @@
+"""One rank of the run that `overhead` measures: `gfmdlayer run` with a clock around every solve.
+
+    [mpirun -n N] python overhead_rank.py CLOCK CONFIG DIR
+
+leaves CLOCK-PID.json: seconds spent in `Solver.solve`, the number of cases, and when the first of them began.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from gfmdlayer import simulation
+from gfmdlayer.cli import main
+
+
+@dataclass
+class Clock:
+    """What this rank has spent."""
+
+    solving: float = 0.0
+    cases: int = 0
+    begun: float = 0.0
+
+    def around_cases(self, simulate: Callable[..., None]) -> Callable[..., None]:
+        """Count the cases."""
+
+        def counted(*arguments: Any) -> None:
+            self.begun = self.begun or time.time()
+            self.cases += 1
+            simulate(*arguments)
+
+        return counted
+
+    def around_solves(self, make_solver: Callable[..., Any]) -> Callable[..., Any]:
+        """Add up the time of every solve."""
+
+        def make(*arguments: Any) -> Any:
+            solver = make_solver(*arguments)
+            solve = solver.solve
+
+            def timed(*problem: Any) -> Any:
+                begun = time.perf_counter()
+                solution = solve(*problem)
+                self.solving += time.perf_counter() - begun
+                return solution
+
+            solver.solve = timed
+            return solver
+
+        return make
+
+
+def run(clock_file: str, config: str, directory: str) -> int:
+    """Run the command line and write down what was spent."""
+    clock = Clock()
+    simulation.simulate = clock.around_cases(simulation.simulate)
+    simulation.make_solver = clock.around_solves(simulation.make_solver)
+    status = main(["run", config, "--out", directory])
+    Path(f"{clock_file}-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(run(*sys.argv[1:]))
