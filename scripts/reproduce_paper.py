@@ -7,7 +7,7 @@
 
 paper   configs/figureN.yaml: FIRE, and backward Euler with dt = 0.005 tau
 fast    the active set, and exponential steps as long as a tolerance of 1e-3 allows
-fine    the active set, and exponential steps of dt = 0.005 tau: of second order, it tells who of the two is off
+fine    the active set, and exponential steps of 0.005 tau: of second order, to tell which of the two is off
 
 Backward differences make of G(s) a G - (dt/2) s^2 G'(s), so for one relaxing modulus the paper's pressure is
 off by up to dt/(2 tau) of itself. That, and the tolerance for the fast method, is the bound on what the two
@@ -43,7 +43,11 @@ TOLERANCE = 1e-3
 TIMES = [*(i / 10 for i in (1, 2, 4, 6, 8, 10)), 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0]
 ASKED_PRESSURE, ASKED_RATIO = 1e-3, 300
 
-_SOLVER = "solver={method: active_set, tolerance: 1.0e-6}"
+
+def _active_set(tolerance: float) -> str:
+    return f"solver={{method: active_set, tolerance: {tolerance}}}"
+
+
 WAYS: dict[str, list[str]] = {
     "paper": [],
     "fast": [
@@ -51,9 +55,9 @@ WAYS: dict[str, list[str]] = {
         "time.step=adaptive",
         f"time.tolerance={TOLERANCE}",
         f"output.times={TIMES}",
-        _SOLVER,
+        _active_set(1e-5),
     ],
-    "fine": ["time.integrator=exponential", "time.step=0.005", _SOLVER],
+    "fine": ["time.integrator=exponential", "time.step=0.005", _active_set(1e-6)],
 }
 
 
@@ -99,8 +103,9 @@ class Comparison:
     def line(self) -> str:
         """Write a line of the table."""
         return (
-            f"| {self.title} | {self.difference:.2e} | {self.of_bound:.2f} | {self.own:.2e} | {self.fast:.2e} "
-            f"| {self.cells:g} | {self.pairs['paper']} | {self.pairs['fast']} | {self.ratio:.0f} |"
+            f"| {self.title} | {self.difference:.2e} | {self.of_bound:.2f} | {self.own:.2e} "
+            f"| {self.fast:.2e} | {self.cells:g} | {self.pairs['paper']} | {self.pairs['fast']} "
+            f"| {self.ratio:.0f} |"
         )
 
 
@@ -210,9 +215,9 @@ def _summary(found: list[Comparison]) -> list[str]:
         f"{ASKED_PRESSURE:g}), of which the paper's method {max(each.own for each in found):.2e} and the "
         f"fast one {max(each.fast for each in found):.2e}, against fine steps",
         f"largest difference in atilde: {cells:g} grid cells at each edge ({_verdict(cells <= 1)} 1)",
-        f"work: {total['paper']} FFT pairs ({total['paper'] / steps['paper']:.0f} a step) over {total['fast']} "
-        f"({total['fast'] / len(found):.0f} a case), {total['paper'] / total['fast']:.0f} times; "
-        f"{least:.0f} times at least ({_verdict(least >= ASKED_RATIO)} {ASKED_RATIO})",
+        f"work: {total['paper']} FFT pairs ({total['paper'] / steps['paper']:.0f} a step) over "
+        f"{total['fast']} ({total['fast'] / len(found):.0f} a case), {total['paper'] / total['fast']:.0f} "
+        f"times; {least:.0f} times at least ({_verdict(least >= ASKED_RATIO)} {ASKED_RATIO})",
         f"cases inside their bound: {sum(each.inside for each in found)} of {len(found)}",
     ]
 

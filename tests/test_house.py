@@ -13,7 +13,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 NUMERICS = {"solid", "contact", "stepping"}
 RUNNING = {"sweep", "running", "cli", "__main__"}
-ABOVE = {"simulation", "fitting"} | RUNNING  # what no room may know
+ABOVE = {"simulation", "fitting", "verification"} | RUNNING  # what no room may know
 FORBIDDEN = {
     "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
     "solid": {"contact", "stepping", "results"} | ABOVE,
@@ -21,12 +21,13 @@ FORBIDDEN = {
     "stepping": {"contact", "results"} | ABOVE,
     "results": NUMERICS | ABOVE,
     "fitting": {"contact", "stepping", "simulation"} | RUNNING,
+    "verification": RUNNING | {"fitting"},
     "inputs": {"solid", "stepping", "results"} | ABOVE,
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,
-    "simulation": {"results"} | RUNNING,
-    "sweep": NUMERICS | {"results", "simulation", "running", "cli", "__main__"},
-    "running": {"solid", "stepping", "cli", "__main__"},
+    "simulation": {"results", "verification"} | RUNNING,
+    "sweep": NUMERICS | {"results", "simulation", "verification", "running", "cli", "__main__"},
+    "running": {"solid", "stepping", "verification", "cli", "__main__"},
     "cli": NUMERICS | {"simulation", "__main__"},
     "__main__": (NUMERICS | ABOVE | {"results"}) - {"cli"},
     "__init__": set[str](),
