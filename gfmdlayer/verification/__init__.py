@@ -2,7 +2,7 @@
 
     rows.py          a row of the table, a curve of convergence, a check that finds them
     table.py         the checks, a line each; the place to add one
-    verify.py        carries them out, and writes the report
+    runner.py        carries them out, and writes the report
     report.py        the table in Markdown, and the plots
     theory.py        closed forms, and what the grid and the solver do to them
 
@@ -10,6 +10,6 @@ and a module for each kind of check. Each check is a function that yields what i
 what theory expects, and how the bounds follow.
 """
 
-from gfmdlayer.verification.verify import verify
+from gfmdlayer.verification.runner import verify
 
 __all__ = ["verify"]

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.contact.grid import Grid
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Zener
 from gfmdlayer.solid.relaxation import relaxation_spectrum
@@ -52,7 +51,7 @@ def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
     glassy stress.
     """
     n, steps, step = (2**10, 100, 0.005) if quick else (2**14, 400, 0.005)
-    q, material = Grid((n,), (1.0,)).wavenumbers, Zener(1.0, 10.0, 1.0)
+    q, material = np.asarray(2 * np.pi * np.arange(n // 2 + 1), dtype=np.float64), Zener(1.0, 10.0, 1.0)
     for d, bulk in ((0.05, 1.0), (0.05, np.inf), (np.inf, 1.0)):
         body = LayeredHalfspace(d, 0.5, bulk)
         paper = ThirdOrder(body, material, q, step)

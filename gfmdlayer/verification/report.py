@@ -56,7 +56,7 @@ def summary(found: Found) -> str:
     failed = sum(bool(finding.failure) for _, finding in found)
     missing = sorted({finding.missing for _, finding in found if finding.missing})
     parts = [f"{len(rows) - outside} of {len(rows)} rows inside their bounds"]
-    parts += [f"{failed} checks failed"] * bool(failed)
+    parts += [f"{failed} check{'s' * (failed > 1)} failed"] * bool(failed)
     parts += [f"not installed: {', '.join(missing)}"] * bool(missing)
     return "; ".join(parts)
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, run
 from gfmdlayer.verification.theory import (
@@ -106,6 +105,6 @@ def _compliance(time: float) -> float:
     return 1 - 0.9 * float(np.exp(-time / 10))
 
 
-def _creep(time: float) -> FloatArray:
+def _creep(time: float) -> float:
     """Integral of J from 0."""
-    return np.asarray(time + 9 * np.expm1(-time / 10))
+    return time + 9 * float(np.expm1(-time / 10))
