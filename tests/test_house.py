@@ -13,22 +13,23 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 NUMERICS = {"solid", "contact", "stepping"}
 RUNNING = {"sweep", "running", "cli", "__main__"}
-ABOVE = {"assembly", "simulation", "fitting"} | RUNNING  # what no room may know
+ABOVE = {"assembly", "simulation", "fitting", "verification"} | RUNNING  # what no room may know
 FORBIDDEN = {
     "config": NUMERICS | {"results", "inputs", "tables", "trajectory"} | ABOVE,
     "solid": {"contact", "stepping", "results"} | ABOVE,
     "contact": {"solid", "stepping", "results"} | ABOVE,
     "stepping": {"contact", "results"} | ABOVE,
     "results": NUMERICS | ABOVE,
-    "fitting": {"contact", "stepping", "assembly", "simulation"} | RUNNING,
+    "fitting": {"contact", "stepping", "assembly", "simulation", "verification"} | RUNNING,
+    "verification": RUNNING | {"fitting"},
     "inputs": {"solid", "stepping", "results"} | ABOVE,
     "tables": NUMERICS | {"results"} | ABOVE,
     "trajectory": NUMERICS | {"results"} | ABOVE,
     "resumable": NUMERICS | {"config", "results", "inputs", "tables", "trajectory"} | ABOVE,
-    "assembly": {"results", "simulation"} | RUNNING,
-    "simulation": {"solid", "results"} | RUNNING,
-    "sweep": NUMERICS | {"results", "assembly", "simulation", "running", "cli", "__main__"},
-    "running": {"solid", "stepping", "assembly", "cli", "__main__"},
+    "assembly": {"results", "simulation", "verification"} | RUNNING,
+    "simulation": {"solid", "results", "verification"} | RUNNING,
+    "sweep": NUMERICS | {"results", "assembly", "simulation", "verification", "running", "cli", "__main__"},
+    "running": {"solid", "stepping", "assembly", "verification", "cli", "__main__"},
     "cli": NUMERICS | {"assembly", "simulation", "__main__"},
     "__main__": (NUMERICS | ABOVE | {"results"}) - {"cli"},
     "__init__": set[str](),

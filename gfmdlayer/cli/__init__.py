@@ -13,10 +13,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import check, clean, fit_material, plot, run, status
+from gfmdlayer.cli import check, clean, fit_material, plot, run, status, verify
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
 
-VERBS = (run, check, status, clean, plot, fit_material)
+VERBS = (run, check, status, clean, plot, fit_material, verify)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,0 +1,160 @@
+"""Elastic contact, and single modes, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.optimize import brentq
+
+from gfmdlayer.solid.layer import LayeredHalfspace
+from gfmdlayer.solid.materials import Zener
+from gfmdlayer.solid.relaxation import relaxation_spectrum
+from gfmdlayer.verification.rows import Row
+from gfmdlayer.verification.runs import ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
+from gfmdlayer.verification.theory import (
+    DEPTH,
+    E_STAR,
+    JOHNSON,
+    PARABOLA,
+    RADIUS,
+    grid_error,
+    parabola_grid_error,
+    parabola_half_width,
+    parabola_pressure,
+    solver_error,
+)
+
+_TOLERANCE = 1e-8
+
+
+def periodic_parabola(quick: bool) -> Iterator[Row]:
+    """The paper's punch on an elastic halfspace.
+
+    pbar = -(E* L/(2 pi R)) ln cos psi and depth = (L^2/(4 pi^2 R)) [pi^2/6 - Li2(cos^2 psi)], psi = pi a/L.
+    Either edge of contact lies within a cell of its place. The mean pressure is off by the grid's error and
+    the solver's, whose bounds are derived above.
+    """
+    n = 2**10 if quick else 2**14
+    a = parabola_half_width(DEPTH)
+    p = float(parabola_pressure(a))
+    found = run(HALFSPACE, ONE_STEP, {"grid.points": n, "solver.tolerance": _TOLERANCE})
+    yield Row(f"atilde, n = {n}", 2 * a, found.last("contact_area"), 2 / n, PARABOLA)
+    off = parabola_grid_error(n, a) + solver_error(_TOLERANCE, 2 * a, p)
+    yield Row(f"ptilde, n = {n}", p / 2, found.last("mean_pressure"), off / 2, PARABOLA)
+
+
+def hertz_line(quick: bool) -> Iterator[Row]:
+    """Hertz's line contact, where the contact is small.
+
+    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the load P that was found. Neighbours a period away matter
+    by psi^2/6 of either, the next term of ln cos psi. The edge lies within a cell; so does the profile, which
+    at its top is flat: off by (D/a)^2 and less.
+    """
+    n, depth = (2**12, 1e-3) if quick else (2**14, 1e-3)
+    values = {"grid.points": n, "trajectory.depth": depth, "output.snapshots": [1.0]}
+    found = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
+    load = 2 * found.last("mean_pressure")
+    a = math.sqrt(4 * load * RADIUS / (np.pi * E_STAR))
+    neighbours, cells = (np.pi * a) ** 2 / 6, a * n
+    peak = E_STAR * a / (2 * RADIUS)
+    source = f"Hertz; {JOHNSON}, ch. 4"
+    half_width = found.last("contact_area") / 2
+    yield Row(f"half-width a/L, n = {n}", a, half_width, 1 / n + neighbours * a, source)
+    highest = float(found.snapshots[-1][2].max())
+    yield Row(f"p_max/G, n = {n}", peak, highest, peak * (2 * neighbours + 1 / cells**2), source)
+
+
+def hertz_sphere(quick: bool) -> Iterator[Row]:
+    """Hertz's contact under a sphere, in a periodic cell.
+
+    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the neighbours' displacement taken in:
+    F/(pi E*) (S_1 + S_3 r^2/4), S_1 and S_3 lattice sums of 1/r less its mean and of 1/r^3; what is left is
+    of the order (a/L)^5. The rim is known to half a cell: the area to 1/m of itself, m points in a radius.
+    Depth and peak are off by m^-2, as in a line contact, times a periodic function of the places of the rim,
+    which is below 0.06 and 0.15.
+    """
+    n, a = (64, 0.1) if quick else (512, 0.1)
+    lattice_1, lattice_3 = -3.90026492, 9.03362168
+    load = 4 * E_STAR * a**3 / 3
+    curvature = lattice_3 * load / (4 * np.pi * E_STAR)
+    R, m = 1 / (1 + 2 * curvature), a * n
+    a = (3 * load * R / (4 * E_STAR)) ** (1 / 3)
+    depth = a**2 / R + lattice_1 * load / (np.pi * E_STAR) + curvature * 2 * a**2 / 5
+    trajectory = {"trajectory": {"control": "load", "load": load}, "output.snapshots": [1.0]}
+    values = {"grid.points": [n, n], "punch.radius": 1.0, "solver.tolerance": _TOLERANCE}
+    found = run(HALFSPACE, ONE_STEP, trajectory, values)
+    source = f"Hertz; {JOHNSON}, ch. 4"
+    area, peak = np.pi * a**2, 1.5 * load / (np.pi * a**2)
+    yield Row(f"area of contact, {n} x {n}", area, found.last("contact_area"), area / m, source)
+    beyond = depth * a**5
+    yield Row(f"depth/L, {n} x {n}", depth, found.last("depth"), depth * 0.06 / m**2 + beyond, source)
+    highest = float(found.snapshots[-1][2].max())
+    yield Row(f"p_max/G, {n} x {n}", peak, highest, peak * (0.15 / m**2 + a**5), source)
+
+
+def westergaard(quick: bool) -> Iterator[Row]:
+    """A sinusoidal punch on an elastic halfspace.
+
+    pbar = (pi E* h/lambda) S, S = sin^2 psi; growing contact has the compliance of a flat strip, -(2
+    lambda/(pi E*)) ln sin psi, which adds up to depth = h S (1 - ln S). Bounds as for the parabola, with
+    d pbar/da = 2 pbar (pi/lambda) cot psi; p_max = 2 pbar/sin psi.
+    """
+    n, h = (1536 if quick else 3 * 2**12), 0.01
+    source = f"Westergaard (1939); {JOHNSON}, ch. 13"
+    for waves, part in ((1, 0.1), (1, 0.6), (3, 0.95)):
+        depth = part * h
+        S = float(brentq(lambda S, depth=depth: h * S * (1 - math.log(S)) - depth, 1e-12, 1, xtol=1e-15))
+        psi = math.asin(math.sqrt(S))
+        p = np.pi * E_STAR * h * waves * S
+        punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1 / waves}
+        values = {"punch": punch, "trajectory.depth": depth, "grid.points": n}
+        found = run(HALFSPACE, ONE_STEP, values, {"solver.tolerance": _TOLERANCE})
+        name = f"depth {part:g} h, {waves} wave{'s' * (waves > 1)}, n = {n}"
+        yield Row(f"atilde, {name}", 2 * psi / np.pi, found.last("contact_area"), 2 * waves / n, source)
+        steepness = 2 * p * np.pi * waves / math.tan(psi)
+        off = grid_error(n, psi / (np.pi * waves), steepness, waves)
+        off += _TOLERANCE * p * (2 / math.sin(psi) + 1.5)
+        yield Row(f"ptilde, {name}", p / 2, found.last("mean_pressure"), off / 2, source)
+
+
+def thin_layer(quick: bool) -> Iterator[Row]:
+    """A thin, bonded, incompressible layer on a rigid base.
+
+    Where d is small against a, the layer is squeezed like a lubricant: P = 2 G a^5/(15 R d^3) and depth =
+    a^2/(6 R). That theory fails near the edge, over a length of the order of the thickness: by a part d/a.
+    """
+    n, d = (2**12, 0.005) if quick else (2**14, 0.0025)
+    a = 0.2
+    load = 2 * a**5 / (15 * RADIUS * d**3)
+    trajectory = {"trajectory": {"control": "load", "load": load}}
+    found = run(ELASTIC, RIGID, ONE_STEP, trajectory, {"grid.points": n, "layer.thickness": d})
+    depth = a**2 / (6 * RADIUS)
+    yield Row(f"depth/L, d/L = {d:g}", depth, found.last("depth"), depth * d / a, f"{JOHNSON}, ch. 5.8")
+
+
+def full_contact(_quick: bool) -> Iterator[Row]:
+    """A wave pressed flat at once: the pressure relaxes as the sum of the layer's modes.
+
+    p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the wave's own q, K the paper's Eq. (11) at the modulus
+    G(s). The load comes on within 1e-9 tau, which is the bound, in parts of the glassy stiffness; the mode of
+    the displacement is that of the punch to rounding, and the exponential steps are exact.
+    """
+    n, h, times = 2**14, 0.01, [0.25, 1.0, 4.0]
+    punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1.0}
+    load = {"trajectory": {"control": "load", "load": 50.0, "ramp_time": 1e-9}}
+    steps = {"time.end": 4.0, "time.step": 0.25, "output.snapshots": times}
+    found = run({"punch": punch, "grid.points": n}, load, steps)
+    spectrum = relaxation_spectrum(LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0), [2 * np.pi])
+    wave = np.cos(2 * np.pi * (np.arange(n) / n - 0.5))
+    for time, _, pressure in found.snapshots:
+        left = (spectrum.relaxed + (spectrum.weights * np.exp(-time / spectrum.times)).sum(axis=0)).item()
+        amplitude = 2 * float(np.mean(pressure * wave))
+        yield Row(
+            f"amplitude of p, t = {time:g} tau",
+            h * left,
+            amplitude,
+            1e-9 * h * spectrum.glassy.item() + 1e-14 * 50.0,
+            "Eqs. (4), (10), (11)",
+        )

@@ -1,0 +1,136 @@
+"""Independent methods against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gfmdlayer.solid.layer import LayeredHalfspace
+from gfmdlayer.solid.materials import Zener
+from gfmdlayer.solid.relaxation import relaxation_spectrum
+from gfmdlayer.stepping.modes import SCHEMES, Modes
+from gfmdlayer.stepping.third_order import ThirdOrder
+from gfmdlayer.verification.rows import Row
+from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, run, table
+from gfmdlayer.verification.theory import parabola_grid_error, solver_error
+
+_EPS = float(np.finfo(float).eps)
+
+
+def three_solvers(quick: bool) -> Iterator[Row]:
+    """The active set, conjugate gradients and FIRE on the same steps.
+
+    Each is off by the solver's error at its residual, Ginf/G0 of that with the history: two of them differ
+    by twice as much at most, most of all at full depth. In parts of the largest ptilde. The edge may be off
+    by a cell where it passes close to a point.
+    """
+    n, tolerance = (2**10 if quick else 2**14), 1e-7
+    values = {"grid.points": n, "time.end": 2.0, "time.step": 0.1}
+    runs = {
+        method: run(values, {"solver": {"method": method, "tolerance": tolerance}})
+        for method in ("conjugate_gradient", "active_set", "fire")
+    }
+    first = runs.pop("conjugate_gradient")
+    p, a = first["mean_pressure"][1:], first["contact_area"][1:]
+    bound = 20 * solver_error(tolerance, float(a[-1]), 1.0)
+    for method, other in runs.items():
+        name = f"{method.replace('_', ' ')} against conjugate gradients, n = {n}"
+        off = float(np.abs(other["mean_pressure"][1:] - p).max() / p.max())
+        yield Row(f"ptilde: {name}", 0.0, off, bound, "same problem, other method")
+        cells = float(np.abs(other["contact_area"][1:] - a).max() * n / 2)
+        yield Row(f"edge, in cells: {name}", 0.0, cells, 1.0, "same problem, other method")
+
+
+def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
+    """The paper's third-order equation against the relaxing modes.
+
+    Backward Euler on each mode is Eq. (24) with backward differences, to rounding. The paper's form carries
+    an error of a step on by a third sum, (j + 1)(j + 2)/2 after j steps, until j passes theta/dt: added up
+    over i steps min((i + 3)^3/6, prod_k (1 + theta_k/dt)) times, of ten roundings a step at the scale of the
+    glassy stress.
+    """
+    n, steps, step = (2**10, 100, 0.005) if quick else (2**14, 400, 0.005)
+    q, material = np.asarray(2 * np.pi * np.arange(n // 2 + 1), dtype=np.float64), Zener(1.0, 10.0, 1.0)
+    for d, bulk in ((0.05, 1.0), (0.05, np.inf), (np.inf, 1.0)):
+        body = LayeredHalfspace(d, 0.5, bulk)
+        paper = ThirdOrder(body, material, q, step)
+        modes = Modes(relaxation_spectrum(body, material, q), SCHEMES["backward_euler"])
+        phases, worst = np.exp(1j * np.arange(q.size)), 0.0
+        for i in range(steps):
+            (kappa, b), (expected_kappa, expected_b) = paper.terms(step), modes.terms(step)
+            u = phases * (min(i * step, 1.0) + 0.2 * np.sin(3 * i * step))
+            grown = min((i + 3) ** 3 / 6, (1 + 1 / step) * (1 + 10 / step) ** 2)
+            allowed = 10 * _EPS * grown * 1.2 * expected_kappa[1:]
+            off = np.abs((b - kappa * u) - (expected_b - expected_kappa * u))[1:]
+            worst = max(worst, float((off / allowed).max()))
+            paper.advance(u)
+            modes.advance(u)
+        name = f"stress over its rounding, d = {d:g}, G_bulk = {bulk:g}, n = {n}"
+        yield Row(name, 0.0, worst, 1.0, "Eq. (24)")
+
+
+def load_against_depth(quick: bool) -> Iterator[Row]:
+    """The loads that a depth needs, put on as loads, give that depth.
+
+    Both runs have the solver's error of the pressure, Ginf/G0 of it with the history; the depth rises more
+    slowly than the pressure, so its error, in parts of the largest depth, is no larger.
+    """
+    n, tolerance = (2**9 if quick else 2**13), 1e-8
+    values = {"grid.points": n, "time.end": 2.0, "time.step": 0.05, "solver.tolerance": tolerance}
+    for name, body in (("halfspace below", {}), ("rigid base, nu = 0.3", RIGID | {"layer.poisson": 0.3})):
+        pressed = run(values, body)
+        loads = (2 * pressed["mean_pressure"]).tolist()
+        with table(zip(pressed["time"].tolist(), loads, strict=True), "load") as trajectory:
+            loaded = run(values, body, trajectory)
+        off = float(np.abs(loaded["depth"] - pressed["depth"]).max() / pressed["depth"].max())
+        bound = 2 * 10 * solver_error(tolerance, pressed.last("contact_area"), 1.0)
+        yield Row(f"depth: {name}, n = {n}", 0.0, off, bound, "same problem, other control")
+
+
+def lines_and_surfaces(quick: bool) -> Iterator[Row]:
+    """A ridge on a surface in two directions is a line contact.
+
+    The same discrete problem, solved on other transforms: twice the solver's error, with the history, in
+    parts of the largest ptilde.
+    """
+    n, tolerance = (2**8 if quick else 2**11), 1e-7
+    values = {"grid.points": n, "time.end": 1.5, "time.step": 0.125, "solver.tolerance": tolerance}
+    line = run(values)
+    plane = {"grid": {"points": [n, 8], "period": [1.0, 0.5]}, "punch.radius": [0.25, float("inf")]}
+    ridge = run(values, plane)
+    p, a = line["mean_pressure"][1:], line["contact_area"][1:]
+    off = float(np.abs(ridge["mean_pressure"][1:] - p).max() / p.max())
+    bound = 20 * solver_error(tolerance, float(a[-1]), 1.0)
+    yield Row(f"ptilde, n = {n}", 0.0, off, bound, "same problem, other transforms")
+
+
+def recorded_answers(quick: bool) -> Iterator[Row]:
+    """Answers of another code, kept from earlier: Tamaas 2.9.0, with the kernel of the layer.
+
+    Printed to seven digits; its depth, found by a secant on the load, is within 1e-6, which is 1.5e-6 of the
+    pressure. The grids are the same, so that of both is the same too; on the smaller grids of a quick look
+    the bound has the grid's error.
+    """
+    cases = (
+        ("elastic, G/G_bulk = 0.25", {"halfspace.shear_modulus": 4.0} | ELASTIC | ONE_STEP, 0.0376030, 2**12),
+        ("elastic, G/G_bulk = 2.5", {"halfspace.shear_modulus": 0.4} | ELASTIC | ONE_STEP, 0.0058981, 2**12),
+        ("elastic, G/G_bulk = 10", {"halfspace.shear_modulus": 0.1} | ELASTIC | ONE_STEP, 0.0019038, 2**14),
+        ("t = tau, d = inf", ALONE | _PAPER, 0.0889770, 2**14),
+        ("t = tau, rigid base", RIGID | _PAPER, 1.085422, 2**14),
+    )
+    for name, values, expected, known_on in cases:
+        n = min(known_on, 2**11 if quick else known_on)
+        found = run(values, {"grid.points": n, "solver.tolerance": 1e-7})
+        bound = expected * (1.5e-6 + 10 * solver_error(1e-7, found.last("contact_area"), 1.0))
+        bound += 5e-7 if expected > 1 else 5e-8
+        if n < known_on:
+            bound += expected * 20 * parabola_grid_error(n, found.last("contact_area") / 2)
+        yield Row(f"ptilde, {name}, n = {n}", expected, found.last("mean_pressure"), bound, "Tamaas 2.9.0")
+
+
+_PAPER: dict[str, object] = {
+    "time.end": 1.0,
+    "time.step": 0.005,
+    "time.integrator": "backward_euler",
+}

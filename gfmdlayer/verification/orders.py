@@ -1,0 +1,154 @@
+"""Orders of convergence: in time, in space, and in the solver's tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from gfmdlayer.verification.rows import Curve, Row
+from gfmdlayer.verification.runs import HALFSPACE, ONE_STEP, RIGID, Recording, run
+from gfmdlayer.verification.theory import (
+    E_STAR,
+    PARABOLA,
+    RADIUS,
+    parabola_depth,
+    parabola_grid_error,
+    parabola_pressure,
+    solver_error,
+)
+
+_STEPS = (0.1, 0.05, 0.025)
+_FINE: dict[str, object] = {
+    "time.end": 3.0,
+    "time.step": 0.1 / 32,
+    "solver": {"method": "conjugate_gradient", "tolerance": 1e-9},
+}
+_SOLVERS = {"active_set": "active set", "conjugate_gradient": "conjugate gradients", "fire": "FIRE"}
+
+
+def time_steps(quick: bool) -> Iterator[Row | Curve]:
+    """Error against the time step, and against the tolerance of adaptive steps, in whole runs.
+
+    Backward differences are of first order, u linear over a step of second: here the largest error of ptilde
+    up to 3 tau, against steps of tau/320 by conjugate gradients. The next term of either is a part dt/tau,
+    twice that at most, of the first; over steps of 0.1 to 0.025 tau it tilts the line by less than 0.1, and
+    what the fine steps are off by themselves, 1/64 of the last, by 0.01. Each adaptive step keeps its error
+    below the tolerance of the largest pressure so far, and the history does not pass it on: the error of the
+    run is below the tolerance too, and what both solvers add.
+    """
+    n = 2**10 if quick else 2**14
+    values = {"grid.points": n, "time.end": 3.0, "solver.tolerance": 1e-7}
+    fine = run(values, _FINE)
+    largest = float(fine["mean_pressure"].max())
+    for integrator, name, order in (
+        ("backward_euler", "backward Euler", 1),
+        ("exponential", "exponential integrator", 2),
+    ):
+        runs = [run(values, {"time.step": step, "time.integrator": integrator}) for step in _STEPS]
+        curve = Curve("step", name, _STEPS, tuple(_error(each, fine) / largest for each in runs), order)
+        yield curve
+        yield curve.row(0.11, f"{'Eq. (24)' if order == 1 else 'u linear in a step'}, n = {n}")
+    tolerances, errors, residual = (1e-2, 1e-3, 1e-4, 1e-5), [], 1e-8
+    solvers = 2 * 10 * solver_error(residual, float(fine["contact_area"].max()), 1.0)
+    for tolerance in tolerances:
+        adaptive = {"time": {"end": 3.0, "step": "adaptive", "tolerance": tolerance}}
+        found = run(values, adaptive, {"solver.tolerance": residual})
+        errors.append(_error(found, fine) / largest)
+        name = f"error of ptilde, tolerance {tolerance:g}"
+        yield Row(name, 0.0, errors[-1], tolerance + solvers, f"as asked, n = {n}")
+    yield Curve("tolerance", "adaptive steps", tolerances, tuple(errors), 1)
+
+
+def papers_step(quick: bool) -> Iterator[Row]:
+    """The paper's own time step.
+
+    Where K = G(s) f(q), as on a rigid base, backward differences make of G(s) a G - (dt/2) s^2 G', and so of
+    G(t - s) in the hereditary integral one that is off by |9 (dt/2) (1 - lag) exp(-lag)| < (dt/2) G(lag): the
+    pressure is off by less than dt/(2 tau) of itself. Exponential steps as long, of second order, stand for
+    the exact answer.
+    """
+    n = 2**11 if quick else 2**14
+    values = {"grid.points": n, "time.end": 3.0, "time.step": 0.005, "solver.tolerance": 1e-7}
+    exact = run(values, RIGID)["mean_pressure"][1:]
+    paper = run(values, RIGID, {"time.integrator": "backward_euler"})["mean_pressure"][1:]
+    later = slice(round(0.1 / 0.005), None)  # before that second-order terms count as well
+    off = float(np.abs(paper / exact - 1)[later].max())
+    yield Row(f"error of ptilde, relative, n = {n}", 0.0, off, 0.0025, "Eqs. (5), (28)")
+
+
+def grid_spacing(quick: bool) -> Iterator[Row | Curve]:
+    """Error against the number of points, on an elastic halfspace.
+
+    The mean pressure is off by C (D/L)^2 times a known function of the contact, C a function of where between
+    two points the edge lies; the largest of eight such places falls as n^-2, for the places are the same on
+    every grid. The next term is a part D/a of that, twice at most: with 23 points in a, and twice as many on
+    each next grid, it tilts the line by less than 0.05. The edge lies within a cell, so the area's error
+    is below two of them, as n^-1; being a whole number of cells off its place, between half and all of
+    two, it tilts by ln 2/ln 16 = 0.25.
+    """
+    grids = [2**k for k in (range(9, 12) if quick else range(9, 17))]
+    pressures, areas, parts = [], [], []
+    tolerance = 1e-10
+    solver = {"method": "conjugate_gradient", "tolerance": tolerance}
+    for n in grids:
+        worst_pressure = worst_area = 0.0
+        for place in np.arange(8) / 8:
+            a = (round(0.045 * n) + place) / n
+            depth, p = float(parabola_depth(a)), float(parabola_pressure(a))
+            values = {"grid.points": n, "trajectory.depth": depth, "solver": solver}
+            found = run(HALFSPACE, ONE_STEP, values)
+            off = abs(2 * found.last("mean_pressure") - p)
+            bound = parabola_grid_error(n, a) + solver_error(tolerance, 2 * a, p)
+            worst_pressure = max(worst_pressure, off / p)
+            worst_area = max(worst_area, abs(found.last("contact_area") - 2 * a))
+            parts.append(off / bound)
+        pressures.append(worst_pressure)
+        areas.append(worst_area)
+    source = f"{PARABOLA}; E* = {E_STAR:g}, R = {RADIUS:g}"
+    yield Row("error of ptilde over its bound", 0.0, max(parts), 1.0, source)
+    cells = max(area * n / 2 for area, n in zip(areas, grids, strict=True))
+    yield Row("error of either edge, in cells", 0.0, cells, 1.0, source)
+    for name, errors, slope, bound in (("ptilde", pressures, -2, 0.05), ("atilde", areas, -1, 0.25)):
+        curve = Curve("points", name, tuple(map(float, grids)), tuple(errors), slope)
+        yield curve
+        yield curve.row(bound, f"n = {grids[0]} to {grids[-1]}")
+
+
+def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
+    """Error against the tolerance of the solvers.
+
+    At a residual r the mean pressure is off by r (p_max + depth d pbar/d(depth)) at most, and by Ginf/G0 of
+    that in a run with a history. A method stops somewhere between a tenth of the tolerance and all of it: a
+    factor of three either way about the line, which over five decades tilts it by 0.26.
+    """
+    n = 2**10 if quick else 2**13
+    values = {"grid.points": n, "time.end": 1.0, "time.step": 0.1}
+    exact = run(values, {"solver": {"method": "conjugate_gradient", "tolerance": 1e-11}})
+    p, a = exact["mean_pressure"][1:], exact["contact_area"][1:]
+    tolerances = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+    for method, name in _SOLVERS.items():
+        errors, parts = [], []
+        for tolerance in tolerances:
+            found = run(values, {"solver": {"method": method, "tolerance": tolerance}})["mean_pressure"][1:]
+            errors.append(float(np.sqrt(np.mean((found - p) ** 2)) / p.max()))
+            bound = [10 * solver_error(tolerance, *each) for each in zip(a, p, strict=True)]
+            parts.append(float((np.abs(found - p) / bound).max()))
+        curve = Curve("tolerance", name, tolerances, tuple(errors), 1)
+        yield curve
+        yield curve.row(0.26, f"residual, n = {n}")
+        yield Row(f"{name}: error of ptilde over its bound", 0.0, max(parts), 1.0, "Betti")
+
+
+def _error(found: Recording, exact: Recording) -> float:
+    """Largest error of ptilde at the ends of the steps; fine steps are interpolated between the kinks."""
+    worst = 0.0
+    for begin, end in ((0.0, 1.0), (1.0, 3.0)):
+        known, asked = (
+            (each["time"] >= begin - 1e-9) & (each["time"] <= end + 1e-9) for each in (exact, found)
+        )
+        curve = CubicSpline(exact["time"][known], exact["mean_pressure"][known])
+        off = np.abs(found["mean_pressure"][asked] - curve(found["time"][asked]))
+        worst = max(worst, float(off[found["time"][asked] >= 0.1].max()))
+    return worst

@@ -1,0 +1,86 @@
+"""Runs of the paper's default case, with some values changed, into memory."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gfmdlayer.config import Config
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.simulation import simulate, warm_up
+
+HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
+ALONE: dict[str, object] = {"layer.thickness": float("inf")}
+RIGID: dict[str, object] = {"halfspace.shear_modulus": float("inf")}
+ELASTIC: dict[str, object] = {"layer.material.Ginf": 1.0}
+ONE_STEP: dict[str, object] = {"time.end": 1.0, "time.step": 1.0}
+
+
+class Recording:
+    """Keeps what a simulation finds; `recording["contact_area"]` is a column of its rows."""
+
+    def __init__(self) -> None:
+        self._rows: list[dict[str, Any]] = []
+        self.snapshots: list[tuple[float, FloatArray, FloatArray]] = []
+
+    def row(self, **values: float | FloatArray) -> None:
+        """Keep the observables of a step."""
+        self._rows.append(values)
+
+    def snapshot(
+        self, time: float, displacement: FloatArray, pressure: FloatArray, _gap: FloatArray, /
+    ) -> None:
+        """Keep the surface: time, displacement and pressure."""
+        self.snapshots.append((time, displacement, pressure))
+
+    def note(self, **attributes: float) -> None:
+        """Leave aside what is known of the run as a whole."""
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return a column of the rows."""
+        return np.array([row[name] for row in self._rows])
+
+    def last(self, name: str) -> float:
+        """Return the last value of a column."""
+        return float(self._rows[-1][name])
+
+    def at(self, name: str, times: Iterable[float]) -> FloatArray:
+        """Return the values of a column at times that are rows.
+
+        Raises
+        ------
+        ValueError
+            If a time is not a row.
+        """
+        rows, known = [], self["time"]
+        for time in times:
+            rows.append(int(np.argmin(np.abs(known - time))))
+            if abs(known[rows[-1]] - time) > 1e-9 * known[-1]:
+                raise ValueError(f"no row at t = {time:g}")
+        return self[name][rows]
+
+
+def run(*values: Mapping[str, object]) -> Recording:
+    """Run the paper's default case with these dotted values in it, later ones before earlier ones."""
+    given: dict[str, object] = {}
+    for each in values:
+        given |= each
+    config = Config(name="verification").with_values(given)
+    recording = Recording()
+    simulate(config, recording, wisdom=warm_up(config))
+    return recording
+
+
+@contextmanager
+def table(rows: Iterable[tuple[float, float]], control: str = "depth") -> Iterator[dict[str, object]]:
+    """Give the trajectory through these times and depths (or loads), for the block."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "trajectory.txt"
+        lines = [f"{time!r} {value!r}" for time, value in rows]
+        file.write_text("\n".join([f"time {control}", *lines]), encoding="utf-8")
+        yield {"trajectory": {"control": control, "kind": "table", "file": str(file)}}

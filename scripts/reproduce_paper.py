@@ -1,0 +1,245 @@
+"""Reproduce Figures 2 to 4 of Petrenko et al. (2024), twice: by the paper's method and by a fast one.
+
+    python scripts/reproduce_paper.py                       all three, as published: some minutes
+    python scripts/reproduce_paper.py --quick               1024 points and steps of 0.05 tau: a look
+    python scripts/reproduce_paper.py --figures 4 --jobs 2
+    python scripts/reproduce_paper.py --inertia uniform     FIRE as published, one inertia for all wavelengths
+
+paper   configs/figureN.yaml: FIRE, and backward Euler with dt = 0.005 tau
+fast    the active set, and exponential steps as long as a tolerance of 1e-3 allows
+fine    the active set, and exponential steps of 0.005 tau: of second order, to tell which of the two is off
+
+Backward differences make of G(s) a G - (dt/2) s^2 G'(s), so for one relaxing modulus the paper's pressure is
+off by up to dt/(2 tau) of itself. That, and the tolerance for the fast method, is the bound on what the two
+may differ by. The edge of contact lies between two points, whichever solver looks for it: where it passes a
+point at a slightly different time, each of the two edges is off by one cell of the grid.
+
+Results are kept (DIR/figureN, DIR/figureN-fast, DIR/figureN-fine): the same command takes them up again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gfmdlayer.config import Config, load
+from gfmdlayer.results.curve_plots import curves_figure
+from gfmdlayer.results.plot_style import save, styled
+from gfmdlayer.results.reader import case_path, open_case, open_results
+from gfmdlayer.running.cases import prepare
+from gfmdlayer.running.executors import Team, assemble
+from gfmdlayer.running.reports import report_to
+from gfmdlayer.running.run import run_sweep
+from gfmdlayer.sweep import Case, cases, label
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+TOLERANCE = 1e-3
+TIMES = [*(i / 10 for i in (1, 2, 4, 6, 8, 10)), 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0]
+ASKED_PRESSURE, ASKED_RATIO = 1e-3, 300
+
+
+def _active_set(tolerance: float) -> str:
+    return f"solver={{method: active_set, tolerance: {tolerance}}}"
+
+
+WAYS: dict[str, list[str]] = {
+    "paper": [],
+    "fast": [
+        "time.integrator=exponential",
+        "time.step=adaptive",
+        f"time.tolerance={TOLERANCE}",
+        f"output.times={TIMES}",
+        _active_set(1e-5),
+    ],
+    "fine": ["time.integrator=exponential", "time.step=0.005", _active_set(1e-6)],
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One case by the three ways.
+
+    Attributes
+    ----------
+    title : str
+        Its swept value.
+    difference, own, fast : float
+        Largest difference in ptilde of paper and fast, paper and fine, fast and fine, over the common times.
+    of_bound : float
+        The first as a part of its bound, dt/(2 tau) of ptilde and the tolerance of the largest ptilde.
+    cells : float
+        Largest difference of paper and fast in atilde, in grid cells at each of the two edges of contact.
+    pairs : dict
+        FFT pairs by way.
+    steps : dict
+        Time steps by way.
+    """
+
+    title: str
+    difference: float
+    own: float
+    fast: float
+    of_bound: float
+    cells: float
+    pairs: dict[str, int]
+    steps: dict[str, int]
+
+    @property
+    def ratio(self) -> float:
+        """FFT pairs of the paper's method over those of the fast one."""
+        return self.pairs["paper"] / self.pairs["fast"]
+
+    @property
+    def inside(self) -> bool:
+        """Whether the difference is what the paper's step and the tolerance explain."""
+        return self.of_bound <= 1 and self.cells <= 1
+
+    def line(self) -> str:
+        """Write a line of the table."""
+        return (
+            f"| {self.title} | {self.difference:.2e} | {self.of_bound:.2f} | {self.own:.2e} "
+            f"| {self.fast:.2e} | {self.cells:g} | {self.pairs['paper']} | {self.pairs['fast']} "
+            f"| {self.ratio:.0f} |"
+        )
+
+
+HEAD = """\
+| case | paper - fast | of bound | paper - fine | fast - fine | cells | pairs: paper | fast | ratio |
+|------|-------------:|---------:|-------------:|------------:|------:|-------------:|-----:|------:|"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run, compare and draw; return 0 if every case is inside its bound, else 1."""
+    asked = _parse(arguments)
+    with assemble(asked.jobs, prepare) as team:
+        if team is None:  # another rank of mpirun, which has served
+            return 0
+        found = [each for number in asked.figures for each in reproduce(number, asked, team)]
+    print("\n".join(_summary(found)))
+    return 0 if all(each.inside for each in found) else 1
+
+
+def reproduce(number: int, asked: argparse.Namespace, team: Team) -> list[Comparison]:
+    """Run a figure's cases by each way, draw them, and print how far the ways are from each other."""
+    name = f"figure{number}"
+    folders = {way: asked.out / (name if way == "paper" else f"{name}-{way}") for way in WAYS}
+    configs = {way: _config(f"{name}-quick" if asked.quick else name, way, asked) for way in WAYS}
+    for way, config in configs.items():
+        print(f"{name}, {way}:", file=sys.stderr)
+        summary = run_sweep(config, folders[way], team, report=lambda: report_to(sys.stderr))
+        if summary.count("complete") < len(summary.outcomes):
+            sys.exit(f"{folders[way]}: not all cases are complete; the same command tries them again")
+    every = cases(configs["paper"])
+    found = [compare(case, folders) for case in every]
+    print(f"\n### {name.capitalize()}: n = {every[0].config.grid.points[0]}\n\n{HEAD}")
+    print("\n".join(each.line() for each in found), flush=True)
+    for picture in (asked.out / f"{name}.png", asked.out / f"{name}.pdf"):
+        draw(folders, picture)
+        print(f"{picture}: lines, the paper's method; circles, the fast one", file=sys.stderr)
+    return found
+
+
+def _config(name: str, way: str, asked: argparse.Namespace) -> Config:
+    given = [*WAYS[way]]
+    if asked.points:
+        given.append(f"grid.points={asked.points}")
+    if asked.inertia and way == "paper":
+        given.append(f"solver.inertia={asked.inertia}")
+    return load(CONFIGS / f"{name}.yaml", given)
+
+
+def compare(case: Case, folders: dict[str, Path]) -> Comparison:
+    """Compare a case at the times that all three ways have."""
+    rows: dict[str, dict[str, Any]] = {}
+    for way, folder in folders.items():
+        with open_case(case_path(folder, case.index)) as dataset:
+            rows[way] = {
+                name: dataset[name].to_numpy()
+                for name in ("time", "mean_pressure", "contact_area", "transforms")
+            }
+    common = {way: _at(TIMES, columns["time"]) for way, columns in rows.items()}
+    p, a = (
+        {way: columns[name][common[way]] for way, columns in rows.items()}
+        for name in ("mean_pressure", "contact_area")
+    )
+    step, tau = case.config.time.step, case.config.layer.material.tau  # type: ignore[union-attr]
+    difference = np.abs(p["paper"] - p["fast"])
+    bound = float(step) / (2 * tau) * p["fast"] + TOLERANCE * rows["fast"]["mean_pressure"].max()
+    return Comparison(
+        title=label(case.values),
+        difference=float(difference.max()),
+        own=float(np.abs(p["paper"] - p["fine"]).max()),
+        fast=float(np.abs(p["fast"] - p["fine"]).max()),
+        of_bound=float((difference / bound).max()),
+        cells=round(float(np.abs(a["paper"] - a["fast"]).max()) * case.config.grid.points[0] / 2, 6),
+        pairs={way: int(columns["transforms"].sum()) for way, columns in rows.items()},
+        steps={way: columns["time"].size - 1 for way, columns in rows.items()},
+    )
+
+
+def _at(times: Iterable[float], rows: Any) -> list[int]:
+    """Return the rows at these times, which must be there."""
+    places = [int(np.argmin(np.abs(rows - time))) for time in times]
+    np.testing.assert_allclose(rows[places], list(times), rtol=1e-9)
+    return places
+
+
+def draw(folders: dict[str, Path], picture: Path) -> None:
+    """Draw the paper's two panels: its own method as lines, the steps of the fast one as circles."""
+    with open_results(folders["paper"]) as paper:
+        figure = curves_figure(paper)
+    with styled():
+        for file in sorted((folders["fast"] / "cases").glob("*.h5")):
+            with open_case(file) as fast:
+                for axes, name in zip(figure.axes, ("contact_area", "mean_pressure"), strict=False):
+                    axes.plot(
+                        fast["time"], fast[name], "o", color="black", markersize=2.2, mfc="none", mew=0.5
+                    )
+    save(figure, picture)
+
+
+def _summary(found: list[Comparison]) -> list[str]:
+    difference, cells = max(each.difference for each in found), max(each.cells for each in found)
+    total = {way: sum(each.pairs[way] for each in found) for way in WAYS}
+    steps = {way: sum(each.steps[way] for each in found) for way in WAYS}
+    least = min(each.ratio for each in found)
+    return [
+        "",
+        f"largest difference in ptilde: {difference:.2e} ({_verdict(difference < ASKED_PRESSURE)} "
+        f"{ASKED_PRESSURE:g}), of which the paper's method {max(each.own for each in found):.2e} and the "
+        f"fast one {max(each.fast for each in found):.2e}, against fine steps",
+        f"largest difference in atilde: {cells:g} grid cells at each edge ({_verdict(cells <= 1)} 1)",
+        f"work: {total['paper']} FFT pairs ({total['paper'] / steps['paper']:.0f} a step) over "
+        f"{total['fast']} ({total['fast'] / len(found):.0f} a case), {total['paper'] / total['fast']:.0f} "
+        f"times; {least:.0f} times at least ({_verdict(least >= ASKED_RATIO)} {ASKED_RATIO})",
+        f"cases inside their bound: {sum(each.inside for each in found)} of {len(found)}",
+    ]
+
+
+def _verdict(met: bool) -> str:
+    return "meets" if met else "misses"
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--figures", nargs="+", type=int, choices=(2, 3, 4), default=[2, 3, 4])
+    parser.add_argument("--quick", action="store_true", help="the -quick configs")
+    parser.add_argument("--points", metavar="N", type=int, help="grid points in place of the configs'")
+    parser.add_argument("--inertia", choices=("mass_weighted", "uniform"), help="of the paper's FIRE")
+    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="(default: results/paper, or paper-quick)")
+    asked = parser.parse_args(arguments)
+    asked.out = asked.out or Path("results") / ("paper-quick" if asked.quick else "paper")
+    return asked
+
+
+if __name__ == "__main__":
+    sys.exit(main())
