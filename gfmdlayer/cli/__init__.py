@@ -13,15 +13,15 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import check, fit_material, plot, run, status
+from gfmdlayer.cli import check, fit_material, plot, run, schema, status
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
 
-VERBS = (run, check, status, plot, fit_material)
+VERBS = (run, check, status, plot, fit_material, schema)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     try:
         status: int = options.verb(options)
         sys.stdout.flush()
@@ -42,7 +42,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return what knows all verbs and their options."""
     example = "example:\n  gfmdlayer run configs/figure2-quick.yaml && gfmdlayer plot results/figure2-quick"
     parser = argparse.ArgumentParser(
         prog="gfmdlayer",
