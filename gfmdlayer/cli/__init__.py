@@ -13,10 +13,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import check, completion, fit_material, plot, run, schema, status
+from gfmdlayer.cli import check, completion, fit_material, new, plot, run, schema, status
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
 
-VERBS = (run, check, status, plot, fit_material, schema, completion)
+VERBS = (new, run, check, status, plot, fit_material, schema, completion)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

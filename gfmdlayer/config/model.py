@@ -53,7 +53,7 @@ class Config(Section):
     output: outputs.Output = Field(default_factory=outputs.Output)
     """what is kept besides the curves"""
     sweep: dict[str, list[Any]] = Field(default_factory=dict)
-    """dotted keys and their values, such as layer.thickness: [0.1, .inf]; the cases are their product"""
+    """dotted keys and their values; the cases are their product"""
 
     @model_validator(mode="after")
     def _sound(self) -> Self:

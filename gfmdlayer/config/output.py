@@ -64,7 +64,7 @@ class Output(Section):
     """
 
     snapshots: tuple[NotNegative, ...] = ()
-    """times at which displacement, pressure and gap of the whole surface are kept"""
+    """times at which displacement, pressure and gap are kept"""
     times: Annotated[Rows | None, given] = None
     """rows of the curves, for adaptive steps: a spacing, or a list of times"""
     patches: Switch = False

@@ -180,7 +180,7 @@ class Layer(Section):
     """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
 
     thickness: Extended = 0.05
-    """thickness d: length; 0: the halfspace alone, .inf: the layer's material alone"""
+    """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Material = Field(default_factory=Zener)
@@ -224,7 +224,7 @@ class Trajectory(Section):
     )
     """duration of the ramp: time"""
     file: Annotated[File | None, given] = None
-    """table of two columns, time and depth or mean pressure; for kind: table"""
+    """two columns, time and depth or mean pressure; for kind: table"""
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
@@ -251,7 +251,7 @@ class Time(Section):
     tolerance: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
     )
-    """relative error allowed to mean pressure and displacement; for step: adaptive"""
+    """relative error of pressure and displacement; for step: adaptive"""
     steady: Annotated[Positive | None, given] = None
     """relative change below which the run of a moving punch ends"""
 
@@ -263,7 +263,7 @@ class Solver(Section):
         Literal["fire", "active_set", "conjugate_gradient"],
         one_of("fire", "active_set", "conjugate_gradient"),
     ] = "active_set"
-    """of each step's contact problem: active_set, conjugate_gradient, or fire, the paper's"""
+    """active_set, conjugate_gradient, or fire, the paper's"""
     tolerance: Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
     inertia: Annotated[
