@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
 
-LIKE = ("indentation", "sweep", "prony", "sphere", "rough")
+LIKE = ("indentation", "sweep", "prony", "sliding", "sphere", "rough")
 
 
 def register(verbs: Verbs) -> None:

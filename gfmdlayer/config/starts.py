@@ -72,6 +72,20 @@ STARTS = {
             "output.snapshots": [1.0, 10.0, 100.0],
         },
     ),
+    "sliding": Start(
+        "A cylinder rolls or slides along a viscoelastic layer at several speeds, until its friction is steady.",
+        _QUICK
+        | {
+            "punch": {"shape": "cylinder", "radius": 0.6},
+            "trajectory.control": "load",
+            "trajectory.load": 0.01,
+            "trajectory.velocity": 0.1,
+            "time.end": 400.0,
+            "time.steady": 1e-3,
+            "output.snapshots": [],
+            "sweep": {"trajectory.velocity": [0.03, 0.3, 3.0]},
+        },
+    ),
     "sphere": Start(
         "A sphere is pressed into a coated solid by a force; a surface in two directions.",
         _SURFACE
