@@ -73,7 +73,7 @@ STARTS = {
         },
     ),
     "sliding": Start(
-        "A cylinder rolls or slides along a viscoelastic layer at several speeds, until its friction is steady.",
+        "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
         _QUICK
         | {
             "punch": {"shape": "cylinder", "radius": 0.6},

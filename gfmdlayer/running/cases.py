@@ -13,7 +13,7 @@ from gfmdlayer.running.folder import Folder, write_whole
 from gfmdlayer.running.interrupts import Stopped
 from gfmdlayer.running.schedule import Outcome
 from gfmdlayer.running.status_file import StatusFile
-from gfmdlayer.sweep import Case, remarks
+from gfmdlayer.sweep import Case, label, remarks
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -75,7 +75,7 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int) -> s
     from gfmdlayer.simulation import simulate
 
     config = case.config
-    with StatusFile(folder, case.index, config.time.end) as status:
+    with StatusFile(folder, case.index, config.time.end, label(case.values)) as status:
         folder.case(case.index, "failed").unlink(missing_ok=True)
         axes = Grid(config.grid.points, config.grid.period).coordinates
         coordinates = dict(zip("xy", axes, strict=False))

@@ -8,6 +8,7 @@ host.
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 import time
@@ -33,13 +34,17 @@ class StatusFile:
         The case.
     end : float
         The simulated time at which the case will be complete.
+    label : str
+        The case's swept values, for people.
     """
 
-    def __init__(self, folder: Folder, index: int, end: float) -> None:
+    def __init__(self, folder: Folder, index: int, end: float, label: str = "") -> None:
         self._path = folder.case(index, "running")
         self._stop = folder.stop
         self._written = -WRITE_INTERVAL
-        self._fixed = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time(), "end": end}
+        me = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time()}
+        self._fixed: dict[str, object] = me | {"end": end, "label": label}
+        self._steps = -1  # entering tells the time too
 
     def __enter__(self) -> Self:
         self.advance(0.0)
@@ -57,13 +62,17 @@ class StatusFile:
         Stopped
             Where the run was asked to stop, by a signal to this process or by the folder's stop file.
         """
+        self._steps += 1
+        if self._steps == 1:  # a case that is taken up begins late, and the first step takes longest
+            self._fixed |= {"since": time.time(), "since_time": float(simulated_time)}
         now = time.monotonic()
         due = now - self._written >= WRITE_INTERVAL
         if stop_requested() or (due and self._stop.exists()):
             raise Stopped
         if due:
             self._written = now
-            content = self._fixed | {"simulated_time": float(simulated_time), "updated": time.time()}
+            reached = {"simulated_time": float(simulated_time), "steps": self._steps, "updated": time.time()}
+            content = self._fixed | reached
             with suppress(OSError):  # progress is not worth a simulation
                 write_whole(self._path, json.dumps(content), to_disk=False)
 
@@ -79,11 +88,21 @@ class Running:
     end: float
     started: float
     updated: float
+    label: str = ""
+    steps: int = 0
+    since: float = math.nan
+    since_time: float = math.nan
 
     @property
     def fraction(self) -> float:
         """The part of the simulated time that is done."""
         return min(self.simulated_time / self.end, 1.0) if self.end > 0 else 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """How long the case will take at its present pace; None where it has none yet."""
+        covered, spent = self.simulated_time - self.since_time, self.updated - self.since
+        return (self.end - self.simulated_time) * spent / covered if covered > 0 and spent > 0 else None
 
     @property
     def alive(self) -> bool:
