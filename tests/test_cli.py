@@ -20,6 +20,8 @@ import h5py
 import numpy as np
 import pytest
 
+from gfmdlayer.cli import VERBS
+
 ROOT = Path(__file__).parents[1]
 HEAVY = ("numba", "pyfftw", "h5py", "matplotlib", "xarray", "mpi4py", "numpy", "scipy")
 TINY = """\
@@ -114,16 +116,34 @@ def test_version_is_that_of_the_distribution() -> None:
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 
 
-@pytest.mark.parametrize("verb", [[], ["run"], ["check"], ["status"], ["plot"]])
-def test_examples_in_help_name_things_that_exist(verb: list[str]) -> None:
-    shown = gfmdlayer(*verb, "--help").stdout
-    example = shown.partition("example:\n")[2].splitlines()[0]
-    words = shlex.split(example)
-    assert words[0] == "gfmdlayer"
-    assert words[1] == (verb or ["run"])[0]
-    for config in (word for word in words if word.endswith(".yaml")):
-        assert (ROOT / config).is_file()
-        assert gfmdlayer("check", str(ROOT / config)).returncode == 0
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the configurations, where the example of `gfmdlayer --help` was run."""
+    folder = tmp_path_factory.mktemp("clone")
+    (folder / "configs").symlink_to(ROOT / "configs")
+    paste(example(), folder)
+    return folder
+
+
+def example(*verb: str) -> str:
+    """Return the example in a verb's help."""
+    return gfmdlayer(*verb, "--help").stdout.partition("example:\n")[2].splitlines()[0].strip()
+
+
+def paste(command: str, folder: Path) -> None:
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    pasted = subprocess.run(
+        ["bash", "-c", command],
+        capture_output=True, text=True, check=False, cwd=folder, env=os.environ | {"PATH": path},
+    )  # fmt: skip
+    assert pasted.returncode == 0, pasted.stderr
+
+
+@pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2].replace("_", "-") for verb in VERBS])
+def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path) -> None:
+    command = example(verb)
+    assert f"gfmdlayer {verb}" in command
+    paste(command, clone)
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> N
     screen.close()
     lines = console.file.getvalue().splitlines()
     assert len(lines) == 10 - 6 + 2  # room for four cases, how many more, all of them
-    assert re.fullmatch(r"0007  \S+ +25%  time 2 of 8 +18 s left  thickness = 0\.1 *", lines[0])
+    assert re.fullmatch(r"0007  \S+ +25%  time 2 of 8 +18 s left +thickness = 0\.1 *", lines[0])
     assert lines[4].strip() == "and 29 more at work"
     assert "3 of 40 complete, 33 running, 1 failed, 1 min 30 s left, slowest 0002 in 30 s" in lines[5]
 
