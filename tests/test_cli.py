@@ -98,8 +98,10 @@ print([name for name in {HEAVY!r} if name in sys.modules])
     assert process.stdout.splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["check", "configs/figure2.yaml"]])
-def test_help_and_check_answer_at_once(arguments: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "bound"), [(["--help"], 0.15), (["check", "configs/figure2.yaml"], 0.3)]
+)
+def test_help_and_check_answer_at_once(arguments: list[str], bound: float) -> None:
     """The best of several, in seconds of the processor: on an idle machine, those of the clock."""
 
     def seconds() -> float:
@@ -109,7 +111,7 @@ def test_help_and_check_answer_at_once(arguments: list[str]) -> None:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    assert min(seconds() for _ in range(5)) < 0.3
+    assert min(seconds() for _ in range(5)) < bound
 
 
 def test_version_is_that_of_the_distribution() -> None:
