@@ -306,14 +306,15 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
 def test_a_log_has_few_lines_with_the_time() -> None:
     stream = io.StringIO()
     log = reports.Log(stream)
+    progress = reports.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
     for _ in range(1000):
-        log.advance(1.0, 4, 2, 61.0)
+        log.advance(progress)
     assert stream.getvalue() == ""
     log._last -= reports.LOG_INTERVAL
-    log.advance(1.0, 4, 2, 61.0)
+    log.advance(progress)
     stamp, _, text = stream.getvalue().partition("  ")
     assert time.strptime(stamp, "%Y-%m-%d %H:%M:%S")
-    assert text == "25%, 2 running, 1 min 1 s left\n"
+    assert text == "50%: 1 of 4 complete, 1 failed, 1 min 1 s left\n"
 
 
 @pytest.mark.parametrize(

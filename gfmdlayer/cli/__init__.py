@@ -13,15 +13,26 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import check, clean, fit_material, plot, run, status, verify
+from gfmdlayer.cli import (
+    check,
+    clean,
+    completion,
+    fit_material,
+    new,
+    plot,
+    run,
+    schema,
+    status,
+    verify,
+)
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
 
-VERBS = (run, check, status, clean, plot, fit_material, verify)
+VERBS = (new, run, check, status, clean, plot, fit_material, verify, schema, completion)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     try:
         status: int = options.verb(options)
         sys.stdout.flush()
@@ -42,7 +53,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return what knows all verbs and their options."""
     example = "example:\n  gfmdlayer run configs/figure2-quick.yaml && gfmdlayer plot results/figure2-quick"
     parser = argparse.ArgumentParser(
         prog="gfmdlayer",

@@ -13,7 +13,7 @@ def register(verbs: Verbs) -> None:
     added = verbs.add(
         fit_material,
         "fit a Prony series to a master curve (omega, G', G'') or a relaxation curve (t, G)",
-        "gfmdlayer fit-material polymer.csv --normalise --temperature 60 --reference 25 --wlf 17.4 51.6",
+        "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6",
     )
     added.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
     added.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")

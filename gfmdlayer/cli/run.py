@@ -35,7 +35,7 @@ def register(verbs: Verbs) -> None:
     added = verbs.add(
         run,
         "run the cases that are not complete yet; also under mpirun or srun",
-        f"gfmdlayer run configs/figure2-quick.yaml --out results/first --jobs 2\n\n{STATUSES}",
+        f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}",
     )
     add_config(added)
     add_team(added)

@@ -37,15 +37,25 @@ class Config(Section):
     """
 
     name: sections.Name
+    """names the folder of the results"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
+    """the periodic cell and its points"""
     layer: sections.Layer = Field(default_factory=sections.Layer)
+    """the viscoelastic layer"""
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
+    """the elastic base under the layer"""
     punch: punches.Punch = Field(default_factory=punches.Parabola)
+    """the rigid punch; its shape"""
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
+    """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time)
+    """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
+    """the contact problem of each step"""
     output: outputs.Output = Field(default_factory=outputs.Output)
+    """what is kept besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
+    """dotted keys and their values; the cases are their product, or as zip, latin_hypercube and sobol say"""
 
     @model_validator(mode="after")
     def _sound(self) -> Self:

@@ -24,9 +24,13 @@ class Histogram(Section):
     """
 
     max: Positive
+    """end of the last bin"""
     bins: Bins = 50
+    """number of bins"""
     scale: Annotated[Literal["linear", "log"], one_of("linear", "log")] = "linear"
+    """linear: bins from 0; log: from min"""
     min: Annotated[Positive | None, given] = None
+    """beginning of the first bin; for scale: log"""
 
     @model_validator(mode="after")
     def _bins_between(self) -> Self:
@@ -46,7 +50,9 @@ class Histograms(Section):
     """Distributions over the surface that are kept in each row; None is not kept."""
 
     pressure: Annotated[Histogram | None, given] = None
+    """of the contact pressure: {max: ..., bins: ...}"""
     gap: Annotated[Histogram | None, given] = None
+    """of the gap out of contact: {max: ..., bins: ..., scale: ..., min: ...}"""
 
 
 class Output(Section):
@@ -58,6 +64,10 @@ class Output(Section):
     """
 
     snapshots: tuple[NotNegative, ...] = ()
+    """times at which displacement, pressure and gap are kept"""
     times: Annotated[Rows | None, given] = None
+    """rows of the curves, for adaptive steps: a spacing, or a list of times"""
     patches: Switch = False
+    """whether to count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
+    """distributions that are kept in each row"""

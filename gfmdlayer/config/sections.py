@@ -81,14 +81,16 @@ class Section(BaseModel):
     """A part of the configuration: immutable, and without any key that is not listed."""
 
     # Built when first used: the whole configuration holds a copy of most of them.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, use_attribute_docstrings=True)
 
 
 class Grid(Section):
     """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly)."""
 
     points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = (16384,)
+    """grid points n, or [nx, ny]: a surface in two directions"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
+    """length L of the periodic cell, or [Lx, Ly]"""
 
     @field_validator("points", "period")
     @classmethod
@@ -115,24 +117,34 @@ class Zener(Section):
     """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau)."""
 
     model: Literal["zener"] = "zener"
+    """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
     G0: Positive = 1.0
+    """relaxed shear modulus: for slow loads"""
     Ginf: Positive = 10.0
+    """instantaneous shear modulus: for fast loads"""
     tau: Positive = 1.0
+    """relaxation time at constant strain"""
 
 
 class Branch(Section):
     """One term G exp(-t/tau) of a Prony series."""
 
     G: Positive
+    """shear modulus of the branch"""
     tau: Positive
+    """relaxation time of the branch"""
 
 
 class Prony(Section):
     """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus."""
 
     model: Literal["prony"] = "prony"
+    """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
     G0: Positive = 1.0
-    branches: tuple[Branch, ...] = Field(description="a list of {G: ..., tau: ...}, each a number > 0")
+    """relaxed shear modulus"""
+    branches: tuple[Branch, ...] = Field(
+        description="a list of {G: ..., tau: ...}, each a number > 0", json_schema_extra={"minItems": 1}
+    )
 
     @field_validator("branches")
     @classmethod
@@ -168,15 +180,20 @@ class Layer(Section):
     """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
 
     thickness: Extended = 0.05
+    """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
+    """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Material = Field(default_factory=Zener)
+    """viscoelastic law of the layer: model zener or prony"""
 
 
 class Halfspace(Section):
     """The elastic halfspace below; shear modulus .inf is rigid, 0 is a free layer."""
 
     shear_modulus: Extended = 1.0
+    """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
     poisson: Poisson = 0.5
+    """Poisson's ratio of the base"""
 
 
 class Trajectory(Section):
@@ -191,19 +208,27 @@ class Trajectory(Section):
     """
 
     control: Annotated[Literal["depth", "load"], one_of("depth", "load")] = "depth"
+    """what is prescribed: depth or load"""
     kind: Annotated[Literal["ramp_hold", "table"], one_of("ramp_hold", "table")] = "ramp_hold"
+    """ramp_hold, or table: from a file"""
     depth: Annotated[NotNegative | None, given] = Field(
         default_factory=lambda data: (
             0.01 if (data.get("control"), data.get("kind")) == ("depth", "ramp_hold") else None
         )
     )
+    """depth that is reached and held: length; for control: depth"""
     load: Annotated[NotNegative | None, given] = None
+    """mean pressure that is reached and held; for control: load"""
     ramp_time: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None
     )
+    """duration of the ramp: time"""
     file: Annotated[File | None, given] = None
+    """two columns, time and depth or mean pressure; for kind: table"""
     velocity: Annotated[Finite | None, given] = None
+    """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
+    """two columns, time and velocity; in place of velocity"""
 
 
 class Time(Section):
@@ -213,17 +238,22 @@ class Time(Section):
     """
 
     end: Positive = 8.0
+    """end of the simulation: time"""
     step: Annotated[
         Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
         MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
     ] = 0.005
+    """time step, or adaptive: steps to the tolerance below"""
     integrator: Annotated[
         Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
     ] = "exponential"
+    """exponential, of second order, or backward_euler, the paper's"""
     tolerance: Annotated[Positive | None, given] = Field(
         default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
     )
+    """relative error of pressure and displacement; for step: adaptive"""
     steady: Annotated[Positive | None, given] = None
+    """relative change below which the run of a moving punch ends"""
 
 
 class Solver(Section):
@@ -233,8 +263,12 @@ class Solver(Section):
         Literal["fire", "active_set", "conjugate_gradient"],
         one_of("fire", "active_set", "conjugate_gradient"),
     ] = "active_set"
+    """active_set, conjugate_gradient, or fire, the paper's"""
     tolerance: Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
+    """residual at which a step is accepted, relative to pressure and depth"""
     inertia: Annotated[
         Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, given
     ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
+    """of the modes: mass_weighted or uniform; for method: fire"""
     max_iterations: Count = 20000
+    """iterations of a step after which its case fails"""

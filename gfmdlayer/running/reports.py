@@ -5,17 +5,75 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Protocol, Self, TextIO
 
 from gfmdlayer.running.folder import Folder
 from gfmdlayer.running.interrupts import stop_requested
 from gfmdlayer.running.schedule import Outcome
-from gfmdlayer.running.status_file import running
+from gfmdlayer.running.status_file import Running, running
 
 READ_INTERVAL = 0.5  # seconds between two looks at the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
+
+
+TOLD = 20  # cases whose end is told one by one, complete ones and failed ones each
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is.
+
+    Attributes
+    ----------
+    total, complete, failed : int
+        Numbers of cases; those complete before the run are counted.
+    at_work : tuple of Running
+        The cases that some process is at.
+    begun : bool
+        Whether any case of the run was begun.
+    seconds_left : float or None
+        Time left by the pace so far; None where there is none yet.
+    slowest : Outcome or None
+        The case of this run that took longest, of those that have ended.
+    """
+
+    total: int
+    complete: int
+    failed: int = 0
+    at_work: tuple[Running, ...] = ()
+    begun: bool = True
+    seconds_left: float | None = None
+    slowest: Outcome | None = None
+
+    @property
+    def done(self) -> float:
+        """How many cases are done, parts of those at work included."""
+        parts = sum(case.fraction for case in self.at_work)
+        return min(self.complete + self.failed + parts, self.total)
+
+    @property
+    def fraction(self) -> float:
+        """The part of all cases that is done."""
+        return self.done / self.total
+
+    @property
+    def words(self) -> str:
+        """All of this but the cases at work one by one, in a line."""
+        if not self.begun:
+            return "making ready; kernels are compiled where they were not before"
+        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
+        parts = (
+            f"{self.complete} of {self.total} complete",
+            f"{len(self.at_work)} running" if self.at_work else "",
+            f"{self.failed} failed" if self.failed else "",
+            f"{duration(self.seconds_left)} left" if self.seconds_left else "",
+            slowest or "",
+        )
+        return ", ".join(filter(None, parts))
 
 
 class Report(Protocol):
@@ -24,19 +82,23 @@ class Report(Protocol):
     def note(self, line: str) -> None:
         """Tell one event."""
 
-    def advance(self, done: float, total: int, running: int, seconds_left: float | None) -> None:
-        """Tell how many cases are done (parts of running ones included) of how many, and the time left."""
+    def ended(self, line: str, *, failed: bool) -> None:
+        """Tell the end of a case."""
+
+    def advance(self, progress: Progress) -> None:
+        """Tell how far the run is."""
 
     def close(self) -> None:
         """Nothing more will be told."""
 
 
 class Log:
-    """Plain lines with the time, for a file."""
+    """Plain lines with the time, for a file: so few that a run of any size and length can be read."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._begun = self._last = time.monotonic()
+        self._ended = Counter[bool]()
 
     def note(self, line: str) -> None:
         """Write one line."""
@@ -44,43 +106,23 @@ class Log:
             self._stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}\n")
             self._stream.flush()
 
-    def advance(self, done: float, total: int, running: int, seconds_left: float | None) -> None:
+    def ended(self, line: str, *, failed: bool) -> None:
+        """Write of the first cases how they ended; the lines of `advance` count the rest."""
+        self._ended[failed] += 1
+        if self._ended[failed] <= TOLD:
+            self.note(line)
+        elif self._ended[failed] == TOLD + 1:
+            self.note(f"further cases that {'fail' if failed else 'are complete'} are only counted")
+
+    def advance(self, progress: Progress) -> None:
         """Write a line, unless there was one just before."""
         now = time.monotonic()
         if now - self._last >= max(LOG_INTERVAL, (now - self._begun) / 50):
             self._last = now
-            left = "" if seconds_left is None else f", {duration(seconds_left)} left"
-            self.note(f"{done / total:.0%}, {running} running{left}")
+            self.note(f"{progress.fraction:.0%}: {progress.words}")
 
     def close(self) -> None:
         """Do nothing: every line is written already."""
-
-
-class Bar:
-    """A bar with the time left, for a terminal."""
-
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-
-        columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[state]}"))
-        self._progress = Progress(*columns, console=Console(stderr=True))
-        self._task = self._progress.add_task("", state="")
-        self._progress.start()
-
-    def note(self, line: str) -> None:
-        """Write one line above the bar."""
-        self._progress.console.print(line, markup=False, highlight=False)
-
-    def advance(self, done: float, total: int, running: int, seconds_left: float | None) -> None:
-        """Move the bar."""
-        left = "" if seconds_left is None else f", {duration(seconds_left)} left"
-        state = f"{int(done)} of {total} complete, {running} running{left}"
-        self._progress.update(self._task, completed=done, total=total, state=state)
-
-    def close(self) -> None:
-        """Leave the bar as it is."""
-        self._progress.stop()
 
 
 class Reporter:
@@ -103,7 +145,10 @@ class Reporter:
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
         self._report = report() if report else None
-        self._before = self._ended = complete
+        self._before = self._complete = complete
+        self._failed = 0
+        self._slowest: Outcome | None = None
+        self._seen = False  # whether any case was begun
         self._begun = time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
@@ -120,6 +165,8 @@ class Reporter:
             self._thread.join()
             self._advance()
             self._report.close()
+            if self._slowest is not None:
+                self._report.note(self._summary(self._slowest))
 
     def note(self, line: str) -> None:
         """Tell one event."""
@@ -129,16 +176,21 @@ class Reporter:
 
     def ended(self, outcome: Outcome) -> None:
         """Tell what became of a case."""
-        if outcome.state == "stopped":
+        if outcome.state == "stopped" or self._report is None:
             return
+        failed = outcome.state == "failed"
         with self._lock:
-            self._ended += 1
-            place = f"{self._ended} of {self._total}"
-        if outcome.state == "complete":
-            remark = outcome.remark and f": {outcome.remark}"
-            self.note(f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){remark}")
-        else:
-            self.note(f"case {outcome.index:04d} FAILED ({place}): {outcome.reason}")
+            self._complete += not failed
+            self._failed += failed
+            if self._slowest is None or outcome.seconds > self._slowest.seconds:
+                self._slowest = outcome
+            place = f"{self._complete + self._failed} of {self._total}"
+            if failed:
+                line = f"case {outcome.index:04d} FAILED ({place}): {outcome.reason}"
+            else:
+                remark = outcome.remark and f": {outcome.remark}"
+                line = f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){remark}"
+            self._report.ended(line, failed=failed)
 
     def _watch(self) -> None:
         stopping = False
@@ -153,17 +205,32 @@ class Reporter:
             at_work = [case for case in running(self._folder) if case.index in self._own]
         except OSError:  # the folder cannot be read for a while
             return
-        done = min(self._ended + sum(case.fraction for case in at_work), self._total)
-        rate = (done - self._before) / (time.monotonic() - self._begun)
-        left = (self._total - done) / rate if rate > 0 else None
         if self._report is not None:
             with self._lock:
-                self._report.advance(done, self._total, len(at_work), left)
+                self._report.advance(self._progress(tuple(at_work)))
+
+    def _progress(self, at_work: tuple[Running, ...]) -> Progress:
+        self._seen = self._seen or bool(at_work) or self._slowest is not None
+        begun = self._seen or self._complete == self._total
+        now = Progress(self._total, self._complete, self._failed, at_work, begun, slowest=self._slowest)
+        rate = (now.done - self._before) / (time.monotonic() - self._begun)
+        return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
+
+    def _summary(self, slowest: Outcome) -> str:
+        ended = self._complete + self._failed - self._before
+        failed = f", {self._failed} of them FAILED" if self._failed else ""
+        took = duration(time.monotonic() - self._begun)
+        longest = f"slowest {slowest.index:04d} in {duration(slowest.seconds)}"
+        return f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}"
 
 
 def report_to(stream: TextIO = sys.stderr) -> Report:
-    """Return a bar where the stream is a terminal, else a log."""
-    return Bar() if stream.isatty() else Log(stream)
+    """Return lines that move where the stream is a terminal, else a log."""
+    if not stream.isatty():
+        return Log(stream)
+    from gfmdlayer.running.screen import Screen
+
+    return Screen()
 
 
 def duration(seconds: float) -> str:

@@ -1,0 +1,43 @@
+"""`gfmdlayer completion`: print what lets a shell complete verbs, options and file names."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+
+from gfmdlayer.cli.terminal import COMPLETE, Verbs
+
+SHELLS = ("bash", "zsh", "fish")
+PATHS = {"CONFIG", "DATA", "DIR", "FILE", "PATH"}  # metavars of what is a file or a folder
+
+
+def register(verbs: Verbs) -> None:
+    """Add the verb to the command line."""
+    added = verbs.add(
+        completion,
+        "print the script by which a shell completes verbs, options and file names",
+        'eval "$(gfmdlayer completion bash)"',
+    )
+    added.add_argument("shell", choices=SHELLS, help="the shell that will read it")
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script by which a shell completes verbs, options and file names."""
+    import shtab
+
+    from gfmdlayer.cli import command_line
+
+    parser = command_line()
+    for action in _actions(parser):
+        if action.metavar in PATHS:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(parser, options.shell))
+    return COMPLETE
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for verb in action.choices.values():
+                yield from _actions(verb)

@@ -1,0 +1,48 @@
+"""`gfmdlayer new`: write a configuration to start from."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+
+LIKE = ("indentation", "sweep", "prony", "sliding", "sphere", "rough")
+
+
+def register(verbs: Verbs) -> None:
+    """Add the verb to the command line."""
+    added = verbs.add(
+        new,
+        "write a configuration to start from, with the meaning of every key",
+        "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first",
+    )
+    added.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
+    added.add_argument(
+        "--like",
+        metavar="KIND",
+        choices=LIKE,
+        default=LIKE[0],
+        help=f"{', '.join(LIKE)} (default: {LIKE[0]})",
+    )
+    added.add_argument("--force", action="store_true", help="overwrite FILE")
+
+
+def new(options: argparse.Namespace) -> int:
+    """Write a configuration to start from."""
+    from gfmdlayer.config import ConfigError
+    from gfmdlayer.config.starts import commented
+
+    path = Path(options.file or f"{options.like}.yaml")
+    try:
+        content = commented(path.stem, options.like)
+        with path.open("w" if options.force else "x", encoding="utf-8") as file:
+            file.write(content)
+    except ConfigError as error:
+        return refuse(*(f"{path}: {problem}" for problem in error.problems))
+    except FileExistsError:
+        return refuse(f"{path}: is there already; choose another name, or --force to overwrite it")
+    except OSError as error:
+        return refuse(f"{path}: cannot be written ({error.strerror})")
+    print(f"{path}: what each key means is in it; run it with  gfmdlayer run {path}")
+    return COMPLETE

@@ -1,0 +1,131 @@
+"""The configuration as a JSON Schema (draft 2020-12), by which editors complete keys and mark mistakes.
+
+It follows from the model and takes everything that the loader takes.  What rests on more than one value
+(a sphere that ends inside the cell, a snapshot past the end), on files, or on a whole number being written
+without a decimal point, is known to the loader alone.  YAML's infinity is a number like any other here, so
+keys without .inf are bounded by the largest finite number.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from gfmdlayer.config import punches
+from gfmdlayer.config.model import Config
+from gfmdlayer.config.sections import sequence
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a configuration."""
+    schema = Config.model_json_schema(schema_generator=_Generator)
+    title = {"$schema": _DIALECT, "title": "gfmdlayer configuration"}
+    result: dict[str, Any] = title | _described(schema)
+    result["properties"]["sweep"] |= {
+        "properties": _swept(result),
+        "additionalProperties": False,
+        "minProperties": 1,
+    }
+    return result
+
+
+class _Generator(GenerateJsonSchema):
+    """Says of the model what pydantic cannot know: what its validators take, and what they refuse."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
+        return False  # keys are their own titles
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])  # None is for the model; a user leaves the key out
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        result = super().default_schema(schema)
+        match result.get("default"):
+            case None:
+                result.pop("default", None)
+            case [single]:
+                result["default"] = single
+        return result
+
+    def float_schema(self, schema: core_schema.FloatSchema) -> JsonSchemaValue:
+        result = super().float_schema(schema)
+        if schema.get("allow_inf_nan") is False:
+            result.setdefault("maximum", sys.float_info.max)
+            if "exclusiveMinimum" not in result:
+                result.setdefault("minimum", -sys.float_info.max)
+        return result
+
+    def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
+        result = super().function_before_schema(schema)
+        if schema["function"]["function"] is sequence:
+            return {"anyOf": [result["items"], result | _IN_CELL]}
+        return result
+
+    def function_after_schema(self, schema: core_schema.AfterValidatorFunctionSchema) -> JsonSchemaValue:
+        result = super().function_after_schema(schema)
+        if schema["function"]["function"] is punches.two:
+            return result | {"minItems": 2, "maxItems": 2}
+        return result
+
+    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
+        """Ask for the tag in every member but the one that is meant where there is none."""
+        find: Any = schema["discriminator"]
+        members = {tag: self.generate_inner(member) for tag, member in schema["choices"].items()}
+        for tag, member in members.items():
+            if tag != find({}) and "$ref" in member:
+                section = self.get_schema_from_definitions(member["$ref"]) or {}
+                required = section.setdefault("required", [])
+                required += [
+                    k for k, v in section["properties"].items() if "const" in v and k not in required
+                ]
+        return {"oneOf": list(members.values())}
+
+
+def _described(node: Any) -> Any:
+    """Return a schema whose descriptions are for users of the keys: what they are, and what is allowed."""
+    if isinstance(node, list):
+        return [_described(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    result = {key: _described(value) for key, value in node.items() if key not in {"$comment", "title"}}
+    what = result.get("description", "")
+    if isinstance(what, str) and (what or "$comment" in node):
+        allowed = f"must be {node['$comment']}" if isinstance(node.get("$comment"), str) else ""
+        summary = " ".join(what.partition("\n\n")[0].split())
+        result["description"] = "; ".join(filter(None, (summary, allowed)))
+    return result
+
+
+def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    """Yield dotted keys and where their schemas are, of each kind of section that may be there."""
+    for member in node.get("oneOf", ()):
+        yield from _keys(schema, member, prefix)
+    if "$ref" in node:
+        name = str(node["$ref"]).rpartition("/")[2]
+        for key, value in schema["$defs"][name]["properties"].items():
+            yield f"{prefix}.{key}", f"#/$defs/{name}/properties/{key}"
+            yield from _keys(schema, value, f"{prefix}.{key}")
+
+
+def _swept(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the schema of the values of each key that may be swept."""
+    found: dict[str, list[str]] = {}
+    for head, section in schema["properties"].items():
+        if head not in {"name", "sweep"}:
+            if "oneOf" in section:
+                found[head] = [f"#/properties/{head}"]
+            for key, place in _keys(schema, section, head):
+                found.setdefault(key, []).append(place)
+    return {key: _values([{"$ref": place} for place in places]) for key, places in found.items()}
+
+
+def _values(kinds: list[dict[str, str]]) -> dict[str, Any]:
+    items = kinds[0] if len(kinds) == 1 else {"anyOf": kinds}
+    return {"type": "array", "minItems": 1, "uniqueItems": True, "items": items}

@@ -1,0 +1,164 @@
+"""Configurations to start from: every key with its value, or commented out, and what it is.
+
+The text follows from the model, whose words for the keys are those that editors show too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from textwrap import wrap
+from typing import get_args
+
+from pydantic import Tag
+from pydantic.fields import FieldInfo
+
+from gfmdlayer.config import text
+from gfmdlayer.config.model import Config
+from gfmdlayer.config.sections import Section
+
+_COLUMN = 36  # where the words begin
+_HEAD = """\
+# {summary}
+#
+# Every key but name has a default; the keys behind a # have none, or no meaning here. Lengths are in units of
+# the period, moduli in units of G0 and times in units of tau, or in any others that are used throughout.
+"""
+_SWEEP = """\
+# sweep:
+#   layer.thickness: [0.02, 0.05, .inf]
+"""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A configuration to start from.
+
+    Attributes
+    ----------
+    summary : str
+        What it computes.
+    values : dict
+        Dotted keys and values that differ from the defaults.
+    """
+
+    summary: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+_QUICK: dict[str, object] = {"grid.points": 1024, "time.step": "adaptive", "output.snapshots": [1.0, 8.0]}
+_SURFACE: dict[str, object] = {
+    "grid.points": [128, 128],
+    "trajectory.control": "load",
+    "time.end": 2.0,
+    "time.step": "adaptive",
+    "output.snapshots": [1.0, 2.0],
+}
+STARTS = {
+    "indentation": Start("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
+    "sweep": Start(
+        "A parabola is pressed into layers of several thicknesses.",
+        _QUICK | {"sweep": {"layer.thickness": [0.02, 0.05, 0.1, 0.2]}},
+    ),
+    "prony": Start(
+        "A parabola is pressed into a layer that relaxes over two decades of time.",
+        _QUICK
+        | {
+            "layer.material": {
+                "model": "prony",
+                "branches": [{"G": 6.0, "tau": 0.1}, {"G": 3.0, "tau": 10.0}],
+            },
+            "time.end": 100.0,
+            "output.snapshots": [1.0, 10.0, 100.0],
+        },
+    ),
+    "sliding": Start(
+        "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
+        _QUICK
+        | {
+            "punch": {"shape": "cylinder", "radius": 0.6},
+            "trajectory.control": "load",
+            "trajectory.load": 0.01,
+            "trajectory.velocity": 0.1,
+            "time.end": 400.0,
+            "time.steady": 1e-3,
+            "output.snapshots": [],
+            "sweep": {"trajectory.velocity": [0.03, 0.3, 3.0]},
+        },
+    ),
+    "sphere": Start(
+        "A sphere is pressed into a coated solid by a force; a surface in two directions.",
+        _SURFACE
+        | {
+            "halfspace": {"shear_modulus": 10.0, "poisson": 0.3},
+            "punch": {"shape": "sphere", "radius": 1.0},
+            "trajectory.load": 0.02,
+        },
+    ),
+    "rough": Start(
+        "A self-affine rough surface is pressed into a layer on a rigid base.",
+        _SURFACE
+        | {
+            "layer.thickness": 0.2,
+            "halfspace.shear_modulus": float("inf"),
+            "punch": {
+                "shape": "self_affine",
+                "hurst": 0.8,
+                "short_cutoff": 0.0625,
+                "seed": 1,
+                "roll_off": 0.25,
+                "rms_slope": 0.1,
+            },
+            "trajectory.load": 0.05,
+            "output.patches": True,
+        },
+    ),
+}
+
+
+def commented(name: str, like: str) -> str:
+    """Return a configuration as YAML with the meaning of every key.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    like : str
+        Key of `STARTS`.
+
+    Raises
+    ------
+    ConfigError
+        Where the name is none for a configuration.
+    """
+    start = STARTS[like]
+    config = Config(name="new").with_values({"name": name, **start.values})
+    lines = (f"{entry:<{_COLUMN - 2}}  # {words}".rstrip(" #") for entry, words in _entries(config))
+    return _HEAD.format(summary=start.summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
+
+
+def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the lines of a section, each with the words about its key."""
+    values = section.model_dump(exclude_none=True)
+    for key, known in type(section).model_fields.items():
+        value = getattr(section, key)
+        if isinstance(value, Section):
+            inner = [*_kinds(known, indent + "  "), *_entries(value, indent + "  ")]
+            live = any(not line.lstrip().startswith("#") for line, _ in inner)
+            yield f"{indent}{'' if live else '# '}{key}:", known.description or ""
+            yield from inner
+        elif key in values and value != {}:
+            first, *rest = text.written({key: values[key]}).splitlines()
+            yield indent + first, known.description or ""
+            yield from ((indent + line, "") for line in rest)
+        elif value is None:
+            yield f"{indent}# {key}:", known.description or ""
+
+
+def _kinds(known: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
+    """Yield a line with the kinds of section that a key may hold, where there are several."""
+    notes = (note for member in get_args(known.annotation) for note in get_args(member))
+    tags = [note.tag for note in notes if isinstance(note, Tag)]
+    if tags:
+        lines = wrap(f"one of {', '.join(tags)}", 100)
+        yield from ((f"{indent}# {line}", "") for line in lines)

@@ -1,0 +1,53 @@
+"""Completion on a command line, as a shell does it."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gfmdlayer.cli import VERBS, main
+from gfmdlayer.cli.completion import SHELLS
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_shell_gets_a_script_with_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for verb in VERBS:
+        assert verb.__name__.rpartition(".")[2].replace("_", "-") in script
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        (["che"], {"check"}),
+        (["run", "--j"], {"--jobs"}),
+        (["plot", "--style", ""], {"paper", "screen"}),
+        (["completion", "z"], {"zsh"}),
+        (["run", "figu"], {"figure.yaml"}),
+        (["status", "res"], {"results"}),
+    ],
+)
+def test_bash_completes(
+    words: list[str],
+    completed: set[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("figure.yaml").touch()
+    Path("results").mkdir()
+    main(["completion", "bash"])
+    Path("script").write_text(capsys.readouterr().out)
+    ask = f"""
+source ./script
+COMP_WORDS=(gfmdlayer {shlex.join(words)}); COMP_CWORD={len(words)}
+_shtab_gfmdlayer
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+    told = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
+    assert set(told.stdout.split()) == completed
