@@ -193,17 +193,18 @@ def test_a_rank_that_exits_ends_the_job_soon_and_the_same_command_mends_it() -> 
     Path("faulty.yaml").write_text(FAULTY.replace("step: 0.01", "step: 0.001").replace("2048", "128"))
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", *RUN]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        deadline, at_work = time.monotonic() + 120, []
-        while len(at_work) < 2 or not Path("out/cases/0001.checkpoint").exists():
+        folder, deadline = Folder(Path("out")), time.monotonic() + 120
+        while not (
+            found := [case for case in running(folder) if folder.case(case.index, "checkpoint").exists()]
+        ):
             assert time.monotonic() < deadline
-            at_work = running(Folder(Path("out")))
             time.sleep(0.01)
-        os.kill(at_work[1].pid, signal.SIGKILL)
+        os.kill(found[0].pid, signal.SIGKILL)
         begun = time.monotonic()
         process.communicate(timeout=120)
     assert process.returncode != 0
     assert time.monotonic() - begun < 60
-    assert "case 0001 goes on from time" in is_mended()
+    assert f"case {found[0].index:04d} goes on from time" in is_mended()
 
 
 def test_a_clock_that_is_set_back_changes_no_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
