@@ -357,3 +357,80 @@ def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # ty
     again = solver.solve(first, np.zeros(64))
     # Directions kept from other steps change the way there, within the tolerance.
     np.testing.assert_allclose(again.displacement, alone.displacement, atol=1e-9)
+
+
+@each_method
+@pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan, 1e-320, 1e308, -1.0], ids=str)
+def test_a_guess_of_any_size_carries_the_load(start: float, method: Method) -> None:
+    problem = elastic(PAPER, parabola(64, 0.0), load=0.1)
+    guess = np.zeros(64)
+    guess[[0, 9]] = start, 1e-3 * start
+    found = solve(method, problem, start=guess)
+    assert found.converged
+    assert_consistent(found, problem)
+    assert found.contact_area == solve(method, problem).contact_area
+
+
+@each_method
+def test_the_height_from_which_a_load_is_counted_does_not_matter(method: Method) -> None:
+    # The punch lies 1e4 times as high as it goes in; the second load is met from the first one's pressure.
+    # A residual of 1e-9 is 2e-13 of the height, well above its rounding.
+    problem = elastic(PAPER, parabola(64, -1.0), load=3e-4)
+    solver = method(Transforms((64,)), 1e-9)
+    start = np.zeros(64)
+    for load in (1.0, 2.0, 2.0, 1.5):
+        found = solver.solve(replace(problem, mean_pressure=3e-4 * load), start)
+        low = solve(
+            method,
+            replace(problem, obstacle=problem.obstacle - 1.0, mean_pressure=3e-4 * load),
+            tolerance=1e-9,
+        )
+        assert found.converged
+        np.testing.assert_array_equal(found.pressure > 0, low.pressure > 0)
+        start = found.pressure
+
+
+def test_a_known_start_is_judged_by_the_depth_of_the_new_surface() -> None:
+    # A yielding body whose history holds it up, less in each step: the contact, a flat face, stays the same.
+    x = Grid((64,), (1.0,)).coordinates[0]
+    problem = elastic(YIELDING, np.where(np.abs(x) <= 0.1, 0.0, 1.0) - 0.01)
+    solver, start = ActiveSet(Transforms((64,)), 1e-8), np.zeros(64)
+    for raised in (1.0, 0.9, 0.8, 1e-3, 0.0):
+        problem.intercept[0] = 64 * problem.stiffness[0] * raised
+        found = solver.solve(problem, start)
+        assert found.converged
+        assert_consistent(found, problem)
+        start = found.pressure
+
+
+def test_load_and_depth_may_take_turns() -> None:
+    deep = elastic(PAPER, parabola(64, 0.01), load=None)
+    solver, start = ActiveSet(Transforms((64,)), 1e-9), np.zeros(64)
+    for load in (None, 0.05, None, None, 0.05, 0.05, None):
+        problem = replace(deep, mean_pressure=load)
+        found = solver.solve(problem, start)
+        assert found.converged
+        assert_consistent(found, problem)
+        assert found.contact_area == solve(ActiveSet, problem, tolerance=1e-9).contact_area
+        start = found.pressure
+
+
+@each_method
+def test_a_load_is_carried_to_rounding_however_fast_it_falls(method: Method) -> None:
+    problem = elastic(PAPER, np.abs(parabola(64, 0.0)) ** 0.5, load=1.0)
+    solver, start = method(Transforms((64,)), 1e-6), np.zeros(64)
+    for load in (1.0, 0.9, 0.8, 1e-6, 1e-12):
+        found = solver.solve(replace(problem, mean_pressure=load), start)
+        assert found.converged
+        assert found.pressure.mean() == pytest.approx(load, rel=1e-13)
+        start = found.pressure
+
+
+@each_method
+def test_a_punch_that_is_lifted_off_leaves_nothing_behind(method: Method) -> None:
+    solver, start = method(Transforms((64,)), 1e-9), np.zeros(64)
+    for depth in (0.01, 0.005, 0.0, -0.01):
+        found = solver.solve(elastic(PAPER, parabola(64, depth)), start)
+        assert found.converged
+        start = found.pressure
+        assert start.any() == (depth > 0)

@@ -43,9 +43,16 @@ def bodies(draw: st.DrawFn, length: float) -> dict[str, Any]:
             material["Ginf"] = G0 * draw(decades(1.001, 1e5))
         case "prony":
             branch = st.fixed_dictionaries(
-                {"G": decades(1e-3, 1e4).map(lambda G: G * G0), "tau": decades(1e-3, 1e3).map(lambda t: t * tau)}
+                {
+                    "G": decades(1e-3, 1e4).map(lambda G: G * G0),
+                    "tau": decades(1e-3, 1e3).map(lambda t: t * tau),
+                }
             )
-            material = {"model": "prony", "G0": G0, "branches": draw(st.lists(branch, min_size=1, max_size=4))}
+            material = {
+                "model": "prony",
+                "G0": G0,
+                "branches": draw(st.lists(branch, min_size=1, max_size=4)),
+            }
     thickness = length * draw(st.one_of(st.sampled_from([0.0, 0.05, math.inf]), decades(1e-6, 1e3)))
     bulk = draw(st.one_of(st.just(math.inf), decades(1e-3, 1e5)))
     if thickness == 0 and math.isinf(bulk):
@@ -83,10 +90,14 @@ def punches(draw: st.DrawFn, length: float, spacing: float) -> dict[str, Any]:
 
 @st.composite
 def histories(draw: st.DrawFn, most: float, tau: float) -> tuple[dict[str, Any], str | None]:
-    """Draw what is prescribed up to ``most``, and the time axis: the sections, and a table if there is one."""
+    """Draw what is prescribed up to ``most``, and the time axis: sections, and a table if there is one."""
     end = tau * draw(decades(1e-3, 1e3))
     count = draw(st.integers(1, 8))
-    time = {"end": end, "step": end / count, "integrator": draw(st.sampled_from(["exponential", "backward_euler"]))}
+    time = {
+        "end": end,
+        "step": end / count,
+        "integrator": draw(st.sampled_from(["exponential", "backward_euler"])),
+    }
     parts = st.one_of(st.floats(1e-3, 1), st.sampled_from([0.0, 1.0]), decades(1e-9, 1))
     if draw(st.booleans()):
         ramp = end * draw(st.sampled_from([1e-3, 0.5, 1.0, 10.0]))
@@ -101,9 +112,15 @@ def histories(draw: st.DrawFn, most: float, tau: float) -> tuple[dict[str, Any],
 def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     """Draw a configuration as plain data, and the table of its trajectory."""
     length = draw(st.one_of(st.just(1.0), decades(1e-6, 1e6)))
-    points: Any = draw(st.one_of(st.integers(8, 128), st.tuples(st.integers(8, 14), st.integers(8, 14)).map(list)))
+    points: Any = draw(
+        st.one_of(st.integers(8, 128), st.tuples(st.integers(8, 14), st.integers(8, 14)).map(list))
+    )
     coarsest = length / (min(points) if isinstance(points, list) else points)
-    data: dict[str, Any] = {"name": "drawn", "grid": {"points": points, "period": length}, **draw(bodies(length))}
+    data: dict[str, Any] = {
+        "name": "drawn",
+        "grid": {"points": points, "period": length},
+        **draw(bodies(length)),
+    }
     data["punch"] = draw(punches(length, coarsest))
     bare = Config.model_validate({**data, "trajectory": {"depth": 0.0}})
     height = float(inputs.make_punch(bare, inputs.make_grid(bare)).mean())
@@ -120,12 +137,18 @@ def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     if rows is None:
         data["trajectory"] |= {control: history["value"], "ramp_time": history["ramp_time"]}
     if draw(st.integers(0, 4)) == 0 and "step" in data["time"]:
-        data["time"] |= {"step": "adaptive", "integrator": "exponential", "tolerance": draw(decades(1e-3, 1e-1))}
+        data["time"] |= {
+            "step": "adaptive",
+            "integrator": "exponential",
+            "tolerance": draw(decades(1e-3, 1e-1)),
+        }
     else:
         step, end = data["time"]["step"], data["time"]["end"]
         data["output"] = {"snapshots": [min(i * step, end) for i in range(round(end / step) + 1)]}
-    data["solver"] = {"method": draw(st.sampled_from(["active_set"] * 3 + ["conjugate_gradient"])),
-                      "tolerance": draw(decades(1e-9, 1e-3))}
+    data["solver"] = {
+        "method": draw(st.sampled_from(["active_set"] * 3 + ["conjugate_gradient"])),
+        "tolerance": draw(decades(1e-9, 1e-3)),
+    }
     return data, rows
 
 
@@ -149,6 +172,9 @@ def test_the_mechanics_of_any_case(tmp_path_factory: pytest.TempPathFactory, cas
     assert (found["residual"] <= tolerance).all()
     assert ((found["contact_area"] >= 0) & (found["contact_area"] <= 1)).all()
     assert (found["mean_pressure"] >= 0).all()
+    if config.trajectory.control == "load":
+        loads = [inputs.make_trajectory(config)(time) for time in found["time"]]
+        np.testing.assert_allclose(found["mean_pressure"] * 2 * config.layer.material.G0, loads, rtol=1e-12)
     assert (np.diff(found["dissipated"]) >= 0).all()
     assert (found["stored"] >= 0).all()
     for (_, u, p), gap in zip(found.snapshots, found.gaps, strict=True):
@@ -163,10 +189,13 @@ def test_the_mechanics_of_any_case(tmp_path_factory: pytest.TempPathFactory, cas
 def assert_balanced(config: Config, found: Recording) -> None:
     """Compare the energies, which come from the modes, with the work of the pressure on the surface.
 
-    Over a step of an elastic body what is stored is work of the mean of both pressures, exactly. With backward
-    Euler what is stored and lost is the work of the last pressure less K |du|^2/2 and w |dy|^2/2, a mode each.
+    Over a step of an elastic body what is stored is work of the mean of both pressures, exactly. With
+    backward Euler what is stored and lost is the work of the last pressure less, for each mode, K |du|^2/2
+    and w |dy|^2/2, K its spring and w that of a relaxing mode with stretch y.
     """
-    elastic = config.layer.material.model == "zener" and config.layer.material.G0 == config.layer.material.Ginf
+    elastic = (
+        config.layer.material.model == "zener" and config.layer.material.Ginf == config.layer.material.G0
+    )
     if not elastic and config.time.integrator != "backward_euler":
         return
     p0, u0, energy0 = np.zeros_like(found.snapshots[0][1]), np.zeros_like(found.snapshots[0][1]), 0.0

@@ -74,7 +74,7 @@ def iterate(
     or ``limit`` iterations. Gap and pressure are an exact pair on return, and so they are at the beginning if
     that is said to be ``exact``.
     """
-    transforms = 0
+    transforms, carried = 0, at.p.sum()
     if not exact:
         evaluate(plans, system, at, work)
         transforms += 2
@@ -86,6 +86,7 @@ def iterate(
             exact = False
             opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
         if max(opened, tension, overlap) <= tolerance and not exact:
+            _carry(system, at, contact, carried)
             evaluate(plans, system, at, work)
             transforms, exact, last = transforms + 2, True, 0.0
             opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
@@ -122,6 +123,7 @@ def iterate(
         step(at, contact, bank, slot, slope / curvature)
         exact, last = False, product
     if not exact:
+        _carry(system, at, contact, carried)
         evaluate(plans, system, at, work)
         transforms += 2
         _judge(system, at, contact, work, shift, True)
@@ -139,6 +141,17 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
         at.gap[i] += system.gap0[i]
     work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
     work.level[2] = 0.0
+
+
+@nb.njit(nogil=True, cache=True)
+def _carry(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
+    """Give back to a given load what rounding took: steps much larger than it have a mean of their own."""
+    if system.load:
+        total = at.p.sum()
+        factor = carried / total if total > 0.0 else 1.0
+        for k in range(contact.counts[0]):
+            for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+                at.p[i] *= factor
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
