@@ -100,8 +100,9 @@ def iterate(
             if rounds == 0:
                 break
             rounds -= 1
-            changed = _update(system, at, contact, bank, shift, exact)
+            changed = _update(at, contact, bank, shift, exact)
             if changed:
+                _carry(system, at, contact, carried)
                 evaluate(plans, system, at, work)
                 transforms, exact = transforms + 2, True
             if exact:
@@ -145,7 +146,10 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
 
 @nb.njit(nogil=True, cache=True)
 def _carry(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
-    """Give back to a given load what rounding took: steps much larger than it have a mean of their own."""
+    """Let the contact carry a given load.
+
+    Points that pulled have left it, and steps much larger than the load have by rounding a mean of their own.
+    """
     if system.load:
         total = at.p.sum()
         factor = carried / total if total > 0.0 else 1.0
@@ -234,14 +238,9 @@ def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> 
 
 
 @nb.njit(nogil=True, cache=True)
-def _update(
-    system: System, at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool
-) -> bool:
-    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed.
-
-    A given load is carried by the points that stay.
-    """
-    changed, load = False, at.p.sum() if system.load else 0.0
+def _update(at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool) -> bool:
+    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed."""
+    changed = False
     for k in range(1 if everywhere else contact.counts[1]):
         first, end = (0, at.p.size) if everywhere else (contact.near[k, 0], contact.near[k, 1])
         for i in range(first, end):
@@ -252,9 +251,5 @@ def _update(
             if at.p[i] < 0.0:
                 let_go(contact, bank, at.p, i)
                 changed = True
-    if changed and system.load:
-        share = load / at.p.sum()
-        for i in range(at.p.size):
-            at.p[i] *= share
     list_runs(contact)
     return changed
