@@ -125,6 +125,10 @@ def _objections(config: Config) -> Iterator[tuple[str, str]]:
     except TableError as error:
         yield ("punch.file" if hasattr(config.punch, "file") else "punch"), str(error)
         return
+    except MemoryError:
+        message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
+        yield "grid.points", f"{message}; must be fewer"
+        return
     try:
         trajectory = make_trajectory(config)
     except TableError as error:

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+LARGEST = 1e30  # that is taken: what is computed from larger numbers may leave the range of double precision
+
 
 class TableError(ValueError):
     """A file of numbers cannot be used; the message names file, line if any, and what is allowed."""
@@ -62,6 +64,8 @@ def read_columns(
             raise TableError(f"{path}:{number}: holds {len(row)} numbers; must be {wanted}")
         if not np.isfinite(row).all():
             raise TableError(f"{path}:{number}: {text!r} is not finite; must be {wanted}")
+        if max(map(abs, row)) > LARGEST:
+            raise TableError(f"{path}:{number}: {text!r} is too large; must be {wanted}, up to {LARGEST:g}")
         if increasing and rows and row[0] <= rows[-1][0]:
             found = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
             raise TableError(f"{path}:{number}: {found}; must increase from row to row")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, nnls
 from scipy.special import spence
@@ -18,6 +19,12 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.simulation import simulate
 
 Floats = NDArray[np.float64]
+
+# `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
+# draws the same examples again, so that what breaks it is what was changed.
+settings.register_profile("short", derandomize=True)
+settings.register_profile("long", max_examples=10_000, print_blob=True)
+settings.load_profile("short")
 
 
 @dataclass

@@ -357,3 +357,66 @@ def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # ty
     again = solver.solve(first, np.zeros(64))
     # Directions kept from other steps change the way there, within the tolerance.
     np.testing.assert_allclose(again.displacement, alone.displacement, atol=1e-9)
+
+
+@each_method
+@pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan, 1e-320, 1e308, -1.0], ids=str)
+def test_a_guess_of_any_size_carries_the_load(start: float, method: Method) -> None:
+    problem = elastic(PAPER, parabola(64, 0.0), load=0.1)
+    guess = np.zeros(64)
+    guess[[0, 9]] = start, 1e-3 * start
+    found = solve(method, problem, start=guess)
+    assert found.converged
+    assert_consistent(found, problem)
+    assert found.contact_area == solve(method, problem).contact_area
+
+
+@pytest.mark.parametrize("load", [None, 1e-3])
+def test_a_known_start_is_judged_by_the_depth_of_the_surface_as_it_is_now(load: float | None) -> None:
+    # A flat face under a history that changes a little: the contact stays and the solve goes on from the last
+    # pressure. Under a load the punch lies high above the surface; else the history lets the body sink.
+    x = Grid((64,), (1.0,)).coordinates[0]
+    problem = elastic(YIELDING, np.where(np.abs(x) <= 0.1, 0.0, 1.0) + (1.0 if load else -0.01), load=load)
+    rng = np.random.default_rng(3)
+    solver, start = ActiveSet(Transforms((64,)), 1e-10), np.zeros(64)
+    for raised in (0.5, 0.4, 0.3, 0.1, 0.0):
+        history = problem.stiffness * np.fft.rfft(1e-5 * rng.normal(size=64)) / (1 + np.arange(33.0)) ** 2
+        history[0] = 0.0 if load else 64 * problem.stiffness[0] * raised
+        problem = replace(problem, intercept=history)
+        found = solver.solve(problem, start)
+        assert found.converged
+        assert_consistent(found, problem)
+        start = found.pressure
+
+
+def test_load_and_depth_may_take_turns() -> None:
+    deep = elastic(PAPER, parabola(64, 0.01), load=None)
+    solver, start = ActiveSet(Transforms((64,)), 1e-9), np.zeros(64)
+    for load in (None, 0.05, None, None, 0.05, 0.05, None):
+        problem = replace(deep, mean_pressure=load)
+        found = solver.solve(problem, start)
+        assert found.converged
+        assert_consistent(found, problem)
+        assert found.contact_area == solve(ActiveSet, problem, tolerance=1e-9).contact_area
+        start = found.pressure
+
+
+@each_method
+def test_a_load_is_carried_to_rounding_however_fast_it_falls(method: Method) -> None:
+    problem = elastic(PAPER, np.abs(parabola(64, 0.0)) ** 0.5, load=1.0)
+    solver, start = method(Transforms((64,)), 1e-6), np.zeros(64)
+    for load in (1.0, 0.9, 0.8, 1e-6, 1.0, 1e-9):
+        found = solver.solve(replace(problem, mean_pressure=load), start)
+        assert found.converged
+        assert found.pressure.mean() == pytest.approx(load, rel=1e-13)
+        start = found.pressure
+
+
+@each_method
+def test_a_punch_that_is_lifted_off_leaves_nothing_behind(method: Method) -> None:
+    solver, start = method(Transforms((64,)), 1e-9), np.zeros(64)
+    for depth in (0.01, 0.005, 0.0, -0.01):
+        found = solver.solve(elastic(PAPER, parabola(64, depth)), start)
+        assert found.converged
+        start = found.pressure
+        assert start.any() == (depth > 0)

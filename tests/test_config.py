@@ -890,7 +890,7 @@ _configs = st.fixed_dictionaries(
             {
                 "thickness": st.one_of(_positive, st.just(math.inf)),
                 "material": _solids,
-                "poisson": st.floats(-0.9, 0.5),
+                "poisson": st.integers(-900, 500).map(lambda thousandths: thousandths / 1000),
             }
         ),
         "time": st.fixed_dictionaries({"end": st.floats(10, 20), "step": st.floats(1e-6, 1)}),
@@ -898,7 +898,7 @@ _configs = st.fixed_dictionaries(
             {"method": st.sampled_from(["fire", "active_set", "conjugate_gradient"])}
         ),
         "output": st.fixed_dictionaries(
-            {"snapshots": st.lists(st.floats(0, 10), unique=True).map(sorted)},
+            {"snapshots": st.lists(st.one_of(st.just(0.0), st.floats(1e-30, 10)), unique=True).map(sorted)},
             optional={"patches": st.booleans(), "histograms": st.fixed_dictionaries({"gap": _histograms})},
         ),
     },
@@ -908,7 +908,7 @@ _configs = st.fixed_dictionaries(
         "sweep": st.fixed_dictionaries(
             {
                 "halfspace.shear_modulus": st.lists(
-                    st.floats(0.1, math.inf), min_size=1, max_size=4, unique=True
+                    st.one_of(st.floats(0.1, 1e30), st.just(math.inf)), min_size=1, max_size=4, unique=True
                 )
             },
             optional={"solver.method": st.just(["active_set", "fire"]), "grid.points": st.just([64, 128])},

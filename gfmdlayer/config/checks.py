@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.config.problems import Location, Problem
 from gfmdlayer.config.punch_checks import punch_conflicts
+from gfmdlayer.config.sections import MANY
 
 if TYPE_CHECKING:
     from gfmdlayer.config.model import Config
@@ -38,6 +39,9 @@ def _grid(config: Config) -> Iterator[Problem]:
             "must be one number, or one for each direction",
             "grid.points",
         )
+    if math.prod(points) >= MANY:
+        message = f"got {shown(points)}, {math.prod(points):.3g} points; must be fewer than 2^31 in all"
+        yield _problem("grid.points", message)
 
 
 def _solid(config: Config) -> Iterator[Problem]:

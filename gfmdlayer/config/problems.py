@@ -19,6 +19,9 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 Location = tuple[str | int, ...]
 
+# Products and quotients of a few numbers of this size do not leave the range of double precision.
+_LEAST, _MOST = 1e-30, 1e30
+
 
 class ConfigError(Exception):
     """A configuration that cannot be used, with everything that is wrong with it.
@@ -80,6 +83,8 @@ class InconsistentError(ValueError):
 class MustBe:
     """Annotation of a field: whatever its type finds wrong is reported in these words.
 
+    A number with a fraction is refused, too, where it is too large or too small to be computed with.
+
     Attributes
     ----------
     what : str
@@ -103,11 +108,15 @@ class MustBe:
 
     def _validate(self, value: Any, inner: core_schema.ValidatorFunctionWrapHandler) -> Any:
         try:
-            return inner(value)
+            taken = inner(value)
         except (ValidationError, OverflowError):
             hint = _hint(value, self)
             message = f"got {shown(value)}; must be {self.what}{hint}"
             raise PydanticCustomError("must_be", message) from None
+        if isinstance(taken, float) and taken not in {0.0, math.inf} and not _LEAST <= abs(taken) <= _MOST:
+            message = f"got {shown(value)}; must be from {_LEAST:g} to {_MOST:g} in size, in whatever units"
+            raise PydanticCustomError("must_be", message)
+        return taken
 
 
 def one_of(*words: str) -> MustBe:

@@ -83,7 +83,9 @@ def load(
 
 
 def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
-    return ConfigError(dict.fromkeys(f"{place}: {message}" for place, message in sorted(problems)))
+    # Keys may hold line breaks, and so may the words of those who read a file.
+    told = (f"{place}: {message}" for place, message in sorted(problems))
+    return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in told))
 
 
 def _document(path: Path, source: str) -> Document:

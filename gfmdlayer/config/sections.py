@@ -58,6 +58,8 @@ def _not_null(value: object) -> object:
     return value
 
 
+MANY = 2**31  # points that FFTW, which counts in 32 bits, cannot transform any more
+
 given = AfterValidator(_not_null)
 strict = Field(strict=True, allow_inf_nan=False)
 Finite = Annotated[float, strict, MustBe("a number, finite")]
@@ -65,8 +67,12 @@ Positive = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite")]
 NotNegative = Annotated[float, strict, Field(ge=0), MustBe("a number >= 0, finite")]
 Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
 Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
-Count = Annotated[int, Field(strict=True, ge=1), MustBe("a whole number >= 1")]
-Points = Annotated[int, Field(strict=True, ge=8), MustBe("a whole number >= 8, or two of them, [nx, ny]")]
+Count = Annotated[int, Field(strict=True, ge=1, lt=MANY), MustBe("a whole number >= 1 and < 2^31")]
+Points = Annotated[
+    int,
+    Field(strict=True, ge=8, lt=MANY),
+    MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]"),
+]
 Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
 Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
 File = Annotated[Path, MustBe("the name of a file"), AfterValidator(_readable)]

@@ -6,6 +6,7 @@ and dates are words. Nothing here knows which keys a configuration has.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from io import StringIO
@@ -13,7 +14,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
@@ -64,7 +65,9 @@ def read(content: str, source: str, at: Location = (), *, option: bool = False) 
     document = Document()
     yaml = YAML(typ="safe", pure=True)
     try:
-        node = yaml.compose(content)
+        with warnings.catch_warnings():  # anchors are refused, however often they are given
+            warnings.simplefilter("ignore", YAMLWarning)
+            node = yaml.compose(content)
         if node is not None:
             document.data = _Builder(document, source, option, yaml).build(node, at)
     except MarkedYAMLError as error:

@@ -75,6 +75,7 @@ class ActiveSet:
         self._tolerance = tolerance
         self._max_iterations = max_iterations
         self._stiffness: FloatArray | None = None
+        self._load = False
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         size, line = field().size, transforms.shape[-1]
         rows = 2 + 2 * min(_KEPT, _MEMORY // (4 * size))
@@ -134,7 +135,8 @@ class ActiveSet:
             clear, within = True, 0.25 * tolerance
             shift = within * extent(solution.pressure, solution.displacement)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
-            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, True)
+            exact = found  # `descent` does not keep the level from which depths count
+            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, exact)
             transforms, iterations = transforms + more, iterations + done
 
     def state(self) -> State:
@@ -145,6 +147,7 @@ class ActiveSet:
         return {
             "stiffness": self._stiffness,
             "softest": self._softest,
+            "load": self._load,
             "settled": self._settled,
             "odd": self._odd,
             "age": bank.age,
@@ -158,7 +161,9 @@ class ActiveSet:
         if "stiffness" not in state:
             return
         self._take_stiffness(state["stiffness"], float(state["softest"]))
-        self._settled, self._odd = bool(state["settled"]), int(state["odd"])
+        self._load, self._settled, self._odd = (
+            bool(state["load"]), bool(state["settled"]), int(state["odd"]),
+        )  # fmt: skip
         bank, kept = self._bank, state["age"] > 0
         bank.age[:], bank.direction[kept], bank.change[kept] = (
             state[name] for name in ("age", "direction", "change")
@@ -191,11 +196,15 @@ class ActiveSet:
         return done
 
     def _keep_directions(self, problem: Problem) -> bool:
-        """Directions are worth keeping as long as the stiffness is the same; return whether it is."""
-        stiffness = problem.stiffness
-        if stiffness is self._stiffness:
+        """Directions are worth keeping as long as the stiffness is the same; return whether it is.
+
+        And as long as what is prescribed is: under a given load directions have no mean, and gaps a shift.
+        """
+        stiffness, load = problem.stiffness, problem.mean_pressure is not None
+        if stiffness is self._stiffness and load == self._load:
             return self._settled
         same = self._stiffness is not None and np.array_equal(stiffness, self._stiffness)
+        same, self._load = same and load == self._load, load
         if same:
             self._stiffness = stiffness
             return self._settled

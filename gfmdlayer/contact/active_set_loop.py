@@ -74,7 +74,7 @@ def iterate(
     or ``limit`` iterations. Gap and pressure are an exact pair on return, and so they are at the beginning if
     that is said to be ``exact``.
     """
-    transforms = 0
+    transforms, carried = 0, at.p.sum()
     if not exact:
         evaluate(plans, system, at, work)
         transforms += 2
@@ -86,6 +86,7 @@ def iterate(
             exact = False
             opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
         if max(opened, tension, overlap) <= tolerance and not exact:
+            _carry(system, at, contact, carried)
             evaluate(plans, system, at, work)
             transforms, exact, last = transforms + 2, True, 0.0
             opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
@@ -99,8 +100,9 @@ def iterate(
             if rounds == 0:
                 break
             rounds -= 1
-            changed = _update(system, at, contact, bank, shift, exact)
+            changed = _update(at, contact, bank, shift, exact)
             if changed:
+                _carry(system, at, contact, carried)
                 evaluate(plans, system, at, work)
                 transforms, exact = transforms + 2, True
             if exact:
@@ -122,6 +124,7 @@ def iterate(
         step(at, contact, bank, slot, slope / curvature)
         exact, last = False, product
     if not exact:
+        _carry(system, at, contact, carried)
         evaluate(plans, system, at, work)
         transforms += 2
         _judge(system, at, contact, work, shift, True)
@@ -139,6 +142,20 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
         at.gap[i] += system.gap0[i]
     work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
     work.level[2] = 0.0
+
+
+@nb.njit(nogil=True, cache=True)
+def _carry(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
+    """Let the contact carry a given load.
+
+    Points that pulled have left it, and steps much larger than the load have by rounding a mean of their own.
+    """
+    if system.load:
+        total = at.p.sum()
+        factor = carried / total if total > 0.0 else 1.0
+        for k in range(contact.counts[0]):
+            for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+                at.p[i] *= factor
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -221,14 +238,9 @@ def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> 
 
 
 @nb.njit(nogil=True, cache=True)
-def _update(
-    system: System, at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool
-) -> bool:
-    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed.
-
-    A given load is carried by the points that stay.
-    """
-    changed, load = False, at.p.sum() if system.load else 0.0
+def _update(at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool) -> bool:
+    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed."""
+    changed = False
     for k in range(1 if everywhere else contact.counts[1]):
         first, end = (0, at.p.size) if everywhere else (contact.near[k, 0], contact.near[k, 1])
         for i in range(first, end):
@@ -239,9 +251,5 @@ def _update(
             if at.p[i] < 0.0:
                 let_go(contact, bank, at.p, i)
                 changed = True
-    if changed and system.load:
-        share = load / at.p.sum()
-        for i in range(at.p.size):
-            at.p[i] *= share
     list_runs(contact)
     return changed

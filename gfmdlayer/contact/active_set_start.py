@@ -45,6 +45,7 @@ def start(
         _keep_increment(system, at, contact, bank, work, past, mean)
         if system.load:
             _rescale(system, at, work, load / mean)
+        _set_level(system, at, work)
     return exact
 
 
@@ -55,7 +56,8 @@ def _carry(system: System, guess: FloatArray, load: float, p: FloatArray) -> Non
     for i in range(p.size):
         p[i] = guess[i] if guess[i] > 0.0 else 0.0
         total += p[i]
-    if total == 0.0:
+    if not (0.0 < total < np.inf and load * p.size / total < np.inf):
+        p[:] = 0.0
         p[np.argmin(system.gap0)] = total = 1.0
     share = load * p.size / total
     for i in range(p.size):
@@ -130,6 +132,12 @@ def _rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
     for k in range(at.spectrum.size):
         at.spectrum[k] *= factor
     work.level[2] = 0.0
+
+
+@nb.njit(nogil=True, cache=True)
+def _set_level(system: System, at: Iterate, work: Work) -> None:
+    """The level from which depths count, of a pressure that is known while the surface without it is new."""
+    work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

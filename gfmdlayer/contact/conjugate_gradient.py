@@ -116,6 +116,7 @@ def iterate(
         if met(system, p, gap, shift, tolerance):
             if exact:
                 break
+            _carry(system, p, load)
             _evaluate(plans, system, at, work)
             transforms, exact = transforms + 2, True
             continue
@@ -140,11 +141,19 @@ def iterate(
             # The cut or the rescaling has turned the step uphill.
             trial, curvature = 0.1 * trial, 0.0
     if not exact:
+        _carry(system, p, load)
         _evaluate(plans, system, at, work)
         transforms += 2
     if system.load:
         _set_depth(p, gap, shift)
     return transforms, iteration
+
+
+@nb.njit(nogil=True, cache=True)
+def _carry(system: System, p: FloatArray, load: float) -> None:
+    """Give back to a given load what rounding took over the steps."""
+    if system.load:
+        p *= load / p.sum()
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

@@ -67,9 +67,14 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
     """Make the first guess of the pressure admissible: not negative, and of the given mean."""
     np.fmax(start, 0.0, out=at.p)  # a guess may be anything
     if system.load:
-        if not at.p.any():
-            at.p[np.argmin(system.gap0)] = 1.0
-        np.multiply(at.p, problem.applied_pressure / at.p.mean(), out=at.p)
+        mean, guessed = problem.applied_pressure, float(at.p.mean())
+        if not (0.0 < guessed < np.inf and mean / guessed < np.inf):
+            at.p[:] = 0.0
+            at.p[np.argmin(system.gap0)] = at.p.size
+            guessed = 1.0
+        at.p[:] *= mean / guessed
+    elif system.gap0.min() >= 0.0:
+        at.p[:] = 0.0  # nothing presses; a pressure could only fade, and be compared with itself
 
 
 def accept(

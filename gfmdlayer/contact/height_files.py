@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.tables import TableError, read_matrix
+from gfmdlayer.tables import LARGEST, TableError, read_matrix
 
 
 class Heights(NamedTuple):
@@ -51,9 +51,11 @@ def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
     if min(shape) < 2:
         row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
         raise TableError(f"{file}: holds {row}; must be at least two along each axis")
-    if np.isinf(found.values).any():
-        where = np.argwhere(np.isinf(found.values))[0].tolist()
-        raise TableError(f"{file}: the height at index {where} is infinite")
+    large = np.abs(found.values) > LARGEST
+    if large.any():
+        where = np.argwhere(large)[0].tolist()
+        size = "infinite" if np.isinf(found.values[large][0]) else f"too large; must be up to {LARGEST:g}"
+        raise TableError(f"{file}: the height at index {where} is {size}")
     return found
 
 

@@ -17,7 +17,7 @@ from gfmdlayer.contact.grid import FloatArray, Grid
 from gfmdlayer.contact.height_files import load_array, times
 from gfmdlayer.contact.roughness import self_affine
 from gfmdlayer.contact.topography import Topography
-from gfmdlayer.tables import TableError, read_columns
+from gfmdlayer.tables import LARGEST, TableError, read_columns
 
 Shape = Callable[[Grid], FloatArray]
 Axes = list[FloatArray]  # coordinates along each axis, from the apex, which broadcast to the grid's shape
@@ -149,6 +149,9 @@ def profile(file: Path) -> Shape:
         if not np.isfinite(found).all():
             where = np.argwhere(~np.isfinite(found))[0].tolist()
             raise TableError(f"{file}: the height at index {where} is not a finite number")
+        if np.abs(found).max() > LARGEST:
+            where = list(map(int, np.unravel_index(np.abs(found).argmax(), found.shape)))
+            raise TableError(f"{file}: the height at index {where} is too large; must be up to {LARGEST:g}")
         return np.asarray(found - found.min())
 
     return heights
