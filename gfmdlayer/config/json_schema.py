@@ -28,11 +28,7 @@ def json_schema() -> dict[str, Any]:
     schema = Config.model_json_schema(schema_generator=_Generator)
     title = {"$schema": _DIALECT, "title": "gfmdlayer configuration"}
     result: dict[str, Any] = title | _described(schema)
-    result["properties"]["sweep"] |= {
-        "properties": _swept(result),
-        "additionalProperties": False,
-        "minProperties": 1,
-    }
+    _sweep(result)
     return result
 
 
@@ -114,8 +110,24 @@ def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> It
             yield from _keys(schema, value, f"{prefix}.{key}")
 
 
-def _swept(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the schema of the values of each key that may be swept."""
+def _sweep(schema: Mapping[str, Any]) -> None:
+    """Tell the sections of a sweep which keys they have."""
+    kinds = {key: _either(places) for key, places in _swept(schema).items()}
+    lists = {key: {"type": "array", "minItems": 1, "items": kind} for key, kind in kinds.items()}
+    different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
+    ranges = {key: {"$ref": "#/$defs/Range"} for key in kinds}
+    sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
+    for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
+        required = len(section.get("required", ()))
+        section |= {
+            "properties": section.get("properties", {}) | values,
+            "additionalProperties": False,
+            "minProperties": required + 1,
+        }
+
+
+def _swept(schema: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the dotted keys that may be swept, each with the places of what it may hold."""
     found: dict[str, list[str]] = {}
     for head, section in schema["properties"].items():
         if head not in {"name", "sweep"}:
@@ -123,9 +135,9 @@ def _swept(schema: Mapping[str, Any]) -> dict[str, Any]:
                 found[head] = [f"#/properties/{head}"]
             for key, place in _keys(schema, section, head):
                 found.setdefault(key, []).append(place)
-    return {key: _values([{"$ref": place} for place in places]) for key, places in found.items()}
+    return found
 
 
-def _values(kinds: list[dict[str, str]]) -> dict[str, Any]:
-    items = kinds[0] if len(kinds) == 1 else {"anyOf": kinds}
-    return {"type": "array", "minItems": 1, "uniqueItems": True, "items": items}
+def _either(places: list[str]) -> dict[str, Any]:
+    kinds = [{"$ref": place} for place in places]
+    return kinds[0] if len(kinds) == 1 else {"anyOf": kinds}

@@ -39,8 +39,11 @@ class Range(Section):
     """Where samples of a key lie: from one number to a larger one, spread evenly, or so in the logarithm."""
 
     from_: Finite = Field(alias="from")
+    """beginning of the range"""
     to: Finite
+    """end of the range"""
     scale: Annotated[Literal["linear", "log"], one_of("linear", "log")] = "linear"
+    """spread evenly, or evenly in the logarithm"""
 
     @field_validator("to")
     @classmethod
@@ -74,7 +77,9 @@ class Samples(Section):
     __pydantic_extra__: dict[str, Range]
 
     samples: Count
+    """number of samples"""
     seed: Annotated[int, Field(strict=True, ge=0), MustBe("a whole number >= 0")] = 0
+    """of the random numbers: the same samples every time"""
 
 
 _Samples = Annotated[Samples | None, given]
@@ -86,8 +91,11 @@ class Sweep(Section):
     model_config = ConfigDict(extra="allow")
 
     zip: Annotated[dict[str, Any] | None, given] = None
+    """dotted keys and values that belong together: first with first, second with second"""
     latin_hypercube: _Samples = None
+    """number of samples, and dotted keys with their ranges"""
     sobol: _Samples = None
+    """number of samples, a power of two, and dotted keys with their ranges"""
 
 
 class PlainSweep:
@@ -101,7 +109,8 @@ class PlainSweep:
 
 
 def _plain(sweep: Sweep) -> dict[str, Any]:
-    return sweep.model_dump(by_alias=True, exclude_none=True)
+    dumped = sweep.model_dump(by_alias=True)
+    return {key: value for key, value in dumped.items() if value is not None or key not in LISTS}
 
 
 @dataclass(frozen=True, eq=False)
