@@ -26,7 +26,9 @@ def closing(quick: bool) -> Iterator[Row | Curve]:
     for integrator, order in (("backward_euler", 1), ("exponential", 2)):
         runs = [run(values, {"time.integrator": integrator, "time.step": step}) for step in _STEPS]
         lacks = [_lack(each) for each in runs]
-        curve = Curve("step", f"energy balance, {integrator.replace('_', ' ')}", _STEPS, tuple(lacks), order)
+        curve = Curve(
+            "step", f"energy balance, {integrator.replace('_e', ' E')}", _STEPS, tuple(lacks), order
+        )
         yield curve
         yield curve.row(0.2, f"first law, n = {n}")
         if order == 1:

@@ -110,7 +110,10 @@ def grid_spacing(quick: bool) -> Iterator[Row | Curve]:
     yield Row("error of ptilde over its bound", 0.0, max(parts), 1.0, source)
     cells = max(area * n / 2 for area, n in zip(areas, grids, strict=True))
     yield Row("error of either edge, in cells", 0.0, cells, 1.0, source)
-    for name, errors, slope, bound in (("ptilde", pressures, -2, 0.05), ("atilde", areas, -1, 0.25)):
+    for name, errors, slope, bound in (
+        ("error of ptilde", pressures, -2, 0.05),
+        ("error of atilde", areas, -1, 0.25),
+    ):
         curve = Curve("points", name, tuple(map(float, grids)), tuple(errors), slope)
         yield curve
         yield curve.row(bound, f"n = {grids[0]} to {grids[-1]}")

@@ -102,8 +102,12 @@ def _lines(check: Check, finding: Finding) -> list[str]:
 
 
 def _paragraphs(text: str) -> str:
-    """Let indented formulas be code, and leave the rest as it is."""
-    return text.strip().replace("*", r"\*").replace("\n    ", "\n\n    ", 1)
+    """Keep text from being taken for marks; indented formulas are code as they are."""
+    lines = text.strip().split("\n")
+    plain = (line.replace("*", r"\*").replace("<", r"\<") for line in lines)
+    return "\n".join(
+        line if line.startswith("    ") else told for line, told in zip(lines, plain, strict=True)
+    )
 
 
 def _draw(out: Path, curves: Sequence[Curve]) -> list[Path]:
@@ -118,6 +122,8 @@ def _draw(out: Path, curves: Sequence[Curve]) -> list[Path]:
 
 def convergence_figure(curves: Sequence[Curve]) -> Figure:
     """Draw error curves over the same abscissa on logarithmic axes, theory's slope dashed beside each."""
+    from matplotlib.ticker import LogLocator
+
     with styled():
         figure = new_figure(1, 75.0)
         axes = figure.add_subplot()
@@ -125,6 +131,11 @@ def convergence_figure(curves: Sequence[Curve]) -> Figure:
             _draw_curve(axes, curve, colour, _MARKERS[i % len(_MARKERS)])
         label, error = _AXES[curves[0].against]
         axes.set(xscale="log", yscale="log", xlabel=label, ylabel=error)
+        x = [value for curve in curves for value in curve.x]
+        if max(x) < 100 * min(x):  # there may be a single power of ten to label
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
         figure.legend(loc="outside upper center", ncols=1, fontsize=7.5)
     return figure
 

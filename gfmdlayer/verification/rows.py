@@ -70,7 +70,7 @@ class Curve:
 
     def row(self, bound: float, source: str) -> Row:
         """Order of convergence as a row of the table."""
-        return Row(f"order of the {self.label}", abs(self.slope), abs(self.fitted), bound, source)
+        return Row(f"order: {self.label}", abs(self.slope), abs(self.fitted), bound, source)
 
 
 Finder = Callable[[bool], Iterable[Row | Curve]]
