@@ -55,7 +55,7 @@ class Config(Section):
     output: outputs.Output = Field(default_factory=outputs.Output)
     """what is kept besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
-    """dotted keys and their values; the cases are their product, or as zip, latin_hypercube and sobol say"""
+    """dotted keys and their values; the cases are their product"""
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
