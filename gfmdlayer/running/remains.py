@@ -7,14 +7,13 @@ everything that is not gfmdlayer's are not among it.
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
+from gfmdlayer.running import locks
 from gfmdlayer.running.folder import PARTIAL, Folder, FolderError
 from gfmdlayer.running.listing import numbers
 from gfmdlayer.running.status_file import running
@@ -40,11 +39,14 @@ def remains(folder: Folder) -> Iterator[list[Path]]:
     found = numbers(folder)
     if at_work := running(folder, found["running"]):
         raise FolderError(f"{folder.path}: a run is at work here, on {at_work[0].host}; wait for it to end")
-    with _alone(folder):
-        yield [
-            *(path for path in _files(folder.path) if _OF_THE_FOLDER.fullmatch(path.name)),
-            *(path for path in _files(folder.cases) if _is_left(path.name, found["h5"])),
-        ]
+    try:
+        with locks.held(folder.cases, None) if folder.cases.is_dir() else nullcontext():
+            yield [
+                *(path for path in _files(folder.path) if _OF_THE_FOLDER.fullmatch(path.name)),
+                *(path for path in _files(folder.cases) if _is_left(path.name, found["h5"])),
+            ]
+    except locks.HeldError:
+        raise FolderError(f"{folder.path}: a run is at work here; wait for it to end") from None
 
 
 def _is_left(name: str, complete: set[int]) -> bool:
@@ -57,19 +59,3 @@ def _files(folder: Path) -> list[Path]:
     with suppress(FileNotFoundError), os.scandir(folder) as entries:
         return sorted(Path(entry.path) for entry in entries if entry.is_file(follow_symlinks=False))
     return []
-
-
-@contextmanager
-def _alone(folder: Folder) -> Iterator[None]:
-    """Hold the lock that every run holds, alone or together with runs of other shards."""
-    if not folder.cases.is_dir():
-        yield
-        return
-    try:
-        with (folder.cases / ".lock").open("a") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield
-    except OSError as error:
-        if error.errno in (errno.EAGAIN, errno.EACCES):
-            raise FolderError(f"{folder.path}: a run is at work here; wait for it to end") from None
-        raise FolderError(f"{folder.path}: cannot be written ({error.strerror})") from None

@@ -33,7 +33,7 @@ class Summary:
     Attributes
     ----------
     outcomes : tuple of Outcome
-        Of all cases of the run or of its shard, in their order, those complete before included.
+        Of all cases of the run or of its shard, in their order, those included that it left as they were.
     collected : bool
         Whether the sweep file was written: no case waits any more, in any shard.
     """
@@ -124,7 +124,7 @@ def run_sweep(
                 checkpoint_every=checkpoint_every,
             )
             schedule = Schedule(team, task, folder, reporter.ended)
-            for outcome in schedule.run(_ordered(todo, own, folder, team)):
+            for outcome in schedule.run(_ordered(todo, undone, own, folder, team)):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
@@ -152,11 +152,13 @@ def _warnings(own: Sequence[Case], todo: Sequence[Case], team: Team, folder: Fol
     return [f"warning: {warning}" for warning in found]
 
 
-def _ordered(todo: list[Case], own: Sequence[Case], folder: Folder, team: Team) -> list[Case]:
+def _ordered(
+    todo: list[Case], undone: Sequence[Case], own: Sequence[Case], folder: Folder, team: Team
+) -> list[Case]:
     """Put the longest cases first, by what the finished ones took; one process alone keeps their order."""
     if team.alone:
         return todo
-    waiting = {case.index for case in todo}
+    waiting = {case.index for case in undone}
     done = [case for case in own if case.index not in waiting]
     return CostModel(finished(folder, done)).longest_first(todo)
 

@@ -18,6 +18,7 @@ from typing import Any
 
 from gfmdlayer import simulation
 from gfmdlayer.cli import main
+from gfmdlayer.results.writer import CaseWriter
 
 
 @dataclass
@@ -28,13 +29,14 @@ class Clock:
     cases: int = 0
     begun: float = 0.0
 
-    def around_cases(self, simulate: Callable[..., None]) -> Callable[..., None]:
-        """Count the cases."""
+    def around_cases(self, enter: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """Count the cases by their files; what was solved before the first one was to compile the solver."""
 
-        def counted(*arguments: Any) -> None:
-            self.begun = self.begun or time.time()
+        def counted(writer: Any) -> Any:
+            if not self.cases:
+                self.begun, self.solving = time.time(), 0.0
             self.cases += 1
-            simulate(*arguments)
+            return enter(writer)
 
         return counted
 
@@ -60,7 +62,7 @@ class Clock:
 def run(clock_file: str, config: str, directory: str) -> int:
     """Run the command line and write down what was spent."""
     clock = Clock()
-    simulation.simulate = clock.around_cases(simulation.simulate)
+    CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)
     simulation.make_solver = clock.around_solves(simulation.make_solver)
     status = main(["run", config, "--out", directory])
     Path(f"{clock_file}-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
