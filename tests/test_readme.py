@@ -21,7 +21,7 @@ from gfmdlayer.config import load
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MARK = "<!-- not run"  # before a block that a test cannot run; the words that follow say why
-BLOCK = re.compile(r"^(<!-- not run.*-->\n)?```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 @dataclass(frozen=True)
