@@ -25,6 +25,7 @@ from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 # Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
+_PATIENCE = 20  # iterations after which conjugate gradients go on without deflation
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 
@@ -79,10 +80,11 @@ def iterate(
         evaluate(plans, system, at, work)
         transforms += 2
     restart, exact, last, slot, iteration = True, True, 0.0, 0, 0
+    plain, since = False, 0  # without deflation; iterations since the last restart
     list_near(contact)
     for iteration in range(limit):
         opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
-        if restart and deflate(system, at, contact, bank, work, shift):
+        if restart and not plain and deflate(system, at, contact, bank, work, shift):
             exact = False
             opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
         if max(opened, tension, overlap) <= tolerance and not exact:
@@ -107,8 +109,13 @@ def iterate(
                 transforms, exact = transforms + 2, True
             if exact:
                 list_near(contact)
-            last = 0.0
+            last, since = 0.0, 0
             continue
+        if since == _PATIENCE and not plain:
+            # Rounding in the span of the directions is what is left to blame.
+            plain, last = True, 0.0
+            bank.deflating[:] = False
+        since += 1
         # z = kappa r, the pressure that would close the gaps, were there no end to the contact.
         _precondition(plans, system, at, contact, work, shift)
         previous, slot = slot, free_slot(bank)
@@ -119,7 +126,10 @@ def iterate(
         transforms += 4
         curvature = dot(contact, bank.direction[slot], bank.change[slot])
         if not (curvature > 0.0 and slope > 0.0):
-            break
+            if plain:
+                break
+            since = _PATIENCE
+            continue
         bank.age[slot] = bank.age.max() + 1
         step(at, contact, bank, slot, slope / curvature)
         exact, last = False, product

@@ -14,7 +14,7 @@ from gfmdlayer.contact.dual import Iterate, System
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 
-_INDEPENDENT = 1e-8  # part of a direction, in energy, that those before it do not hold already
+_INDEPENDENT = 1e-6  # part of a direction, in energy, that those before it do not hold already
 _STRETCH = 30  # points that cost as much as going from one stretch of the contact to the next
 _PASSES = 4.0  # over the whole surface, that all directions together may cost
 
@@ -52,14 +52,15 @@ def deflate(system: System, at: Iterate, contact: ContactSet, bank: Bank, work: 
         if newest > 0:
             bank.deflating[newest] = True
     _factor(contact, bank)
-    _residual(at, contact, work.z, shift)
     c = work.coefficients
-    for j in range(rows):
-        c[j] = dot(contact, bank.direction[j], work.z) if bank.deflating[j] else 0.0
-    _solve_factored(bank, c)
-    for j in range(rows):
-        if bank.deflating[j]:
-            step(at, contact, bank, j, c[j])
+    for _ in range(2):  # the second time for what the factors, of rows that are nearly dependent, got wrong
+        _residual(at, contact, work.z, shift)
+        for j in range(rows):
+            c[j] = dot(contact, bank.direction[j], work.z) if bank.deflating[j] else 0.0
+        _solve_factored(bank, c)
+        for j in range(rows):
+            if bank.deflating[j]:
+                step(at, contact, bank, j, c[j])
     return bool(bank.deflating.any())
 
 
