@@ -52,7 +52,7 @@ def bodies(draw: st.DrawFn, length: float) -> dict[str, Any]:
                 "branches": draw(st.lists(branch, min_size=1, max_size=4)),
             }
     thickness = length * draw(st.one_of(st.sampled_from([0.0, 0.05, math.inf]), decades(1e-6, 1e3)))
-    bulk = draw(st.one_of(st.just(math.inf), decades(1e-3, 1e5)))
+    bulk = draw(st.one_of(st.just(math.inf), decades(1e-3, 1e5), decades(1e-6, 1e20)))
     if thickness == 0 and math.isinf(bulk):
         bulk = 1.0
     return {
