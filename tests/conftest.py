@@ -57,6 +57,12 @@ class Recording:
 
 
 @pytest.fixture(scope="session")
+def recorder() -> type[Recording]:
+    """A recorder that keeps everything."""
+    return Recording
+
+
+@pytest.fixture(scope="session")
 def run() -> Callable[..., Recording]:
     """Run the paper's default case with these dotted values in it, on fewer points and with longer steps."""
 

@@ -360,7 +360,7 @@ def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # ty
 
 
 @each_method
-@pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan, 1e-320, 1e308, -1.0], ids=str)
+@pytest.mark.parametrize("start", [np.inf, -np.inf, np.nan, 1e-320, 1e300, -1.0], ids=str)
 def test_a_guess_of_any_size_carries_the_load(start: float, method: Method) -> None:
     problem = elastic(PAPER, parabola(64, 0.0), load=0.1)
     guess = np.zeros(64)

@@ -204,6 +204,13 @@ def test_modes_left_out_weigh_no_more_than_stated() -> None:
         assert abs(mpf(float(spectrum.glassy[index])) / exact - 1) < ROUNDING
 
 
+@pytest.mark.parametrize("bulk", [1e12, 1e16, 1e18, 1e25, 1e30])
+def test_a_halfspace_that_is_all_but_rigid_is_none_the_less_one(bulk: float) -> None:
+    q = np.geomspace(0.1, 1e3, 9)
+    material = Prony(1.0, ((3.0, 0.1), (6.0, 1.0), (2.0, 50.0)))
+    assert_exact(LayeredHalfspace(0.05, 0.5, bulk), material, q, [0, 0.1 + 0.03j, 30j])
+
+
 def test_wavenumbers_may_have_any_shape() -> None:
     body, material = LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0)
     q = np.linspace(0.0, 100.0, 12)

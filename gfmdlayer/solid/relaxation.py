@@ -208,8 +208,10 @@ def _solve_secular(moduli: Floats, times: Floats, relaxed: Floats) -> tuple[Floa
     """
     strengths = moduli * times
     # A pole without strength, out of reach beyond the longest time, spares the last root from being special.
-    ends = np.append(times, times[-1] + 4 * strengths.sum() / relaxed.min())
-    gap = np.diff(ends)[:, np.newaxis]
+    # The way there is kept by itself: beside the time it may vanish, in a body that is all but rigid.
+    reach = 4 * strengths.sum() / relaxed.min()
+    ends = np.append(times, times[-1] + reach)
+    gap = np.append(np.diff(times), reach)[:, np.newaxis]
     below = np.tril(np.ones((times.size, 1)) * strengths)
     sides = np.stack((below, strengths - below), axis=-1)
 
