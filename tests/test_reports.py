@@ -18,7 +18,7 @@ from gfmdlayer.running.screen import Screen
 
 def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str]:
     stream = io.StringIO()
-    with Reporter(folder, len(outcomes) + complete, complete, lambda: reports.Log(stream)) as reporter:
+    with Reporter(folder, range(len(outcomes) + complete), complete, lambda: reports.Log(stream)) as reporter:
         for outcome in outcomes:
             reporter.ended(outcome)
     return [line.partition("  ")[2] for line in stream.getvalue().splitlines()]
