@@ -421,6 +421,13 @@ REFUSED = {
         "2:26: sweep.layer.thickness: got 1",
         "must be a list",
     ),
+    "swept over nothing": (
+        "sweep: {layer.thickness: null}",
+        "2:26: sweep.layer.thickness: got nothing (null)",
+        "must be a list",
+    ),
+    "no sweep": ("sweep: null", "2:8: sweep: got nothing (null)", "must be a mapping"),
+    "nothing zipped": ("sweep: {zip: null}", "2:14: sweep.zip: got nothing (null)", "or be left out"),
     "swept value not possible": (
         "sweep: {layer.thickness: [1, -1]}",
         "2:30: sweep.layer.thickness[1]: got -1",

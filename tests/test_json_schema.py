@@ -60,6 +60,7 @@ output: {times: 0.1}
     LINE + "sweep: {zip: {layer.thickness: [0.1, 0.1], punch.radius: [0.2, 0.3]}, solver.method: [fire]}\n",
     LINE
     + "sweep: {latin_hypercube: {samples: 4, seed: 7, layer.thickness: {from: 0.1, to: 1, scale: log}}}\n",
+    LINE + "sweep: {latin_hypercube: {samples: 2, layer.poisson: {from: -1, to: 0.5}}}\n",
     LINE + "sweep: {sobol: {samples: 4, layer.material.Ginf: {from: 2, to: 3}}}\n",
     LINE + "sweep: {punch: [{shape: wedge, slope: 0.1}, {radius: 0.1}], output.snapshots: [[1], [1, 2]]}\n",
     SURFACE + "punch: {shape: sphere, radius: 3}\n",
@@ -190,6 +191,34 @@ def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(
         assert is_refused(mutated)
         assert not VALIDATOR.is_valid(mutated)
     assert not VALIDATOR.is_valid({key: value for key, value in data.items() if key != "name"})
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        "null",
+        "{layer.thickness: null}",
+        "{layer.thickness: [0.1, 0.1]}",
+        "{punch: [{shape: star}]}",
+        "{zip: null}",
+        "{zip: {}}",
+        "{zip: {layer.thickness: null}}",
+        "{zip: {layer.thickness: 0.1}}",
+        "{zip: {layer.thickness: [0.1]}, sobol: {samples: 2, punch.radius: {from: 0.1, to: 0.2}}}",
+        "{sobol: null}",
+        "{sobol: {samples: 6, punch.radius: {from: 0.1, to: 0.2}}}",
+        "{sobol: {samples: 8, seed: 1}}",
+        "{sobol: {samples: 8, punch.radius: null}}",
+        "{sobol: {samples: 8, punch.radius: {from: 0.1}}}",
+        "{latin_hypercube: {punch.radius: {from: 0.1, to: 0.2}}}",
+        "{latin_hypercube: {samples: 4, solver.method: {from: 0.1, to: 0.2}}}",
+        "{latin_hypercube: {samples: 4, grid.points: {from: 16, to: 64}}}",
+    ],
+)
+def test_both_refuse_sweeps_of_no_known_form(sweep: str) -> None:
+    data = plain(f"{LINE}sweep: {sweep}\n")
+    assert is_refused(data)
+    assert not VALIDATOR.is_valid(data)
 
 
 _values = st.recursive(

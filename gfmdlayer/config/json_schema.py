@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from gfmdlayer.config import punches
+from gfmdlayer.config import punches, sweep_checks, sweeps
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sections import sequence
 
@@ -115,7 +116,8 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     kinds = {key: _either(places) for key, places in _swept(schema).items()}
     lists = {key: {"type": "array", "minItems": 1, "items": kind} for key, kind in kinds.items()}
     different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
-    ranges = {key: {"$ref": "#/$defs/Range"} for key in kinds}
+    # Bounds are not held to those of the key: they may lie where no sample does.
+    ranges = {key: {"$ref": "#/$defs/Range"} for key, kind in kinds.items() if _takes_numbers(schema, kind)}
     sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
     for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
@@ -124,6 +126,21 @@ def _sweep(schema: Mapping[str, Any]) -> None:
             "additionalProperties": False,
             "minProperties": required + 1,
         }
+    samples["dependentSchemas"] = {"seed": {"minProperties": len(samples["required"]) + 2}}
+    powers = {"enum": [1 << k for k in range(sweep_checks.MAX_CASES.bit_length())]}
+    sweep["properties"]["sobol"]["properties"] = {"samples": powers}
+    sweep["allOf"] = [{"not": {"required": list(pair)}} for pair in combinations(sweeps.LISTS, 2)]
+
+
+def _takes_numbers(schema: Mapping[str, Any], node: Mapping[str, Any]) -> bool:
+    """Whether numbers that are not whole ones are among what a schema takes."""
+    if "$ref" in node:
+        target: Any = schema
+        for part in node["$ref"].split("/")[1:]:
+            target = target[part]
+        return _takes_numbers(schema, target)
+    kinds = [*node.get("anyOf", ()), *node.get("oneOf", ())]
+    return node.get("type") == "number" or any(_takes_numbers(schema, kind) for kind in kinds)
 
 
 def _swept(schema: Mapping[str, Any]) -> dict[str, list[str]]:
