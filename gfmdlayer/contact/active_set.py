@@ -47,8 +47,8 @@ from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.resumable import State
 
-_ROUNDS = 30
-_LIMIT = 200  # iterations of conjugate gradients
+_ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
+_LIMIT = 1000  # iterations of conjugate gradients
 _KEPT = 8  # directions kept from one step to the next, where memory allows
 _REACH = 16  # points at least on either side of the contact where the gap is kept up to date
 _MEMORY = 1 << 26  # numbers in all directions and what they do
