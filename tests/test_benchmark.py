@@ -49,15 +49,15 @@ def test_counts_of_each_solver_lie_between_the_floor_and_the_iteration_limit(tmp
         (s, n) for s in SOLVERS for n in (128, 256)
     }
     for row in found["pairs"]:
-        # One pair to judge an answer, one to carry the history on; a step fails after 20 000 iterations.
-        assert 2 <= row["ramp"] <= row["most"] <= 40_000
+        # Half a pair for the surface without pressure is the least; a step fails after 20 000 iterations.
+        assert 0.5 <= row["ramp"] <= row["most"] <= 40_000
         assert row["hold"] is None  # ten steps do not reach it
         assert row["all"] == row["ramp"]
         assert 0 <= row["largest residual"] <= 1e-6
 
     assert len(found["ingredients"]) == 6
     for row in found["run"]:
-        assert row["pairs"] >= 2 * 10
+        assert row["pairs"] >= 0.5 * 10
         assert row["run / bare pairs"] > 0
 
 

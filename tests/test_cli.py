@@ -321,11 +321,14 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
     output, _ = process.communicate(timeout=120)
     assert process.returncode == 1
-    # The pool takes its other worker down too: at most the two cases at work are lost, each on record.
-    lost = len(list(Path("out/cases").glob("*.failed")))
+    # The pool takes its other worker down too: at most the two cases at work are lost. The other worker may
+    # just have removed the record of an earlier failure when it ends: then its case waits.
+    lost = int(re.search(r"(\d) of 5 cases failed", output)[1])
+    failed = len(list(Path("out/cases").glob("*.failed")))
     assert 1 <= lost <= 2
-    assert f"{lost} of 5 cases failed" in output
-    assert f"{5 - lost} complete, 0 running, {lost} failed, 0 waiting" in gfmdlayer("status", "out").stdout
+    assert 1 <= failed <= lost
+    status = gfmdlayer("status", "out").stdout
+    assert f"{5 - lost} complete, 0 running, {failed} failed, {lost - failed} waiting" in status
 
 
 def test_workers_do_not_outlive_a_killed_run() -> None:

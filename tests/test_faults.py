@@ -111,9 +111,16 @@ def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results() -> None:
     assert names() == {".lock", "0000.h5", "0001.h5"}
 
 
-@pytest.mark.parametrize("limit", [30_000, 120_000])
-def test_a_disk_too_full_for_results_fails_the_cases_and_the_same_command_mends_it(limit: int) -> None:
-    process = gfmdlayer(*RUN, after=SMALL_DISK.format(limit))
+def test_a_disk_that_is_full_is_refused_before_any_work() -> None:
+    process = gfmdlayer(*RUN, after=SMALL_DISK.format(30_000))
+    assert process.returncode == 2
+    assert "cannot be written" in process.stderr
+    assert "Traceback" not in process.stderr
+    is_mended()
+
+
+def test_a_disk_too_full_for_results_fails_the_cases_and_the_same_command_mends_it() -> None:
+    process = gfmdlayer(*RUN, after=SMALL_DISK.format(120_000))
     assert process.returncode == 1
     assert "cannot be written: File too large" in process.stderr
     assert "Traceback" not in process.stderr

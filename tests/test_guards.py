@@ -130,7 +130,7 @@ def test_what_will_not_fit_is_told() -> None:
     assert warning.startswith("not/made/yet: about 1e+09 TB will be written, but only ")
     assert guards.lack_of_memory(1.0) == []
     assert len(guards.lack_of_memory(1e18)) == 1
-    shown = gfmdlayer("check", "tiny.yaml", "--set", "grid.points=[65536, 65536]", "--jobs", "1000").stdout
+    shown = gfmdlayer("check", "tiny.yaml", "--set", "grid.points=[32768, 32768]", "--jobs", "1000").stdout
     assert "warning: about" in shown
     assert "of memory are needed" in shown
 

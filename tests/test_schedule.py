@@ -99,7 +99,7 @@ def test_a_step_that_does_not_converge_ends_the_run() -> None:
 
     config = Config(name="hopeless").with_values(SMALL | {"solver.max_iterations": 3})
     with pytest.raises(
-        ConvergenceError, match=r"t = 0\.125: residual .* after 3 iterations of fire; the tolerance"
+        ConvergenceError, match=r"t = 0\.125: residual .* after 3 iterations of active_set; the tolerance"
     ):
         simulate(config, Nothing())
 

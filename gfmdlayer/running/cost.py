@@ -29,7 +29,7 @@ REAL = 8  # bytes
 FIELDS = {"fire": 35, "conjugate_gradient": 32, "active_set": 62}
 BRANCH_FIELDS = 5
 COLUMNS, ROWS = 13, 512  # of a row; in a block of the file
-HEADER = 42e3  # bytes of the file beside its arrays: attributes, names
+HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
 
 

@@ -190,21 +190,25 @@ def _opening(total: int, complete: int, todo: int, team: Team, threads: int, sha
 
 
 def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
-    """Write the sweep file, unless cases of other shards are still to come."""
+    """Write the sweep file, unless cases of other shards are still to come; return whether it was."""
+    from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import CaseRecord, collect
 
-    with locks.turn(folder.cases / ".collection"):
-        reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
-            case.index: _reason(folder, case) for case in every if case.index not in outcomes
-        }
-        if None in reasons.values():
-            return False
-        records = [
-            CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
-            for case in every
-        ]
-        keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-        collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+    try:
+        with locks.turn(folder.cases / ".collection"):
+            reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
+                case.index: _reason(folder, case) for case in every if case.index not in outcomes
+            }
+            if None in reasons.values():
+                return False
+            records = [
+                CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
+                for case in every
+            ]
+            keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
+            collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+    except PermissionError as error:  # lost on the way
+        raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
     return True
 
 
