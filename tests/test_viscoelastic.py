@@ -207,7 +207,7 @@ def scaled(lengths: float = 1.0, moduli: float = 1.0, times: float = 1.0) -> dic
 @pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
 @pytest.mark.parametrize("units", [{"lengths": 4.0}, {"moduli": 8.0}, {"times": 0.25}], ids=str)
 def test_units_do_not_matter(units: dict[str, float], integrator: str, run: Run) -> None:
-    # By powers of two, which round nothing: every bit is the same. The active set's first guess has cube roots.
+    # By powers of two, which round nothing: every bit is the same. (The active set guesses by cube roots.)
     settings = {"time.integrator": integrator, "solver.method": "fire"}
     one, other = run(scaled() | settings), run(scaled(**units) | settings)
     for column in ("contact_area", "mean_pressure", "transforms", "residual"):
