@@ -118,8 +118,8 @@ def simulate(
         surface = loading.surface(solution, kappa, b, instant.time)
         if steps.accepts(surface.spectrum, surface.found, surface.depth):
             integrator.advance(surface.spectrum)  # 8, 9
-            gap = problem.obstacle - solution.displacement
-            guess.remember(instant.time, getattr(solution, solver.starts_from), gap, kink=instant.kink)
+            remembered = getattr(solution, solver.starts_from)
+            guess.remember(instant.time, remembered, solution.gap, kink=instant.kink)
             resistance = travel.columns(instant.time, solution.pressure, surface)
             settled = settling is not None and settling.reached(
                 instant.time, solution.mean_pressure, surface.depth, **resistance
@@ -133,14 +133,14 @@ def simulate(
                 **attempts.taken(),
                 **resistance,
                 **ledger.entry(solution.mean_pressure, surface.depth, integrator, resistance),
-                **statistics.of(problem, solution, gap),
+                **statistics.of(problem, solution),
             )
             if instant.snapshot or settled:
                 recorder.snapshot(
                     instant.time,
                     surface.displacement.reshape(grid.shape),
                     solution.pressure.reshape(grid.shape),
-                    gap.reshape(grid.shape),
+                    solution.gap.reshape(grid.shape),
                 )
             if settled:
                 break

@@ -14,6 +14,9 @@ Inner
 Outer
     Points that pull leave C, points that overlap join it (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
     (2002) 865), those near the contact as soon as they show.
+Window
+    Where the contact takes a small part of the surface, the step is solved in a window around it first; see
+    `windows`. What follows is then for what the window could not do.
 Start
     `prediction` extrapolates the pressure in time; C is where it is positive. Where that is the contact set
     of the last step and kappa is the same, the solve goes on from the last pressure, whose gap is known, with
@@ -39,19 +42,17 @@ import numpy.typing as npt
 
 from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
 from gfmdlayer.contact.active_set_start import begin
-from gfmdlayer.contact.active_set_state import Bank, ContactSet, Past, Work
+from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, make_work
 from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.dual import Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.contact.windows import Windows
 from gfmdlayer.resumable import State
 
 _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
 _LIMIT = 1000  # iterations of conjugate gradients
-_KEPT = 8  # directions kept from one step to the next, where memory allows
-_REACH = 16  # points at least on either side of the contact where the gap is kept up to date
-_MEMORY = 1 << 26  # numbers in all directions and what they do
 _PORTION = 200  # iterations of descent between two looks at signals
 
 
@@ -77,31 +78,16 @@ class ActiveSet:
         self._stiffness: FloatArray | None = None
         self._load = False
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        size, line = field().size, transforms.shape[-1]
-        rows = 2 + 2 * min(_KEPT, _MEMORY // (4 * size))
         self._at = Iterate(field(), field(), spectrum())
-        self._contact = ContactSet(
-            member=np.zeros(size),
-            runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
-            near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
-            counts=np.zeros(4, dtype=np.int64),
-            reach=(max(_REACH, line // 64), line),
-            close=np.zeros(0 if line == size else size),
-        )
-        self._bank = Bank(
-            direction=_rows(rows, size),
-            change=_rows(rows, size),
-            age=np.zeros(rows, dtype=np.int64),
-            deflating=np.zeros(rows, dtype=np.bool_),
-            gram=np.zeros((rows, rows)),
-        )
+        self._contact, self._bank = make_contact(transforms.shape), make_bank(self._at.p.size)
         self._free, self._gap0 = spectrum(), field()
-        self._work = Work(field(), spectrum(), np.zeros(rows), np.zeros(2), np.zeros(3))
+        self._work = make_work(self._bank, field(), spectrum())
+        self._windows = Windows(transforms, self._free, self._work)
         for array in (self._at.p, self._at.gap, self._gap0):
             array[:] = 0.0
         self._past = Past(field(), field(), np.ones(1), np.full(1, -1))
         self._state = (self._at, self._contact, self._bank, self._work)
-        self._settled, self._odd = False, 0
+        self._settled, self._odd = False, 0.0
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from a first guess of the pressure; see `Solution` for what is returned.
@@ -115,17 +101,24 @@ class ActiveSet:
             return trivial
         keep, system = self._keep_directions(problem), self._system(problem)
         plans, tolerance, state = self._transforms.plans, self._tolerance, self._state
-        shift, within, clear = 0.0, 0.8 * tolerance, False
-        found, transforms, iterations = attempt(
-            plans, system, problem.intercept, self._free, *state, self._past, start,
-            problem.applied_pressure, keep, within, _ROUNDS, min(_LIMIT, self._max_iterations),
+        limit = min(_LIMIT, self._max_iterations)
+        near = self._windows.solve(problem, start, tolerance, _ROUNDS, limit)
+        if near.within:
+            self._settled = False
+            pairs, self._odd = divmod(near.transforms + self._odd, 2)
+            return near.solution(problem, tolerance, int(pairs))
+        shift, within, clear, limit = 0.0, 0.8 * tolerance, False, max(limit - near.iterations, 1)
+        found, more, iterations = attempt(
+            plans, system, problem.intercept, self._free, *state, self._past, near.guess(start),
+            problem.applied_pressure, keep, within, _ROUNDS, limit,
         )  # fmt: skip
+        transforms, iterations = near.transforms + more, near.iterations + iterations
         while True:
             if not found:
                 more = self._descend(system, problem, shift, within, self._max_iterations - iterations)
                 transforms, iterations = transforms + 2 * more, iterations + more
             pairs, odd = divmod(transforms + self._odd, 2)
-            solution = accept(problem, system, self._free, self._at, tolerance, pairs, iterations)
+            solution = accept(problem, system, self._free, self._at, tolerance, int(pairs), iterations)
             if solution.converged:
                 self._settled, self._odd = found, odd
                 return solution
@@ -135,8 +128,8 @@ class ActiveSet:
             clear, within = True, 0.25 * tolerance
             shift = within * extent(solution.pressure, solution.displacement)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
-            exact = found  # `descent` does not keep the level from which depths count
-            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit, exact)
+            self._work.exact[0] = found  # `descent` does not keep the level from which depths count
+            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit)
             transforms, iterations = transforms + more, iterations + done
 
     def state(self) -> State:
@@ -150,6 +143,7 @@ class ActiveSet:
             "load": self._load,
             "settled": self._settled,
             "odd": self._odd,
+            "kernel": self._windows.kernel_is_known,
             "age": bank.age,
             "direction": bank.direction[kept],
             "change": bank.change[kept],
@@ -160,10 +154,12 @@ class ActiveSet:
         """Go on from there."""
         if "stiffness" not in state:
             return
-        self._take_stiffness(state["stiffness"], float(state["softest"]))
         self._load, self._settled, self._odd = (
-            bool(state["load"]), bool(state["settled"]), int(state["odd"]),
+            bool(state["load"]), bool(state["settled"]), float(state["odd"]),
         )  # fmt: skip
+        self._take_stiffness(state["stiffness"], float(state["softest"]))
+        if state["kernel"]:  # which the step that made it has paid for
+            self._windows.make_kernel()
         bank, kept = self._bank, state["age"] > 0
         bank.age[:], bank.direction[kept], bank.change[kept] = (
             state[name] for name in ("age", "direction", "change")
@@ -216,16 +212,12 @@ class ActiveSet:
         self._stiffness, self._softest, n = stiffness, softest, self._at.p.size
         self._per_point = stiffness / n
         self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
+        self._windows.renew(self._compliance, self._per_point, softest, load=self._load)
 
     def _system(self, problem: Problem) -> System:
         """The problem in pressures."""
         load = problem.mean_pressure is not None
-        return System(self._compliance, self._per_point, self._gap0, problem.obstacle, self._softest, load)
-
-
-def _rows(count: int, length: int) -> FloatArray:
-    # Not filled beforehand: pages that are never written to take no memory.
-    line, padded = 8, -(-length // 8) * 8
-    block = np.zeros(count * padded + line)
-    first = -(block.ctypes.data // block.itemsize) % line
-    return block[first : first + count * padded].reshape(count, padded)
+        compliance, yielding = self._compliance, float(self._compliance[0])
+        return System(
+            compliance, self._per_point, self._gap0, problem.obstacle, self._softest, load, yielding
+        )

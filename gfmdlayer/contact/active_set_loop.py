@@ -48,9 +48,9 @@ def attempt(
     limit: int,
 ) -> tuple[bool, int, int]:
     """`start`, then `iterate`: in one call, since to hand all of this over takes its time."""
-    exact = start(plans, system, b, free, at, contact, bank, work, past, guess, load, keep)
+    start(plans, system, b, free, at, contact, bank, work, past, guess, load, keep)
     found, transforms, iterations = iterate(
-        plans, system, at, contact, bank, work, 0.0, tolerance, rounds, limit, exact
+        plans, system, at, contact, bank, work, 0.0, tolerance, rounds, limit
     )
     return found, transforms + 1, iterations
 
@@ -67,31 +67,32 @@ def iterate(
     tolerance: float,
     rounds: int,
     limit: int,
-    exact: bool,
 ) -> tuple[bool, int, int]:
     """Find the contact set and its pressure; return whether they were found, the transforms, the iterations.
 
     The gap in the contact is brought to ``shift``. Ends without success after ``rounds`` changes of the set
-    or ``limit`` iterations. Gap and pressure are an exact pair on return, and so they are at the beginning if
-    that is said to be ``exact``.
+    or ``limit`` iterations. Gap and pressure are an exact pair on return; at the beginning they need not be,
+    and a guess that is good enough is left as it is.
     """
-    transforms, carried = 0, at.p.sum()
-    if not exact:
+    transforms, carried, exact = 0, at.p.sum(), work.exact
+    guessed = not exact[0]
+    if guessed:
         evaluate(plans, system, at, work)
         transforms += 2
-    restart, exact, last, slot, iteration = True, True, 0.0, 0, 0
+    restart, last, slot, iteration = True, 0.0, free_slot(bank), 0
     plain, since = False, 0  # without deflation; iterations since the last restart
     list_near(contact)
     for iteration in range(limit):
-        opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
-        if restart and not plain and deflate(system, at, contact, bank, work, shift):
-            exact = False
-            opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
-        if max(opened, tension, overlap) <= tolerance and not exact:
+        opened, tension, overlap = _judge(system, at, contact, work, shift)
+        good, guessed = guessed and max(opened, tension, overlap) <= tolerance, False
+        if restart and not plain and not good and deflate(system, at, contact, bank, work, shift):
+            exact[0] = False
+            opened, tension, overlap = _judge(system, at, contact, work, shift)
+        if max(opened, tension, overlap) <= tolerance and not exact[0]:
             _carry(system, at, contact, carried)
             evaluate(plans, system, at, work)
-            transforms, exact, last = transforms + 2, True, 0.0
-            opened, tension, overlap = _judge(system, at, contact, work, shift, exact)
+            transforms, last = transforms + 2, 0.0
+            opened, tension, overlap = _judge(system, at, contact, work, shift)
         if max(opened, tension, overlap) <= tolerance:
             return True, transforms, iteration
         # What overlaps joins at once; what pulls leaves when the pressure is known well enough.
@@ -102,12 +103,12 @@ def iterate(
             if rounds == 0:
                 break
             rounds -= 1
-            changed = _update(at, contact, bank, shift, exact)
+            changed = _update(at, contact, bank, shift, exact[0])
             if changed:
                 _carry(system, at, contact, carried)
                 evaluate(plans, system, at, work)
-                transforms, exact = transforms + 2, True
-            if exact:
+                transforms += 2
+            if exact[0]:
                 list_near(contact)
             last, since = 0.0, 0
             continue
@@ -132,12 +133,12 @@ def iterate(
             continue
         bank.age[slot] = bank.age.max() + 1
         step(at, contact, bank, slot, slope / curvature)
-        exact, last = False, product
-    if not exact:
+        exact[0], last = False, product
+    if not exact[0]:
         _carry(system, at, contact, carried)
         evaluate(plans, system, at, work)
         transforms += 2
-        _judge(system, at, contact, work, shift, True)
+        _judge(system, at, contact, work, shift)
     return False, transforms, iteration
 
 
@@ -150,8 +151,8 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
     backward(plans, work.spectrum, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
-    work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
-    work.level[2] = 0.0
+    work.level[0] = system.yielding * at.spectrum[0].real - work.level[1]
+    work.level[2], work.exact[0] = 0.0, True
 
 
 @nb.njit(nogil=True, cache=True)
@@ -196,9 +197,9 @@ def _apply(plans: Plans, system: System, bank: Bank, work: Work, slot: int) -> N
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _judge(
-    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, everywhere: bool
+    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> tuple[float, float, float]:
-    """Span of the gaps in the contact, tension there, and overlap near it or everywhere, each scaled.
+    """Span of the gaps in the contact, tension there, and overlap where the gap is known, each scaled.
 
     Under a given load the depth is set first, so that the gap in the contact is right in the mean.
     """
@@ -206,7 +207,7 @@ def _judge(
         excess = mean(contact, at.gap) - shift
         work.level[0] -= excess
         work.level[2] += excess
-        if everywhere:
+        if work.exact[0]:
             for i in range(at.gap.size):
                 at.gap[i] -= excess
         else:
@@ -221,7 +222,7 @@ def _judge(
             lowest = min(lowest, at.p[i])
             largest = max(largest, at.p[i])
     overlap, below = 0.0, work.scales[1] + min(work.level[0], 0.0)
-    if everywhere:
+    if work.exact[0]:
         overlap, below = _outside(system, at, contact, shift)
     else:
         for k in range(contact.counts[1]):

@@ -29,8 +29,8 @@ def start(
     guess: FloatArray,
     load: float,
     keep: bool,
-) -> bool:
-    """Begin with the guess or, where as good, the last pressure; return whether its gap is known.
+) -> None:
+    """Begin with the guess or, where as good, the last pressure, whose gap is known.
 
     ``load`` is the mean pressure where it is given; ``keep`` tells whether the last pressure belongs to the
     same stiffness. Half a pair of transforms.
@@ -39,14 +39,13 @@ def start(
     if system.load:
         _carry(system, guess, load, work.z)
         guess = work.z
-    exact = begin(at, contact, bank, guess, keep)
-    if exact:
+    work.exact[0] = begin(at, contact, bank, guess, keep)
+    if work.exact[0]:
         mean = at.p.mean() if system.load else 1.0
         _keep_increment(system, at, contact, bank, work, past, mean)
         if system.load:
             _rescale(system, at, work, load / mean)
         _set_level(system, at, work)
-    return exact
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -137,7 +136,7 @@ def _rescale(system: System, at: Iterate, work: Work, factor: float) -> None:
 @nb.njit(nogil=True, cache=True)
 def _set_level(system: System, at: Iterate, work: Work) -> None:
     """The level from which depths count, of a pressure that is known while the surface without it is new."""
-    work.level[0] = system.compliance[0] * at.spectrum[0].real - work.level[1]
+    work.level[0] = system.yielding * at.spectrum[0].real - work.level[1]
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

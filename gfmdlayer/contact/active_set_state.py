@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import NamedTuple
 
 import numba as nb
@@ -15,7 +16,7 @@ from gfmdlayer.contact.transforms import ComplexArray
 IndexArray = npt.NDArray[np.int64]
 
 _LINES = 2  # on either side that are close to a contact on a surface
-_BLOCK = 64  # points that are passed over at once where nothing is in contact
+_BLOCK = 256  # points that are passed over at once where nothing is in contact
 
 
 class ContactSet(NamedTuple):
@@ -63,7 +64,51 @@ class Work(NamedTuple):
     spectrum: ComplexArray
     coefficients: FloatArray
     scales: FloatArray  # of pressure and gap in the residual
+    exact: npt.NDArray[np.bool_]  # whether the gap is known at every point, or near the contact; one entry
     level: FloatArray  # mean of -u; mean of u without pressure; depth given way to: gap = gap0 + A p - depth
+
+
+_KEPT = 8  # directions kept from one step to the next, where memory allows
+_REACH = 16  # points at least on either side of the contact where the gap is kept up to date
+_MEMORY = 1 << 26  # numbers in all directions and what they do
+
+
+def make_contact(shape: tuple[int, ...]) -> ContactSet:
+    """No contact on a surface of a shape."""
+    size, line = prod(shape), shape[-1]
+    return ContactSet(
+        member=np.zeros(size),
+        runs=np.zeros((size // 2 + 1, 2), dtype=np.int64),
+        near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
+        reach=(max(_REACH, line // 64), line),
+        close=np.zeros(0 if line == size else size),
+    )
+
+
+def make_work(bank: Bank, z: FloatArray, spectrum: ComplexArray) -> Work:
+    """Work arrays, of which two are given."""
+    return Work(z, spectrum, np.zeros(bank.age.size), np.zeros(2), np.zeros(1, dtype=np.bool_), np.zeros(3))
+
+
+def make_bank(size: int) -> Bank:
+    """An empty bank for a number of points."""
+    rows = 2 + 2 * min(_KEPT, _MEMORY // (4 * size))
+    return Bank(
+        direction=_rows(rows, size),
+        change=_rows(rows, size),
+        age=np.zeros(rows, dtype=np.int64),
+        deflating=np.zeros(rows, dtype=np.bool_),
+        gram=np.zeros((rows, rows)),
+    )
+
+
+def _rows(count: int, length: int) -> FloatArray:
+    # Not filled beforehand: pages that are never written to take no memory.
+    line, padded = 8, -(-length // 8) * 8
+    block = np.zeros(count * padded + line)
+    first = -(block.ctypes.data // block.itemsize) % line
+    return block[first : first + count * padded].reshape(count, padded)
 
 
 @nb.njit(nogil=True, cache=True)

@@ -29,7 +29,7 @@ from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
 _ROUNDING = 1e-12  # part of the height of the punch
-_CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
+CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
 _LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
 
 
@@ -42,6 +42,7 @@ class System(NamedTuple):
     h: FloatArray
     softest: float  # kappa_1
     load: bool  # whether the mean of p is given, and the gap known up to a shift only
+    yielding: float  # mean displacement of the surface per total pressure
 
 
 class Iterate(NamedTuple):
@@ -60,7 +61,9 @@ def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, Comp
     free = problem.intercept * compliance
     gap0 = problem.obstacle - transforms.backward(free)
     load = problem.mean_pressure is not None
-    return System(compliance, problem.stiffness / n, gap0, problem.obstacle, problem.softest, load), free
+    return System(
+        compliance, problem.stiffness / n, gap0, problem.obstacle, problem.softest, load, compliance[0]
+    ), free
 
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:
@@ -90,7 +93,7 @@ def accept(
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, judgement = _hand_back(system, at, free, u, pressure, spectrum)
-    clear = overlap == 0.0 or overlap <= _CLAMPED * extent(pressure, u)[1]
+    clear = overlap == 0.0 or overlap <= CLAMPED * extent(pressure, u)[1]
     return judged(
         problem,
         u,
@@ -139,12 +142,14 @@ def _resting(problem: Problem, transforms: Transforms) -> Solution:
     u = transforms.backward(spectrum) / n
     shift = (u - h).max()
     spectrum[0] -= n * shift
+    u = np.minimum(u - shift, h)
     return Solution(
-        displacement=np.minimum(u - shift, h),
+        displacement=u,
         pressure=np.zeros(n),
+        gap=h - u,
         spectrum=spectrum,
         mean_pressure=0.0,
-        mean_gap=float((h - u).mean() + shift),
+        mean_gap=float((h - u).mean()),
         contact_area=0.0,
         residual=0.0,
         transforms=1,

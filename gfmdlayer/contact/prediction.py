@@ -24,7 +24,7 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.resumable import State
 
-_BLOCK = 64  # points that are passed over together where nothing is in contact
+_BLOCK = 256
 
 
 Weights = tuple[float, float, float]

@@ -31,7 +31,7 @@ FASTMATH = {"reassoc", "contract"}
 
 # Numbers of which maxima are kept side by side: vector units compare them at once, where a single maximum
 # waits for each comparison in turn.
-LANES = 64
+LANES = 256
 
 # Pressures count against at least this part of what the softest mode carries at the depth of the surface.
 # Without it a surface that nothing touches would measure rounding errors against rounding errors: those reach
@@ -87,6 +87,8 @@ class Solution:
     ----------
     displacement, pressure : ndarray, one value a point
         u, with u <= h and the mean constraint satisfied to rounding, and p = f + lambda at every point.
+    gap : ndarray, one value a point
+        h - u.
     spectrum : ndarray of complex
         Unnormalised transform of the displacement, which the history is carried on with.
     mean_pressure, mean_gap : float
@@ -96,13 +98,15 @@ class Solution:
     residual : float
         See `violation`.
     transforms, iterations : int
-        FFT pairs (a forward and a backward transform) and iterations that it took.
+        FFT pairs (a forward and a backward transform) and iterations that it took. Transforms of a part of
+        the surface count as that part of one, rounded from step to step.
     converged : bool
         Whether the residual is within the tolerance.
     """
 
     displacement: FloatArray
     pressure: FloatArray
+    gap: FloatArray
     spectrum: ComplexArray
     mean_pressure: float
     mean_gap: float
@@ -204,14 +208,19 @@ def judged(
     iterations: int,
     within: float,
     judgement: Judgement | None = None,
+    gap: FloatArray | None = None,
 ) -> Solution:
-    """A state with its observables (see `assess`); it converged if its residual is within a bound."""
+    """A state with its observables (see `assess`); it converged if its residual is within a bound.
+
+    Gap and judgement are made where they are not given.
+    """
     residual, contact_area, mean_pressure, mean_gap = judgement or assess(
         pressure, displacement, problem.obstacle, problem.softest
     )
     return Solution(
         displacement=displacement,
         pressure=pressure,
+        gap=problem.obstacle - displacement if gap is None else gap,
         spectrum=spectrum,
         mean_pressure=mean_pressure,
         mean_gap=mean_gap,

@@ -40,26 +40,26 @@ class Statistics:
         self._edges = dict(edges)
         self._patches = patches
 
-    def of(self, problem: Problem, solution: Solution, gap: FloatArray) -> dict[str, float | FloatArray]:
+    def of(self, problem: Problem, solution: Solution) -> dict[str, float | FloatArray]:
         """Return mean_gap and, where asked for, patches, pressure_histogram and gap_histogram."""
         found: dict[str, float | FloatArray] = {"mean_gap": solution.mean_gap}
         if not (self._patches or self._edges):
             return found
-        touching = in_contact(problem, solution, gap)
+        touching = in_contact(problem, solution)
         if self._patches:
             found["patches"] = count_patches(touching.reshape(self._shape))
         if "pressure" in self._edges:
             found["pressure_histogram"] = histogram(solution.pressure, touching, self._edges["pressure"])
         if "gap" in self._edges:
-            found["gap_histogram"] = histogram(gap, ~touching, self._edges["gap"])
+            found["gap_histogram"] = histogram(solution.gap, ~touching, self._edges["gap"])
         return found
 
 
-def in_contact(problem: Problem, solution: Solution, gap: FloatArray) -> BoolArray:
+def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Tell of each point whether it is in contact."""
     largest, deepest = extent(solution.pressure, solution.displacement)
     pressure_scale, depth = scales(largest, deepest, problem.softest)
-    return np.asarray(solution.pressure * (1.0 / pressure_scale) > gap * (1.0 / depth))
+    return np.asarray(solution.pressure * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
 def histogram(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ kernels accept.
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any, NamedTuple
 
 import numba as nb
@@ -131,7 +132,7 @@ class Transforms:
     ) -> None:
         self.shape = shape
         self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
-        self._time_limit, self._threads = time_limit, threads
+        self._wisdom, self._time_limit, self._threads = wisdom, time_limit, threads
         self._plan(wisdom)
 
     def _plan(self, wisdom: str | None) -> None:
@@ -160,6 +161,11 @@ class Transforms:
             _address(_fftw.fftw_execute_dft_r2c),
             _address(_fftw.fftw_execute_dft_c2r),
         )
+
+    def shorter(self, part: int) -> Transforms:
+        """Those of a part of the surface, one in so many points along each axis; from the same wisdom."""
+        shape = tuple(points // part for points in self.shape)
+        return Transforms(shape, self._wisdom, self._time_limit, self._threads)
 
     def __del__(self) -> None:
         self._destroy()
@@ -194,31 +200,37 @@ class Transforms:
         if self.description == str(state["plans"]):
             return
         self._destroy()
-        self._plan(str(state["wisdom"]))
+        self._wisdom = str(state["wisdom"])
+        self._plan(self._wisdom)
         if self.description != str(state["plans"]):
             raise ValueError("FFTW plans the transforms in another way here")
 
     def empty_field(self) -> FloatArray:
         """Uninitialised flat field, aligned as the plans need it."""
-        return np.asarray(pyfftw.empty_aligned(int(np.prod(self.shape)), np.float64, n=64))
+        return aligned(math.prod(self.shape))
 
     def empty_spectrum(self) -> ComplexArray:
         """Uninitialised flat spectrum, aligned as the plans need it."""
-        return np.asarray(pyfftw.empty_aligned(int(np.prod(self.spectral_shape)), np.complex128, n=64))
+        return aligned(2 * math.prod(self.spectral_shape)).view(np.complex128)
 
     def forward(self, field: npt.ArrayLike) -> ComplexArray:
         """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
-        aligned, spectrum = self.empty_field(), self.empty_spectrum()
-        aligned[:] = np.ravel(field)
-        _execute_forward(self.plans, aligned, spectrum)
+        own, spectrum = self.empty_field(), self.empty_spectrum()
+        own[:] = np.ravel(field)
+        _execute_forward(self.plans, own, spectrum)
         return spectrum
 
     def backward(self, spectrum: npt.ArrayLike) -> FloatArray:
         """Return the unnormalised inverse transform of a spectrum of any layout, as a new flat field."""
-        aligned, field = self.empty_spectrum(), self.empty_field()
-        aligned[:] = np.ravel(spectrum)
-        _execute_backward(self.plans, aligned, field)
+        own, field = self.empty_spectrum(), self.empty_field()
+        own[:] = np.ravel(spectrum)
+        _execute_backward(self.plans, own, field)
         return field
+
+
+def aligned(size: int) -> FloatArray:
+    """Numbers, uninitialised, as any plan accepts them."""
+    return np.asarray(pyfftw.empty_aligned(size, np.float64, n=64))
 
 
 def _described(plan: int) -> str:

@@ -10,6 +10,7 @@ from tempfile import NamedTemporaryFile
 import pyfftw
 
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.contact.windows import parts
 
 
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
@@ -19,10 +20,13 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
     folder cannot be written, the plans are this run's own.
     """
     suffix = f"-{threads}threads" if threads > 1 else ""
-    kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}{suffix}.wisdom"
+    kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}{suffix}-and-parts.wisdom"
     with suppress(OSError, UnicodeDecodeError):
         return kept.read_text(encoding="ascii")
-    wisdom = Transforms(shape, threads=threads).wisdom
+    transforms = Transforms(shape, threads=threads)
+    for part in parts(shape):
+        transforms.shorter(part)
+    wisdom = transforms.wisdom
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         with NamedTemporaryFile("w", dir=folder, suffix=".part", encoding="ascii") as file:

@@ -66,7 +66,7 @@ VARIABLES: dict[str, Variable] = {
         "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area",
         along="gap_bin",
     ),
-    "transforms": Variable("pairs of Fourier transforms spent on the step", "1", "i8"),
+    "transforms": Variable("pairs of Fourier transforms spent on the step, XX", "1", "i8"),
     "iterations": Variable("iterations of the contact solver in the step", "1", "i8"),
     "residual": Variable("residual of the contact problem when the step was accepted"),
     "rejected": Variable("attempts at the step that were rejected", "1", "i8"),

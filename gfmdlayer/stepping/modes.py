@@ -132,7 +132,7 @@ class Modes:
         self._stretches = np.zeros((self._times.size, 2 * self.relaxed.size))
 
         others = np.where(branches[:, np.newaxis], 0.0, weights)
-        self._index = np.nonzero(others)[1]
+        self._index = np.ascontiguousarray(np.nonzero(others)[1])
         self._own_weights, self._own_times = others[others > 0], times[others > 0]
         self._own_measure = measure[self._index]
         self._own_stretches = np.zeros((self._index.size, 2))

@@ -1,0 +1,52 @@
+"""Where on a periodic surface something is: the shortest stretches of its axes that hold all of it."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import FASTMATH
+
+Stretch = tuple[int, int]  # first, which may be late on the periodic axis, and number
+
+NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
+
+
+@nb.njit(nogil=True, cache=True)
+def spans(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
+    """First and number of the lines where there is pressure, then of the points along them."""
+    rows, line = shape
+    in_row, in_line = np.zeros(rows), np.zeros(line)
+    for row in range(rows):
+        in_row[row] = _mark(pressure[row * line : (row + 1) * line], in_line)
+    return _span(in_row), _span(in_line)
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _mark(pressure: FloatArray, occupied: FloatArray) -> float:
+    """Count the points with pressure, and mark them."""
+    total = 0.0
+    for i in range(pressure.size):
+        pressed = 1.0 if pressure[i] > 0.0 else 0.0
+        total += pressed
+        occupied[i] += pressed
+    return total
+
+
+@nb.njit(nogil=True, cache=True)
+def _span(occupied: FloatArray) -> Stretch:
+    """The shortest stretch of a periodic line that holds all that is occupied."""
+    size, first, last, longest, after = occupied.size, -1, -1, -1, 0
+    for i in range(size):
+        if occupied[i] > 0.0:
+            if first < 0:
+                first = i
+            elif i - last > longest:
+                longest, after = i - last, i
+            last = i
+    if first < 0:
+        return 0, 0
+    if first + size - last >= longest:
+        longest, after = first + size - last, first
+    return after, size - longest + 1
