@@ -107,7 +107,9 @@ def simulate(
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
-        problem = replace(loading.problem(kappa, b, instant.time), drag=integrator.drag)  # 0
+        problem = loading.problem(kappa, b, instant.time)  # 0
+        if integrator.drag is not None:
+            problem = replace(problem, drag=integrator.drag)
         solution = solver.solve(problem, guess.at(instant.time))  # 7
         attempts.add(solution)
         if not solution.converged:

@@ -24,7 +24,8 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.resumable import State
 
-_BLOCK = 256
+_REACH = 16  # part of the surface, at least, on either side of the contact where there may be some next
+_BLOCK = 256  # points that are passed over together where nothing is in contact
 
 
 Weights = tuple[float, float, float]
@@ -109,6 +110,7 @@ class PressurePrediction:
         self._nothing = np.zeros(size)
         self._mu = 0.0
         self._moves = 0
+        self._contact = (0, size)  # points between which there is any
 
     def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
         """Add an accepted step.
@@ -117,7 +119,9 @@ class PressurePrediction:
         """
         if self._times:
             weights, gaps = _weights(self._times, time), _three(self._gaps)
-            self._mu, moved = _learn(weights, gaps, self._pressures[-1], pressure, self._mu)
+            last = self._pressures[-1]
+            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu)
+            self._contact = contact[0], contact[1]
             self._moves = self._moves + 1 if moved else 0
         if kink:
             for past in (self._times, self._pressures, self._gaps):
@@ -131,12 +135,16 @@ class PressurePrediction:
         if not self._times:
             return self._nothing.copy()
         pressures, gaps = _three(self._pressures), _three(self._gaps)
-        return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1)
+        first, end = self._contact
+        reach, size = max(self._nothing.size // _REACH, end - first), self._nothing.size
+        near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
+        return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
 
     def state(self) -> State:
         """Return the past, and what was learned from it."""
         past = {"pressures": np.array(self._pressures), "gaps": np.array(self._gaps)}
-        return {"times": list(self._times), **past, "mu": self._mu, "moves": self._moves}
+        known = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
+        return {"times": list(self._times), **past, **known}
 
     def restore(self, state: State) -> None:
         """Go on from there."""
@@ -144,16 +152,23 @@ class PressurePrediction:
         self._pressures.extend(state["pressures"])
         self._gaps.extend(state["gaps"])
         self._mu, self._moves = float(state["mu"]), int(state["moves"])
+        self._contact = int(state["contact"][0]), int(state["contact"][1])
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _learn(w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float) -> tuple[float, bool]:
-    """Mu from the points that came into contact, and whether the contact changed at all."""
-    squares, predicted, moved = 0.0, 0.0, False
+def _learn(
+    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float
+) -> tuple[float, bool, int, int]:
+    """Mu from points that came into contact, whether the contact changed, and between which points it is."""
+    squares, predicted, moved, before, after = 0.0, 0.0, False, now.size, 0
     for first in range(0, now.size, _BLOCK):
-        new, old, others = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0
+        new, old, others, any_ = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
-            others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
+            touches = 1.0 if new[i] > 0.0 else 0.0
+            others += abs(touches - (1.0 if old[i] > 0.0 else 0.0))
+            any_ += touches
+        if any_ > 0.0:
+            before, after = min(before, first), first + new.size
         if others == 0.0:
             continue
         moved = True
@@ -165,23 +180,23 @@ def _learn(w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: floa
                 if s > 0.0:
                     squares += now[i] ** 2
                     predicted += s
-    return (squares / predicted if predicted > 0.0 else mu), moved
+    return (squares / predicted if predicted > 0.0 else mu), moved, min(before, after), after
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _extrapolate(w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool) -> FloatArray:
+def _extrapolate(
+    w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool, near: tuple[int, int]
+) -> FloatArray:
     """Extrapolate point by point, where there is contact or may be; most points are far from it."""
-    guess = np.empty(p[0].size)
-    for first in range(0, guess.size, _BLOCK):
-        end, doubtful = min(first + _BLOCK, guess.size), 0.0
+    guess = np.zeros(p[0].size)
+    for first in range(near[0], near[1], _BLOCK):
+        end, doubtful = min(first + _BLOCK, near[1]), 0.0
         p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
         gap0, gap1, gap2 = gaps[0][first:end], gaps[1][first:end], gaps[2][first:end]
         for i in range(p0.size):
             opening = 2.0 * (w[0] * gap0[i] + w[1] * gap1[i] + w[2] * gap2[i]) - gap2[i]
             doubtful += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
-        if doubtful == 0.0:
-            guess[first:end] = 0.0
-        else:
+        if doubtful > 0.0:
             for i in range(p0.size):
                 guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
     return guess

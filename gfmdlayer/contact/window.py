@@ -2,62 +2,22 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.active_set_loop import iterate
-from gfmdlayer.contact.active_set_state import Bank, ContactSet, Work, list_runs
-from gfmdlayer.contact.dual import Iterate, System
+from gfmdlayer.contact.active_set_state import list_runs
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, LANES, Judgement, scales, violation
-from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
+from gfmdlayer.contact.problem import FASTMATH, Judgement
+from gfmdlayer.contact.transforms import ComplexArray, backward
+from gfmdlayer.contact.widening import widen
+from gfmdlayer.contact.window_state import Found, Pair, Whole, Window, stretch
 
 _APART = 1e150  # gap of the points that the window's transforms have beyond the window
 _CLOSE = 0.8  # part of the tolerance within which the solve ends
 _AIM = 0.25  # likewise where a gap in the contact is aimed at, and that gap, as part of the depth
-_MORE, _MORE_OF_SLACK = 1e-12, 0.1  # the gap that is left at least, as part of depth and of the slack
-
-Pair = tuple[int, int]
-
-
-class Window(NamedTuple):
-    """A window and the problem in it.
-
-    Axes are two, the first of one point where the surface is a line. The window is the first points of its
-    transforms, along each axis.
-    """
-
-    plans: Plans
-    system: System
-    at: Iterate
-    contact: ContactSet
-    bank: Bank
-    work: Work
-    length: Pair  # of the transforms
-    width: Pair  # of the window
-    whole: Pair  # points of the surface
-
-
-class Whole(NamedTuple):
-    """The surface that the window is part of."""
-
-    plans: Plans
-    compliance: FloatArray  # as in `System`
-    h: FloatArray
-    free: ComplexArray  # transform of the surface without pressure, per point
-    spectrum: ComplexArray  # work array
-    z: FloatArray  # work array
-
-
-class Found(NamedTuple):
-    """The state of the whole surface that a window's pressure leads to, to be written to."""
-
-    u: FloatArray
-    p: FloatArray
-    gap: FloatArray
-    spectrum: ComplexArray  # of u, unnormalised
+_WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
+_MORE, _MORE_OF_TOLERANCE = 1e-12, 0.01  # the gap that is left at least, as part of depth and tolerance
 
 
 @nb.njit(nogil=True, cache=True)
@@ -88,7 +48,7 @@ def solve(
     found = Found(
         np.empty(size), np.zeros(size), np.empty(size), np.empty(whole.free.size, dtype=np.complex128)
     )
-    overlap, judgement = _widen(window, origin, whole, found)
+    overlap, judgement = widen(window, origin, whole, found)
     return True, 3, transforms, iterations, overlap, judgement, found
 
 
@@ -132,13 +92,13 @@ def _inside(
     )
     if not (found and contact.counts[2] > 0):
         return False, transforms, iterations
-    if not _clear(window, (1.0 - _CLOSE) * tolerance):
+    if not _clear(window, tolerance):
         # A gap in the contact is aimed at that is more than what the gaps differ by.
         within = _AIM * tolerance
         shift = within * work.scales[1]
         found, more, done = iterate(plans, system, at, contact, bank, work, shift, within, rounds, limit)
         transforms, iterations = transforms + more, iterations + done
-        found = found and _clear(window, (1.0 - 2.0 * _AIM) * tolerance)
+        found = found and _clear(window, tolerance)
     return found, transforms, iterations
 
 
@@ -159,7 +119,7 @@ def _gather(window: Window, origin: Pair, whole: Whole, guess: FloatArray) -> fl
     carried = 0.0
     for row in range(window.width[0]):
         for part in range(2):
-            here, there, count = _stretch(window, origin, row * window.length[1], window.width[1], part)
+            here, there, count = stretch(window, origin, row * window.length[1], window.width[1], part)
             hs, zs, guessed = (
                 whole.h[there : there + count],
                 whole.z[there : there + count],
@@ -176,17 +136,18 @@ def _gather(window: Window, origin: Pair, whole: Whole, guess: FloatArray) -> fl
 
 
 @nb.njit(nogil=True, cache=True)
-def _clear(window: Window, slack: float) -> bool:
+def _clear(window: Window, tolerance: float) -> bool:
     """Let nothing in the window overlap, as `dual.raise_clear` does, and by a little more than rounding.
 
-    Return whether that opens the contact by no more than ``slack``, as part of the depth; else do nothing.
+    Return whether that leaves the contact within the tolerance; else do nothing.
     """
-    at, gap0, depth = window.at, window.system.gap0, window.work.scales[1]
-    least, lift, lowest, most = min(_MORE, _MORE_OF_SLACK * slack) * depth, 0.0, 0.0, 0.0
-    for k in range(window.contact.counts[1]):
-        for i in range(window.contact.near[k, 0], window.contact.near[k, 1]):
+    at, gap0, contact = window.at, window.system.gap0, window.contact
+    depth, lift, lowest, widest = window.work.scales[1], 0.0, 0.0, 0.0
+    least = min(_MORE, _MORE_OF_TOLERANCE * tolerance) * depth
+    for k in range(contact.counts[1]):
+        for i in range(contact.near[k, 0], contact.near[k, 1]):
             effect, gap = at.gap[i] - gap0[i], at.gap[i]
-            lowest, most = min(lowest, gap), max(most, effect)
+            lowest = min(lowest, gap)
             if effect > 0.0 and gap < least:
                 lift = max(lift, (least - gap) / effect)
             elif gap < 0.0:
@@ -194,105 +155,12 @@ def _clear(window: Window, slack: float) -> bool:
     if window.system.load:
         window.work.level[2] += lowest - least
         return True
-    if lift * most > slack * depth:
+    for k in range(contact.counts[0]):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            widest = max(widest, at.gap[i] + lift * (at.gap[i] - gap0[i]))
+    if not widest <= _WELL_WITHIN * tolerance * depth:
         return False
-    for k in range(window.contact.counts[0]):
-        for i in range(window.contact.runs[k, 0], window.contact.runs[k, 1]):
+    for k in range(contact.counts[0]):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
             at.p[i] *= 1.0 + lift
     return True
-
-
-@nb.njit(nogil=True, cache=True)
-def _widen(window: Window, origin: Pair, whole: Whole, found: Found) -> tuple[float, Judgement]:
-    """Write the state of the whole surface; return by how much of its depth it overlaps, and judge it.
-
-    Two transforms.
-    """
-    largest, total = _scatter(window, origin, found.p)
-    forward(whole.plans, found.p, whole.spectrum)
-    _deform(whole, found.spectrum)
-    backward(whole.plans, whole.spectrum, whole.z)
-    overlap, lowest, gaps = _settle(whole, window.work.level[2], found)
-    size, load, runs = found.u.size, window.system.load, window.contact.runs
-    if load:
-        found.spectrum[0] = _sum(whole.h) - gaps
-    mean = found.spectrum[0].real / size
-    pressure_scale, depth = scales(largest, max(mean, 0.0) - lowest, window.system.softest)
-    per_pressure, per_gap, worst, touching = 1.0 / pressure_scale, 1.0 / depth, 0.0, 0.0
-    for k in range(window.contact.counts[0]):
-        for part in range(2):
-            _, there, count = _stretch(window, origin, runs[k, 0], runs[k, 1] - runs[k, 0], part)
-            for i in range(there, there + count):
-                worst = max(worst, violation(found.p[i], found.gap[i], per_pressure, per_gap))
-                touching += 1.0 if found.p[i] * per_pressure > found.gap[i] * per_gap else 0.0
-    known = np.isfinite(total) and np.isfinite(gaps)
-    return overlap / depth, (worst if known else np.nan, touching / size, total / size, gaps / size)
-
-
-@nb.njit(nogil=True, cache=True)
-def _stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
-    """Where a stretch of a line of the window is on the surface, whose lines go on at their beginning.
-
-    Returns, of its points before (part 0) or after the end of the surface's line, the first in the window,
-    the first on the surface, and their number.
-    """
-    (rows, line), length = window.whole, window.length[1]
-    start = (origin[0] + first // length) % rows * line
-    column = origin[1] + first % length
-    before = min(max(line - column, 0), count)
-    if part == 0:
-        return first, start + column, before
-    return first + before, start + column + before - line, count - before
-
-
-@nb.njit(nogil=True, cache=True)
-def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]:
-    """Write the pressure, where it is not zero; return its maximum and its sum."""
-    largest, total = 0.0, 0.0
-    for k in range(window.contact.counts[0]):
-        first, end = window.contact.runs[k, 0], window.contact.runs[k, 1]
-        for part in range(2):
-            here, there, count = _stretch(window, origin, first, end - first, part)
-            for i in range(count):
-                pressure = window.at.p[here + i]
-                p[there + i] = pressure
-                total += pressure
-                largest = max(largest, pressure)
-    return largest, total
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _deform(whole: Whole, spectrum: ComplexArray) -> None:
-    """From the transform of the pressure to that of the displacement, per point and unnormalised."""
-    size = whole.z.size
-    for k in range(spectrum.size):
-        u = whole.free[k] - whole.compliance[k] * whole.spectrum[k]
-        whole.spectrum[k] = u
-        spectrum[k] = size * u
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _settle(whole: Whole, yielded: float, found: Found) -> tuple[float, float, float]:
-    """Write displacement and gap, cut off what overlaps; return the most of it, the deepest u, all gaps."""
-    overlap, lowest, gaps = np.zeros(LANES), np.full(LANES, np.inf), 0.0
-    for first in range(0, whole.z.size, LANES):
-        z, h = whole.z[first : first + LANES], whole.h[first : first + LANES]
-        us, apart = found.u[first : first + LANES], found.gap[first : first + LANES]
-        for i in range(z.size):
-            raised = z[i] + yielded
-            gap = h[i] - raised
-            overlap[i] = gap if gap < overlap[i] else overlap[i]
-            u = h[i] if gap < 0.0 else raised  # NaN stays
-            lowest[i] = u if u < lowest[i] else lowest[i]
-            gap = 0.0 if gap < 0.0 else gap
-            us[i], apart[i] = u, gap
-            gaps += gap
-    return -overlap.min(), lowest.min(), gaps
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _sum(x: FloatArray) -> float:
-    total = 0.0
-    for i in range(x.size):
-        total += x[i]
-    return total

@@ -24,7 +24,8 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Judgement, Problem, Solution, judged
 from gfmdlayer.contact.spans import NOWHERE, Stretch, spans
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
-from gfmdlayer.contact.window import Found, Pair, Whole, Window, overlaps, solve
+from gfmdlayer.contact.window import overlaps, solve
+from gfmdlayer.contact.window_state import Found, Pair, Whole, Window
 
 _SHORTEST = 64  # points of the shortest transforms
 _MARGIN = 16  # points at least on either side of the contact that belong to the window

@@ -52,6 +52,8 @@ ComplexArray = npt.NDArray[np.complex128]
 # Weights that are products of modulus and shape up to this part of the relaxed stiffness are taken for such.
 _ROUNDING = 1e-14
 
+_STRAIGHT = np.empty(0, dtype=np.complex128)  # no curvature
+
 # Below this x the series of two factors lose less to truncation than their closed forms to rounding.
 _SMALL = 0.1
 
@@ -134,7 +136,7 @@ class Modes:
         others = np.where(branches[:, np.newaxis], 0.0, weights)
         self._index = np.ascontiguousarray(np.nonzero(others)[1])
         self._own_weights, self._own_times = others[others > 0], times[others > 0]
-        self._own_measure = measure[self._index]
+        self._own_shares = self._own_weights * measure[self._index]
         self._own_stretches = np.zeros((self._index.size, 2))
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
@@ -142,11 +144,11 @@ class Modes:
         self.prepare(step)
         b = np.empty_like(self.u)
         modes_loop.intercepts(
-            self._moduli * self._factors.decay,
+            self._pulls,
             self._shape,
             self._stretches,
             self._index,
-            self._own_weights * self._own_factors.decay,
+            self._own_pulls,
             self._own_stretches,
             self._pull,
             self.u.view(np.float64),
@@ -164,14 +166,14 @@ class Modes:
         curvature : ndarray, optional
             dt^2 u''/2 over the step, where it is known; else u is linear.
         """
-        curved = np.empty(0, dtype=np.complex128) if curvature is None else curvature
+        curved = _STRAIGHT if curvature is None else curvature
         twice, heat = modes_loop.advance(
             self._moduli,
             self._factors,
             self._shares,
             self._stretches,
             self._index,
-            self._own_weights * self._own_measure,
+            self._own_shares,
             self._own_factors,
             self._own_stretches,
             self._springs,
@@ -216,6 +218,8 @@ class Modes:
         factors = self._scheme(step / np.concatenate((self._times, self._own_times)))
         self._factors = Factors(*(factor[: self._times.size] for factor in factors))
         self._own_factors = Factors(*(factor[self._times.size :] for factor in factors))
+        self._pulls = self._moduli * self._factors.decay
+        self._own_pulls = self._own_weights * self._own_factors.decay
         own = np.repeat(self._on_grid(self._own_weights * self._own_factors.gain), 2)
         self._pull = self._shape * (self._moduli @ self._factors.gain) + own
         self._stiffness = self.relaxed + self._pull[::2]

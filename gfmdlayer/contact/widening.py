@@ -1,0 +1,91 @@
+"""From the pressure in a window to the state of the whole surface, and its judgement; see `windows`."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.contact.problem import FASTMATH, LANES, Judgement, scales, violation
+from gfmdlayer.contact.transforms import ComplexArray, backward, forward
+from gfmdlayer.contact.window_state import Found, Pair, Whole, Window, stretch
+
+
+@nb.njit(nogil=True, cache=True)
+def widen(window: Window, origin: Pair, whole: Whole, found: Found) -> tuple[float, Judgement]:
+    """Write the state of the whole surface; return by how much of its depth it overlaps, and judge it.
+
+    Two transforms.
+    """
+    largest, total = _scatter(window, origin, found.p)
+    forward(whole.plans, found.p, whole.spectrum)
+    _deform(whole, found.spectrum)
+    backward(whole.plans, whole.spectrum, whole.z)
+    overlap, lowest, gaps = _settle(whole, window.work.level[2], found)
+    size, load, runs = found.u.size, window.system.load, window.contact.runs
+    if load:
+        found.spectrum[0] = _sum(whole.h) - gaps
+    mean = found.spectrum[0].real / size
+    pressure_scale, depth = scales(largest, max(mean, 0.0) - lowest, window.system.softest)
+    per_pressure, per_gap, worst, touching = 1.0 / pressure_scale, 1.0 / depth, 0.0, 0.0
+    for k in range(window.contact.counts[0]):
+        for part in range(2):
+            _, there, count = stretch(window, origin, runs[k, 0], runs[k, 1] - runs[k, 0], part)
+            for i in range(there, there + count):
+                worst = max(worst, violation(found.p[i], found.gap[i], per_pressure, per_gap))
+                touching += 1.0 if found.p[i] * per_pressure > found.gap[i] * per_gap else 0.0
+    known = np.isfinite(total) and np.isfinite(gaps)
+    return overlap / depth, (worst if known else np.nan, touching / size, total / size, gaps / size)
+
+
+@nb.njit(nogil=True, cache=True)
+def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]:
+    """Write the pressure, where it is not zero; return its maximum and its sum."""
+    largest, total = 0.0, 0.0
+    for k in range(window.contact.counts[0]):
+        first, end = window.contact.runs[k, 0], window.contact.runs[k, 1]
+        for part in range(2):
+            here, there, count = stretch(window, origin, first, end - first, part)
+            for i in range(count):
+                pressure = window.at.p[here + i]
+                p[there + i] = pressure
+                total += pressure
+                largest = max(largest, pressure)
+    return largest, total
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _deform(whole: Whole, spectrum: ComplexArray) -> None:
+    """From the transform of the pressure to that of the displacement, per point and unnormalised."""
+    size = whole.z.size
+    for k in range(spectrum.size):
+        u = whole.free[k] - whole.compliance[k] * whole.spectrum[k]
+        whole.spectrum[k] = u
+        spectrum[k] = size * u
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _settle(whole: Whole, yielded: float, found: Found) -> tuple[float, float, float]:
+    """Write displacement and gap, cut off what overlaps; return the most of it, the deepest u, all gaps."""
+    overlap, lowest, gaps = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    for first in range(0, whole.z.size, LANES):
+        z, h = whole.z[first : first + LANES], whole.h[first : first + LANES]
+        us, apart = found.u[first : first + LANES], found.gap[first : first + LANES]
+        for i in range(z.size):
+            raised = z[i] + yielded
+            gap = h[i] - raised
+            overlap[i] = gap if gap < overlap[i] else overlap[i]
+            u = h[i] if gap < 0.0 else raised  # NaN stays
+            lowest[i] = u if u < lowest[i] else lowest[i]
+            gap = 0.0 if gap < 0.0 else gap
+            us[i], apart[i] = u, gap
+            gaps += gap
+    return -overlap.min(), lowest.min(), gaps
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _sum(x: FloatArray) -> float:
+    total = 0.0
+    for i in range(x.size):
+        total += x[i]
+    return total
