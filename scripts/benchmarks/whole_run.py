@@ -24,7 +24,12 @@ def measure(effort: Effort) -> list[Table]:
     """Run the case as `gfmdlayer run` does, in turns with as many bare pairs."""
     rows = [_row(method, points, effort) for method in METHODS for points in effort.points]
     title = f"Whole run / bare FFT pairs in it, {effort.steps} steps of {STEP} tau"
-    note = "History, observables and HDF5 output included; compiled and planned beforehand."
+    note = (
+        "History, observables and HDF5 output included; compiled and planned beforehand. Transforms of a "
+        "window around the contact count by their points, so that what is not transforms weighs more beside "
+        "them; the time of a step in bare pairs is what a run waits for. Its target is what the two others "
+        "ask for together: 1.6 times 8 pairs in the ramp and 5 in the hold."
+    )
     return [Table("run", title, rows, note)]
 
 
@@ -34,16 +39,20 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
     )
     wisdom = warm_up(config)
     pairs = run_to_file(config, wisdom)
+    of_bare = ratio(
+        lambda: run_to_file(config, wisdom),
+        bare_pairs(Transforms(config.grid.points, wisdom), pairs),
+        effort.repetitions,
+    )
+    asked = points == 1 << 14
     return {
         "solver": method,
         "n": points,
         "pairs": pairs,
-        "run / bare pairs": ratio(
-            lambda: run_to_file(config, wisdom),
-            bare_pairs(Transforms(config.grid.points, wisdom), pairs),
-            effort.repetitions,
-        ),
-        "target": "≤ 1.6" if points == 1 << 14 else None,
+        "run / bare pairs": of_bare,
+        "target": "≤ 1.6" if asked else None,
+        "a step [bare pairs]": of_bare * pairs / effort.steps,
+        "target ": "≤ 10.4" if asked and method == "active_set" else None,
     }
 
 
