@@ -20,6 +20,7 @@ from gfmdlayer.contact.grid import Grid
 from gfmdlayer.contact.prediction import PressurePrediction
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.contact.windows import Attempt, Windows
 from gfmdlayer.solid.layer import LayeredHalfspace
 
 Floats = NDArray[np.float64]
@@ -235,6 +236,30 @@ def test_a_large_load_makes_contact_full(method: Method) -> None:
     off = 64 * TOLERANCE * problem.stiffness.max() * 0.02
     np.testing.assert_allclose(found.pressure, stress * (1.5 + np.cos(2 * np.pi * x)), atol=off)
     assert_consistent(found, problem)
+
+
+@pytest.mark.parametrize("load", [None, 1e-3])
+def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """Where a solve is cut into portions of few iterations it takes more of them, and ends where it would."""
+    monkeypatch.setattr(Windows, "solve", lambda *_: Attempt())
+    n = 1 << 12
+    problem = elastic(PAPER, parabola(n, 0.01 if load is None else 0.0), load=load)
+    whole = solve(ActiveSet, problem, tolerance=TOLERANCE)
+    monkeypatch.setattr(active_set, "_WORK", 0)
+    monkeypatch.setattr(active_set, "_FEWEST", 7)
+    monkeypatch.setattr(ActiveSet, "_descend", None)  # which would help out
+    calls = []
+    iterate = active_set.iterate
+    monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-1]) or iterate(*given))
+    parts = solve(ActiveSet, problem, tolerance=TOLERANCE)
+    assert len(calls) > 2
+    assert max(calls) == 7
+    assert parts.converged
+    assert whole.iterations > 7
+    # Gaps in the contact, of either, are within the tolerance of the depth, 0.01 and a little more.
+    gaps = 2 * TOLERANCE * 0.02
+    np.testing.assert_allclose(parts.pressure, whole.pressure, rtol=0, atol=gaps * problem.stiffness.max())
+    assert parts.mean_pressure == pytest.approx(whole.mean_pressure, rel=20 * TOLERANCE)
 
 
 @each_method

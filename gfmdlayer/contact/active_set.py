@@ -53,7 +53,10 @@ from gfmdlayer.resumable import State
 
 _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
 _LIMIT = 1000  # iterations of conjugate gradients
-_PORTION = 200  # iterations of descent between two looks at signals
+# Between two looks at signals: iterations of descent; points times iterations of conjugate gradients, and
+# these at least, since what a portion leaves to the next is not all that it knew.
+_PORTION = 200
+_WORK, _FEWEST = 1 << 29, 30
 
 
 class ActiveSet:
@@ -108,11 +111,15 @@ class ActiveSet:
             pairs, self._odd = divmod(near.transforms + self._odd, 2)
             return near.solution(problem, tolerance, int(pairs))
         shift, within, clear, limit = 0.0, 0.8 * tolerance, False, max(limit - near.iterations, 1)
-        found, more, iterations = attempt(
+        portion = min(limit, self._portion)
+        found, more, done = attempt(
             plans, system, problem.intercept, self._free, *state, self._past, near.guess(start),
-            problem.applied_pressure, keep, within, _ROUNDS, limit,
+            problem.applied_pressure, keep, within, _ROUNDS, portion,
         )  # fmt: skip
-        transforms, iterations = near.transforms + more, near.iterations + iterations
+        transforms, iterations = near.transforms + more, near.iterations + done
+        if not found and done + 1 == portion < limit:
+            found, more, done = self._iterate(system, shift, within, limit - done)
+            transforms, iterations = transforms + more, iterations + done
         while True:
             if not found:
                 more = self._descend(system, problem, shift, within, self._max_iterations - iterations)
@@ -129,7 +136,7 @@ class ActiveSet:
             shift = within * extent(solution.pressure, solution.displacement)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
             self._work.exact[0] = found  # `descent` does not keep the level from which depths count
-            found, more, done = iterate(plans, system, *state, shift, within, _ROUNDS, limit)
+            found, more, done = self._iterate(system, shift, within, limit)
             transforms, iterations = transforms + more, iterations + done
 
     def state(self) -> State:
@@ -174,6 +181,22 @@ class ActiveSet:
         past = {f"past.{name}": array for name, array in self._past._asdict().items()}
         counts = {"counts": contact.counts, "gap0": self._gap0}
         return {**self._at._asdict(), **listed, **counts, **past, **work}
+
+    @property
+    def _portion(self) -> int:
+        return max(_WORK // self._at.p.size, _FEWEST)
+
+    def _iterate(self, system: System, shift: float, within: float, limit: int) -> tuple[bool, int, int]:
+        """`iterate` in portions, between which a signal is noticed."""
+        transforms = iterations = 0
+        while True:
+            portion = min(self._portion, limit - iterations)
+            found, more, done = iterate(
+                self._transforms.plans, system, *self._state, shift, within, _ROUNDS, portion
+            )
+            transforms, iterations = transforms + more, iterations + done
+            if found or done + 1 < portion or limit - iterations <= 1:
+                return found, transforms, iterations
 
     def _descend(self, system: System, problem: Problem, shift: float, within: float, limit: int) -> int:
         """Leave the problem to `descent`; in portions, between which a signal is noticed."""
