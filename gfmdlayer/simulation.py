@@ -161,21 +161,22 @@ def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1)
     small = _in_small(config)
     simulate(small, _Nobody())
     # What only a solver that fails comes to must not be compiled by all ranks at once either.
-    loading, integrator = make_loading(small, make_grid(small)), make_integrator(small, make_grid(small))
+    grid = make_grid(small)
+    loading, integrator = make_loading(small, grid), make_integrator(small, grid)
     kappa, b = integrator.terms(1.0 if config.time.step == "adaptive" else fixed_step(small))
-    hopeless = make_solver(small, Transforms((16,)), tolerance=0.0, max_iterations=300)
-    hopeless.solve(loading.problem(kappa, b, small.time.end), np.zeros(16))
+    hopeless = make_solver(small, Transforms(grid.shape), tolerance=0.0, max_iterations=300)
+    hopeless.solve(loading.problem(kappa, b, small.time.end), np.zeros(grid.size))
     return planned(config.grid.points, wisdom_folder or user_cache(), threads)
 
 
 def _in_small(config: Config) -> Config:
-    """The same kind of case on few points, over a ramp and a hold of few steps."""
+    """The same kind of case over a ramp and a hold of few steps, on as few points as a window takes."""
     control, adaptive = config.trajectory.control, config.time.step == "adaptive"
     ramp_time = 1.0 if adaptive else 2 * fixed_step(config)
     moves = {} if make_velocity(config) is None else {"velocity": 1.0}
     return config.with_values(
         {
-            "grid": {"points": 16},
+            "grid": {"points": 256},
             "punch": {"shape": "parabola"},
             "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,

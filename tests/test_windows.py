@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from math import prod
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -223,3 +226,20 @@ def test_spans_go_on_at_the_beginning(rows, points, expected) -> None:  # type: 
     pressure = np.full((8, 16), -1.0)
     pressure[rows, points] = 1.0
     assert spans(pressure.ravel(), (8, 16)) == expected
+
+
+@pytest.mark.parametrize("control", ["depth", "load"])
+def test_warming_up_comes_to_a_window(control: str) -> None:
+    """What it leaves is compiled by all ranks at once."""
+    program = f"""
+from pathlib import Path
+from gfmdlayer.config import load
+from gfmdlayer.contact import window
+from gfmdlayer.simulation import warm_up
+config = load(Path("configs/indentation.yaml"))
+trajectory = {{"control": "{control}", "{control}": 0.01, "ramp_time": 1.0}}
+assert not window.solve.overloads
+warm_up(config.with_values({{"solver": {{"method": "active_set"}}, "trajectory": trajectory}}))
+assert window.solve.overloads
+"""
+    subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[1], check=True)
