@@ -197,10 +197,10 @@ class Transforms:
         ValueError
             Where this FFTW, on this processor, does not make them.
         """
+        self._wisdom = str(state["wisdom"])  # of shorter transforms too
         if self.description == str(state["plans"]):
             return
         self._destroy()
-        self._wisdom = str(state["wisdom"])
         self._plan(self._wisdom)
         if self.description != str(state["plans"]):
             raise ValueError("FFTW plans the transforms in another way here")
