@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import builtins
+import contextlib
 import fcntl
 import io
 import json
 import os
 import pty
+import signal
 import socket
 import subprocess
 import sys
@@ -186,6 +188,24 @@ def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:
         _, errors = process.communicate(timeout=30)
         os.close(screen)
     assert (process.returncode, errors) == (0, b"")
+
+
+def test_an_interrupt_that_is_dropped_on_the_way_still_ends_a_watch(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python reports an exception that strikes a destructor, and goes on."""
+    folder, shown = make(3, h5=range(1)), io.StringIO()
+    monkeypatch.setattr(sys, "stdout", shown)
+
+    def struck(_: float) -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("gfmdlayer.cli.status.time.sleep", struck)
+    before = signal.getsignal(signal.SIGINT)
+    assert main(["status", str(folder.path), "--watch"]) == 0
+    assert "1 complete" in shown.getvalue()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 # --- clean ---

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, refuse, some
@@ -68,12 +70,23 @@ def _watch(folder: Folder) -> None:
 def _looks(folder: Folder) -> Iterator[Overview]:
     from gfmdlayer.running.overview import overview
 
-    while True:
-        seen = overview(folder)
-        yield seen
-        if seen.over:
-            return
-        time.sleep(WATCH_INTERVAL)
+    interrupted = False
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True  # for where the exception strikes code that drops it: a destructor, a callback
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        while not interrupted:
+            seen = overview(folder)
+            yield seen
+            if seen.over:
+                return
+            time.sleep(WATCH_INTERVAL)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _lines(seen: Overview) -> list[str]:
