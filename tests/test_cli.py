@@ -98,6 +98,9 @@ print([name for name in {HEAVY!r} if name in sys.modules])
     assert process.stdout.splitlines()[-1] == "[]"
 
 
+A_MILLION_STEPS = "sum(i * i % 7 for i in range(1_000_000))"
+
+
 @pytest.mark.parametrize(
     ("arguments", "bound"), [(["--help"], 0.15), (["check", "configs/figure2.yaml"], 0.3)]
 )
@@ -114,11 +117,12 @@ def test_help_and_check_answer_at_once(arguments: list[str], bound: float) -> No
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    def best(*command: str) -> float:
-        return min(seconds(*command) for _ in range(5))
-
-    steps = best("-c", "for i in range(1_000_000): i * i % 7") - best("-c", "pass")
-    assert best("-m", "gfmdlayer", *arguments) < bound * max(1.0, steps / 0.1)
+    # In turns, as the pace may change; the best ratio is that of the calmest turn.
+    turns = [
+        seconds("-m", "gfmdlayer", *arguments) / max(1.0, seconds("-c", A_MILLION_STEPS) / 0.1)
+        for _ in range(5)
+    ]
+    assert min(turns) < bound
 
 
 def test_version_is_that_of_the_distribution() -> None:
