@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gfmdlayer.resumable import Resumable
 
 _SHARE = 0.02  # of the time goes into keeping states, at most, unless every step is asked for
-_FORMAT = "1"  # of checkpoint and journal
+_FORMAT = "2"  # of checkpoint and journal
 _JOURNALS = ("journal0", "journal1")
 _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
 
