@@ -5,8 +5,8 @@ window do to the gaps in it is a convolution with differences of its points only
 the width of the window, with the kernel of the whole surface at these differences (circulant embedding: Golub
 and Van Loan, Matrix Computations, 2013, ch. 4.8). Where the contact takes a tenth of the surface, an
 iteration costs a quarter of one on the whole surface, and stays in the inner caches. The whole surface takes
-three transforms, which show whether anything overlaps elsewhere: then a larger window is next, and where there
-is none the whole surface.
+three transforms, which show whether anything overlaps elsewhere: then a larger window is next, and where
+there is none the whole surface.
 
 The preconditioner needs not be exact: it is the stiffness of a surface as long as the transforms, which is
 every second, fourth ... of the stiffnesses of the modes.
