@@ -126,7 +126,7 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_takes_up(signum: si
     process_again = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
     assert process_again.returncode == 0
     assert "1 complete already" in process_again.stderr
-    assert process_again.stderr.count("goes on from time") == 2
+    assert process_again.stderr.count("goes on from time") == 2, process_again.stderr
 
 
 @pytest.mark.parametrize("crash", ["if team is not None: raise RuntimeError('lost')", "os._exit(3)"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tracemalloc
@@ -137,6 +138,19 @@ def test_folder_below_a_repository_has_no_commit(tmp_path: Path) -> None:
     (tmp_path / "below").mkdir()
     assert git_commit(tmp_path / "below") == "unknown"
     assert git_commit(tmp_path) == "unknown"
+
+
+@pytest.mark.parametrize("name", ["TERM", "INT", "USR1"])
+def test_a_request_to_stop_does_not_make_the_commit_unknown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    # As mpirun, scancel and a terminal do it: the signal reaches git too, while it is at work.
+    (tmp_path / ".git").mkdir()
+    git = tmp_path / "git"
+    git.write_text(f"#!/bin/sh\nkill -{name} $$\necho 1f2e3d\n")
+    git.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert git_commit(tmp_path) == "1f2e3d"
 
 
 def test_unknown_variable_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import signal
 import socket
 import subprocess
 from datetime import UTC, datetime
@@ -51,8 +52,13 @@ def git_commit(checkout: Path) -> str:
         return "unknown"
     describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
     command = ["git", "--no-optional-locks", "-C", str(checkout), *describe]
+    # A launcher, a scheduler or a terminal signals every process there is: a child inherits what is blocked,
+    # so that a request to stop the run does not end git, and make the commit unknown, instead.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
     except (OSError, subprocess.SubprocessError):
         return "unknown"
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return answer.stdout.strip() or "unknown"
