@@ -243,19 +243,20 @@ def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeyp
     """Where a solve is cut into portions of few iterations it takes more of them, and ends where it would."""
     monkeypatch.setattr(Windows, "solve", lambda *_: Attempt())
     n = 1 << 12
-    problem = elastic(PAPER, parabola(n, 0.01 if load is None else 0.0), load=load)
+    waves = 2e-4 * np.cos(80 * np.pi * Grid((n,), (1.0,)).coordinates[0])
+    problem = elastic(PAPER, parabola(n, 0.01 if load is None else 0.0) + waves, load=load)
     whole = solve(ActiveSet, problem, tolerance=TOLERANCE)
     monkeypatch.setattr(active_set, "_WORK", 0)
-    monkeypatch.setattr(active_set, "_FEWEST", 7)
+    monkeypatch.setattr(active_set, "_FEWEST", 5)
     monkeypatch.setattr(ActiveSet, "_descend", None)  # which would help out
     calls = []
     iterate = active_set.iterate
     monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-1]) or iterate(*given))
     parts = solve(ActiveSet, problem, tolerance=TOLERANCE)
     assert len(calls) > 2
-    assert max(calls) == 7
+    assert max(calls) == 5
     assert parts.converged
-    assert whole.iterations > 7
+    assert whole.iterations > 5
     # Gaps in the contact, of either, are within the tolerance of the depth, 0.01 and a little more.
     gaps = 2 * TOLERANCE * 0.02
     np.testing.assert_allclose(parts.pressure, whole.pressure, rtol=0, atol=gaps * problem.stiffness.max())

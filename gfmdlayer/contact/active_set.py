@@ -13,7 +13,8 @@ Inner
     that closes the solve, and shows what else overlaps.
 Outer
     Points that pull leave C, points that overlap join it (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
-    (2002) 865), those near the contact as soon as they show.
+    (2002) 865), those near the contact as soon as they show; on a line the set moves to where the edges then
+    are, see `edges`.
 Window
     Where the contact takes a small part of the surface, the step is solved in a window around it first; see
     `windows`. What follows is then for what the window could not do.

@@ -12,19 +12,19 @@ from gfmdlayer.contact.active_set_state import (
     Past,
     Work,
     dot,
-    let_go,
     list_near,
-    list_runs,
     mean,
 )
 from gfmdlayer.contact.deflation import deflate, direct, free_slot, step
 from gfmdlayer.contact.dual import Iterate, System
+from gfmdlayer.contact.edges import motion, update
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, LANES, scales
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 # Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
+_SETTLED = 0.3  # and once this part of the tension, at most, came with the last iteration
 _PATIENCE = 20  # iterations after which conjugate gradients go on without deflation
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
@@ -81,6 +81,7 @@ def iterate(
         transforms += 2
     restart, last, slot, iteration = True, 0.0, free_slot(bank), 0
     plain, since = False, 0  # without deflation; iterations since the last restart
+    moved = 0.0  # largest change of the pressure in the last iteration, where edges are gone by
     list_near(contact)
     for iteration in range(limit):
         opened, tension, overlap = _judge(system, at, contact, work, shift)
@@ -97,20 +98,21 @@ def iterate(
             return True, transforms, iteration
         # What overlaps joins at once; what pulls leaves when the pressure is known well enough.
         takes = overlap > max(opened, tolerance)
-        leaves = tension > 0.0 and opened <= max(_WELL_UNDER * tension, tolerance)
+        settled = opened <= _WELL_UNDER * tension and moved <= _SETTLED * tension * work.scales[0]
+        leaves = tension > 0.0 and (settled or opened <= tolerance)
         restart = takes or leaves
         if restart:
             if rounds == 0:
                 break
             rounds -= 1
-            changed = _update(at, contact, bank, shift, exact[0])
+            changed = update(at.p, at.gap, contact, bank, shift, bool(exact[0]))
             if changed:
                 _carry(system, at, contact, carried)
                 evaluate(plans, system, at, work)
                 transforms += 2
             if exact[0]:
                 list_near(contact)
-            last, since = 0.0, 0
+            last, since, moved = 0.0, 0, 0.0
             continue
         if since == _PATIENCE and not plain:
             # Rounding in the span of the directions is what is left to blame.
@@ -133,6 +135,7 @@ def iterate(
             continue
         bank.age[slot] = bank.age.max() + 1
         step(at, contact, bank, slot, slope / curvature)
+        moved = motion(contact, bank.direction[slot]) * slope / curvature
         exact[0], last = False, product
     if not exact[0]:
         _carry(system, at, contact, carried)
@@ -246,21 +249,3 @@ def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> 
             depth = gap[i] - h[i]
             below[i] = depth if depth > below[i] else below[i]
     return overlap.min(), below.max()
-
-
-@nb.njit(nogil=True, cache=True)
-def _update(at: Iterate, contact: ContactSet, bank: Bank, shift: float, everywhere: bool) -> bool:
-    """The primal-dual step: let go what pulls, take in what overlaps; return whether the pressure changed."""
-    changed = False
-    for k in range(1 if everywhere else contact.counts[1]):
-        first, end = (0, at.p.size) if everywhere else (contact.near[k, 0], contact.near[k, 1])
-        for i in range(first, end):
-            if contact.member[i] == 0.0 and at.gap[i] < shift:
-                contact.member[i] = 1.0
-    for k in range(contact.counts[0]):
-        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
-            if at.p[i] < 0.0:
-                let_go(contact, bank, at.p, i)
-                changed = True
-    list_runs(contact)
-    return changed
