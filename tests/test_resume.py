@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
-import pyfftw
 import pytest
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.contact.transforms import Transforms, forget
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.simulation import simulate
 
@@ -130,7 +129,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
     shape = (15015,)
     hasty = Transforms(shape, time_limit=0.0)  # which settles for the first plan, and not the best
     state = through_a_file({name: np.asarray(value) for name, value in hasty.state().items()})
-    pyfftw.forget_wisdom()
+    forget()
     careful = Transforms(shape)
     assert careful.description != hasty.description
     again = Transforms(shape, careful.wisdom, time_limit=0.0)

@@ -102,6 +102,18 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     _execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
 
 
+class _Known:
+    """What FFTW was told in this process, which has one wisdom for all transforms."""
+
+    wisdom: str | None = None
+
+
+def forget() -> None:
+    """Let FFTW forget what it was told and what it measured."""
+    pyfftw.forget_wisdom()
+    _Known.wisdom = None
+
+
 class Transforms:
     """Forward and backward plans for one shape, and the aligned arrays that they accept.
 
@@ -136,9 +148,10 @@ class Transforms:
         self._plan(wisdom)
 
     def _plan(self, wisdom: str | None) -> None:
-        if wisdom:
-            pyfftw.forget_wisdom()  # FFTW would pass over what it believes to be worse than what it knows
+        if wisdom and wisdom != _Known.wisdom:  # to read it takes longer than to plan
+            forget()  # FFTW would pass over what it believes to be worse than what it knows
             pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+        _Known.wisdom = wisdom
         shape, threads = self.shape, self._threads
         field, spectrum = self.empty_field(), self.empty_spectrum()
         dimensions = (ctypes.c_int * len(shape))(*shape)

@@ -149,6 +149,9 @@ class LayeredHalfspace:
         self, q: NDArray[np.float64], G: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any]]:
         """N and D at the modulus G, up to a common factor."""
+        if math.isinf(self.thickness):  # a halfspace of the layer's material
+            one = np.ones(np.broadcast_shapes(q.shape, G.shape))
+            return one, one
         N, D = self.quadratics(q)
         if self.bulk_modulus == 0:
             return N[2], D[2]

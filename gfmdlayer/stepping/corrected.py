@@ -65,7 +65,8 @@ class Corrected(Modes):
         super().__init__(spectrum, exponential, measure, **motion)
         matter = spectrum.weights > _MATTERS * spectrum.glassy
         self.fastest = float(spectrum.times[matter].min(initial=math.inf))
-        self._twice = np.repeat(np.ravel(measure), 2)  # for real and imaginary parts
+        self._measure = np.ravel(measure)
+        self._twice = np.repeat(self._measure, 2)  # for real and imaginary parts
         self._follows: ComplexArray | None = None
         self._velocity: ComplexArray | None = None
         self._last_step = 0.0
@@ -77,10 +78,10 @@ class Corrected(Modes):
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Carry the history on over the step of the last `terms`, with the curvature that is now known."""
-        change = spectrum - self.u
+        velocity = (spectrum - self.u) * (1 / self.step) if self.step > 0 else None
         super().advance(spectrum, self._curvature(spectrum) if curvature is None else curvature)
-        if self.step > 0:
-            self._velocity, self._last_step = change / self.step, self.step
+        if velocity is not None:
+            self._velocity, self._last_step = velocity, self.step
 
     def turn(self) -> None:
         """Forget how the displacement changed: after a kink it says nothing about what follows."""
@@ -88,7 +89,8 @@ class Corrected(Modes):
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` with this displacement."""
-        return np.asarray(self._kappa * spectrum - self._b)
+        b = self._b.view(np.float64)
+        return modes_loop.force(self._kappa, spectrum.view(np.float64), b).view(np.complex128)
 
     def lack(self, spectrum: ComplexArray) -> ComplexArray:
         """Return what that force lacks for the curvature of the displacement over the step."""
@@ -110,21 +112,19 @@ class Corrected(Modes):
         Relative error of the mean pressure (at given load, of the depth), and root mean square error of the
         displacement, a length.
         """
-        change, lack, force = spectrum - self.u, self.lack(spectrum), self.force(spectrum)
+        lack, force = self.lack(spectrum).view(np.float64), self.force(spectrum).view(np.float64)
         if moving:  # that of a step which is then rejected does as well
-            self._follows = change
-        relative, loudest = 0.0, self._kappa * spectrum
+            self._follows = spectrum - self.u
+        relative, found = 0.0, spectrum.view(np.float64)
+        loudness = modes_loop.loudness(self._measure, self._kappa, found)
         for v in (spectrum, self._follows):
             if v is None:
                 continue
-            work = self._mean(v, force)
-            if work**2 > _NOTHING**2 * self._mean(v, v) * self._mean(loudest, loudest):
-                relative = max(relative, self._mean(v, lack) / work, key=abs)
-        stiff = self._kappa > 0
-        free = (lack - relative * force) * np.divide(
-            1.0, self._kappa, where=stiff, out=np.zeros_like(self._kappa)
-        )
-        return abs(relative), math.sqrt(self._mean(free, free))
+            work, lacking, squares = modes_loop.means(self._twice, v.view(np.float64), force, lack)
+            if work**2 > _NOTHING**2 * squares * loudness:
+                relative = max(relative, lacking / work, key=abs)
+        free = modes_loop.yielding(self._measure, self._kappa, lack, relative, force)
+        return abs(relative), math.sqrt(free)
 
     def state(self) -> State:
         """Return the history, and how the surface moved last."""
@@ -143,8 +143,9 @@ class Corrected(Modes):
         if self._velocity is None:
             return None
         share = self.step / (self.step + self._last_step)
-        return np.asarray(share * (spectrum - self.u - self.step * self._velocity))
+        known = (each.view(np.float64) for each in (spectrum, self.u, self._velocity))
+        return modes_loop.curvature(share, self.step, *known).view(np.complex128)
 
     def _mean(self, f: ComplexArray, g: ComplexArray) -> float:
         """Mean of f g over the surface."""
-        return float(modes_loop.mean(self._twice, f.view(np.float64), g.view(np.float64)))
+        return float(modes_loop.means(self._twice, *(x.view(np.float64) for x in (f, g, g)))[0])

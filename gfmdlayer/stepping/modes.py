@@ -39,7 +39,6 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from numpy.polynomial.polynomial import polyval
 
 from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
@@ -71,10 +70,10 @@ def exponential(x: FloatArray) -> Factors:
     """Factors of the exponential step with u linear in time, x = dt/theta >= 0."""
     some, small, large = np.where(x > 0, x, 1.0), np.minimum(x, _SMALL), np.maximum(x, _SMALL)
     decay = np.exp(-x)
-    series = polyval(small * small, (1 / 12, -1 / 120, 17 / 20160, -31 / 362880))
+    series = np.polyval((-31 / 362880, 17 / 20160, -1 / 120, 1 / 12), small * small)
     rest = np.where(x < _SMALL, x * series, (large - 2 * np.tanh(large / 2)) / large**2)
     bend = (1 + decay) * rest
-    series = polyval(small, (1 / 30, -1 / 36, 11 / 630, -1 / 120, 283 / 90720, -289 / 302400))
+    series = np.polyval((-289 / 302400, 283 / 90720, -1 / 120, 11 / 630, -1 / 36, 1 / 30), small)
     closed = 1 / (3 * large) - bend * ((large + 2) / large**2 + bend / 2)
     return Factors(
         decay=decay,
@@ -220,9 +219,10 @@ class Modes:
         self._own_factors = Factors(*(factor[self._times.size :] for factor in factors))
         self._pulls = self._moduli * self._factors.decay
         self._own_pulls = self._own_weights * self._own_factors.decay
-        own = np.repeat(self._on_grid(self._own_weights * self._own_factors.gain), 2)
-        self._pull = self._shape * (self._moduli @ self._factors.gain) + own
-        self._stiffness = self.relaxed + self._pull[::2]
+        gain, own_gains = self._moduli @ self._factors.gain, self._own_weights * self._own_factors.gain
+        self._pull, self._stiffness = modes_loop.slopes(
+            float(gain), self._shape, self._index, own_gains, self.relaxed
+        )
 
 
 def _proportional(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> npt.NDArray[np.bool_]:

@@ -134,9 +134,75 @@ def advance(
 
 
 @nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
-def mean(measure: FloatArray, f: FloatArray, g: FloatArray) -> float:
-    """Sum of measure f g; not left to BLAS, whose threads cost more here than they save."""
-    total = 0.0
+def slopes(
+    gain: float,
+    shape: FloatArray,
+    index: IntArray,
+    own_gains: FloatArray,
+    relaxed: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return sum_j w_j gain_j, repeated, and with it the stiffness at the end of a step."""
+    pull, stiffness = np.empty(shape.size), relaxed.copy()
+    for i in range(pull.size):
+        pull[i] = gain * shape[i]
+    for i in range(index.size):
+        pull[2 * index[i]] += own_gains[i]
+        pull[2 * index[i] + 1] += own_gains[i]
+    for k in range(stiffness.size):
+        stiffness[k] += pull[2 * k]
+    return pull, stiffness
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def curvature(
+    share: float, step: float, found: FloatArray, u: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return what, with its share, the displacement has beyond that of a steady velocity."""
+    bent = np.empty(u.size)
+    for i in range(u.size):
+        bent[i] = share * (found[i] - u[i] - step * velocity[i])
+    return bent
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def force(stiffness: FloatArray, found: FloatArray, b: FloatArray) -> FloatArray:
+    """Return stiffness u - b."""
+    total = np.empty(b.size)
+    for k in range(stiffness.size):
+        total[2 * k] = stiffness[k] * found[2 * k] - b[2 * k]
+        total[2 * k + 1] = stiffness[k] * found[2 * k + 1] - b[2 * k + 1]
+    return total
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def means(measure: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -> tuple[float, float, float]:
+    """Sums of measure v f, measure v g and measure v v; not left to BLAS, whose threads cost more here."""
+    with_f, with_g, squares = 0.0, 0.0, 0.0
     for i in range(measure.size):
-        total += measure[i] * f[i] * g[i]
+        part = measure[i] * v[i]
+        with_f += part * f[i]
+        with_g += part * g[i]
+        squares += part * v[i]
+    return with_f, with_g, squares
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def loudness(measure: FloatArray, stiffness: FloatArray, u: FloatArray) -> float:
+    """Sum of measure (stiffness u)^2."""
+    total = 0.0
+    for k in range(stiffness.size):
+        total += measure[k] * stiffness[k] ** 2 * (u[2 * k] ** 2 + u[2 * k + 1] ** 2)
+    return total
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def yielding(
+    measure: FloatArray, stiffness: FloatArray, lack: FloatArray, part: float, force: FloatArray
+) -> float:
+    """Sum of measure ((lack - part force)/stiffness)^2 over what has a stiffness."""
+    total = 0.0
+    for k in range(stiffness.size):
+        if stiffness[k] > 0.0:
+            one, other = lack[2 * k] - part * force[2 * k], lack[2 * k + 1] - part * force[2 * k + 1]
+            total += measure[k] * (one * one + other * other) / stiffness[k] ** 2
     return total
