@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -319,6 +320,21 @@ def test_movie_has_a_frame_for_each_snapshot(tmp_path: Path, shape: tuple[int, .
         for axes_, field in zip(figure.axes, fields[2, :2], strict=False):
             drawn = axes_.images[0].get_array().T if len(shape) == 2 else axes_.lines[0].get_ydata()
             np.testing.assert_array_equal(drawn, field)
+
+
+@pytest.mark.parametrize("reads", ["", "cat > /dev/null; "])
+def test_movie_that_ffmpeg_cannot_write_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
+) -> None:
+    # As one that was built without H.264, at once; and one whose disk is full, when all has been read.
+    write_case(case_path(tmp_path, 0))
+    ffmpeg, movie = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
+    ffmpeg.write_text(f"#!/bin/sh\n{reads}echo some > {movie}; echo no such encoder >&2; exit 3\n")
+    ffmpeg.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(ResultsError, match=r"movie\.mp4: ffmpeg could not write it .*3.*no such encoder"):
+        plot_results(tmp_path, movie, kind="movie")
+    assert not movie.exists()
 
 
 def test_movie_without_ffmpeg_is_a_gif(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

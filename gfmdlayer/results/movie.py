@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,11 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
                 for place in range(frames):
                     show(place)
                     writer.grab_frame()
+        except subprocess.CalledProcessError as error:
+            path.unlink(missing_ok=True)  # what it has begun
+            last = str(error.stderr or "").strip().splitlines()[-1:]
+            why = ": ".join([f"it ended with {error.returncode}", *last])
+            raise ResultsError(f"{path}: ffmpeg could not write it ({why}); .gif does without") from error
         except OSError as error:
             raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
