@@ -47,6 +47,23 @@ def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
     collect(folder, records, list(swept))
 
 
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns: Columns) -> None:
+    friction = [np.nan, -0.1, 0.3]
+    with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
+        for time, each in enumerate(friction):
+            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2, friction=each)
+    with open_case(case_path(tmp_path, 0)) as data:
+        figure = curves_figure(data, columns)
+    area, _, drawn = figure.axes
+    assert (drawn.get_ylabel(), drawn.get_xlabel()) == (r"$\mu$", r"$t/\tau$")
+    assert drawn.get_title(loc="left") == "(c)"
+    np.testing.assert_array_equal(drawn.lines[0].get_ydata(), friction)
+    assert drawn.get_ylim()[0] < -0.1
+    assert area.get_ylim()[0] == 0
+    assert bool(area.get_xlabel()) == (columns == 2)  # in one column the lowest panel has it
+
+
 def test_curves_are_labelled_by_symbols(tmp_path: Path) -> None:
     write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
     with open_results(tmp_path) as data:

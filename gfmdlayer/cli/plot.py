@@ -7,7 +7,7 @@ import argparse
 from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
 
 KINDS = {
-    "curves": "contact area and mean pressure against time",
+    "curves": "contact area, mean pressure and any friction against time",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
     "map": "contact area and mean pressure over two swept keys",
@@ -20,7 +20,7 @@ def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
     added = verbs.add(
         plot,
-        "draw contact area and mean pressure against time, and the snapshots",
+        "draw contact area, mean pressure and any friction against time, and the snapshots",
         "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time",
     )
     added.add_argument("path", metavar="DIR", help="results folder, or the file of one case")

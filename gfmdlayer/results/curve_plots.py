@@ -1,7 +1,8 @@
 r"""The paper's figure of a run: contact area and mean pressure against time, one curve for each swept value.
 
 Panel (a) shows $\tilde a$ and panel (b) $\tilde p$ against $t/\tau$, tau being the attribute of the results;
-where the cases do not share one, time stays in the config's units. One swept key is told by colour and line
+where the cases do not share one, time stays in the config's units. A punch that moves along the surface has
+its friction in panel (c). One swept key is told by colour and line
 style together, two by colour (the first) and line style (the second).
 """
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 LEGEND_ENTRIES = 12
+PANELS = {"contact_area": r"$\tilde{a}$", "mean_pressure": r"$\tilde{p}$", "friction": r"$\mu$"}
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,9 @@ def curves_figure(
     log_time: bool = False,
     inset: Inset | None = None,
 ) -> Figure:
-    """Draw contact area and mean pressure against time as two panels; in one column they are stacked.
+    """Draw contact area and mean pressure, and friction where there is any, against time, a panel each.
+
+    In one column they are stacked.
 
     Parameters
     ----------
@@ -77,16 +81,17 @@ def curves_figure(
     """
     curves, entries = _curves(dataset)
     with styled(style):
-        figure = new_figure(columns, 66.0 if columns == 2 else 125.0, style)
-        panels = figure.subplots(1, 2) if columns == 2 else figure.subplots(2, 1, sharex=True)
-        labels = {"contact_area": r"$\tilde{a}$", "mean_pressure": r"$\tilde{p}$"}
-        for axes, letter, (name, label) in zip(panels, "ab", labels.items(), strict=True):
+        labels = {name: label for name, label in PANELS.items() if name in dataset}
+        count = len(labels)
+        figure = new_figure(columns, 66.0 if columns == 2 else 62.5 * count, style)
+        panels = figure.subplots(1, count) if columns == 2 else figure.subplots(count, 1, sharex=True)
+        for axes, letter, (name, label) in zip(panels, "abc", labels.items(), strict=False):
             _draw_panel(axes, dataset, name, curves, log_time=log_time)
             axes.set_ylabel(label)
             axes.set_title(f"({letter})", loc="left")
             if inset is not None:
                 inset.mark(axes, dataset[name])
-        for axes in panels if columns == 2 else panels[1:]:
+        for axes in panels if columns == 2 else panels[-1:]:
             axes.set_xlabel(time_axis(dataset)[0])
         if entries:
             _draw_legend(figure, entries, columns)
@@ -105,7 +110,8 @@ def _draw_panel(axes: Axes, dataset: Dataset, name: str, curves: list[_Curve], *
         axes.set_xscale("log")
     if np.count_nonzero(shown) > 1:
         axes.set_xlim(time[shown][0], time[-1])
-    axes.set_ylim(bottom=0)
+    if axes.dataLim.y0 >= 0:
+        axes.set_ylim(bottom=0)
 
 
 def _curves(dataset: Dataset) -> tuple[list[_Curve], list[_Entry]]:

@@ -48,10 +48,10 @@ def plot_results(
         The picture, .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named
         after the results and lies with them.
     kind
-        curves: contact area and mean pressure against time. snapshots: the surface at the snapshot times.
-        waterfall: pressure profiles through time. map: contact area and mean pressure over two swept keys.
-        movie: displacement and pressure. By default the curves and, to NAME-snapshots, the snapshots if there
-        are any.
+        curves: contact area, mean pressure and any friction against time. snapshots: the surface at the
+        snapshot times. waterfall: pressure profiles through time. map: contact area and mean pressure over
+        two swept keys. movie: displacement and pressure. By default the curves and, to NAME-snapshots, the
+        snapshots if there are any.
     case
         The number of the case whose snapshots are drawn; by default all of a few, or the first.
     style
