@@ -117,6 +117,22 @@ def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition,
 
 
 @each_condition
+@pytest.mark.parametrize("size", [16, 17, 20, 27, 32, 33, 48, 50, 63, 64])
+def test_ten_thousand_small_problems_need_no_safeguard(dense_contact, size, condition, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr(ActiveSet, "_descend", None)
+    dense = dense_contact((size,))
+    for seed in range(1000, 1334):
+        problem = dense.problem(seed, condition)
+        u, pressure = dense.solution(problem)
+        rng = np.random.default_rng(seed)
+        start = rng.choice([0.0, 0.1, 1.0, 100.0]) * pressure.max() * rng.uniform(-1, 1, size)
+        found = solve(ActiveSet, problem, tolerance=TOLERANCE, start=start)
+        assert found.converged, seed
+        assert np.abs(found.displacement - u).max() <= 1e-9 * -u.min(), seed
+        assert np.abs(found.pressure - pressure).max() <= 1e-9 * pressure.max(), seed
+
+
+@each_condition
 @pytest.mark.parametrize("shape", [(48,), (35,), (6, 7)], ids=str)
 def test_all_solvers_agree_at_equal_residual(dense_contact, shape, condition) -> None:  # type: ignore[no-untyped-def]
     problem = dense_contact(shape).problem(11, condition)
