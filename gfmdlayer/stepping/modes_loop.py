@@ -105,8 +105,8 @@ def advance(
     for start in range(0, u.size, _BLOCK):
         part_ = slice(start, min(start + _BLOCK, u.size))
         spring, share, new, old = springs[part_], shares[part_], found[part_], u[part_]
-        if curvature.size:
-            curved[: new.size] = curvature[part_]
+        for i in range(min(curvature.size, new.size)):  # to assign the slice takes seconds to compile
+            curved[i] = curvature[start + i]
         of_u, of_change, of_c = 0.0, 0.0, 0.0
         for i in range(new.size):
             moved = new[i] - old[i]
