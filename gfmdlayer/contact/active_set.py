@@ -45,7 +45,7 @@ from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
 from gfmdlayer.contact.active_set_start import begin
 from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, make_work
 from gfmdlayer.contact.descent import descend
-from gfmdlayer.contact.dual import Iterate, System, accept, admit, known
+from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, extent
 from gfmdlayer.contact.transforms import Transforms
@@ -111,7 +111,7 @@ class ActiveSet:
             self._settled = False
             pairs, self._odd = divmod(near.transforms + self._odd, 2)
             return near.solution(problem, tolerance, int(pairs))
-        shift, within, clear, limit = 0.0, 0.8 * tolerance, False, max(limit - near.iterations, 1)
+        shift, within, clear, limit = 0.0, CLOSE * tolerance, False, max(limit - near.iterations, 1)
         portion = min(limit, self._portion)
         found, more, done = attempt(
             plans, system, problem.intercept, self._free, *state, self._past, near.guess(start),
@@ -133,7 +133,7 @@ class ActiveSet:
             if clear:
                 self._settled = False
                 return admit(problem, system, self._at, self._transforms, solution)
-            clear, within = True, 0.25 * tolerance
+            clear, within = True, AIM * tolerance
             shift = within * extent(solution.pressure, solution.displacement)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
             self._work.exact[0] = found  # `descent` does not keep the level from which depths count

@@ -21,6 +21,8 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.dual import (
+    AIM,
+    CLOSE,
     Iterate,
     System,
     accept,
@@ -85,7 +87,7 @@ class ConjugateGradient(Memoryless):
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
         transforms, iterations = 1, 0
-        for aim, within in ((0.0, 0.8 * tolerance), (0.25 * tolerance, 0.25 * tolerance)):
+        for aim, within in ((0.0, CLOSE * tolerance), (AIM * tolerance, AIM * tolerance)):
             left = self._max_iterations - iterations
             more, done = iterate(self._transforms.plans, system, at, self._search, aim, within, left)
             transforms, iterations = transforms + more, iterations + done

@@ -30,6 +30,9 @@ from gfmdlayer.contact.transforms import ComplexArray, Transforms
 
 _ROUNDING = 1e-12  # part of the height of the punch
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
+# Part of the tolerance within which a solve ends; the rest is for what lifting the surface clear adds.
+CLOSE = 0.8
+AIM = 0.25  # likewise where a gap in the contact is aimed at instead, and that gap, as part of the depth
 _LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
 
 

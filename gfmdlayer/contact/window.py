@@ -7,6 +7,7 @@ import numpy as np
 
 from gfmdlayer.contact.active_set_loop import iterate
 from gfmdlayer.contact.active_set_state import list_runs
+from gfmdlayer.contact.dual import AIM, CLOSE
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, Judgement
 from gfmdlayer.contact.transforms import ComplexArray, backward
@@ -14,8 +15,6 @@ from gfmdlayer.contact.widening import widen
 from gfmdlayer.contact.window_state import Found, Pair, Whole, Window, stretch
 
 _APART = 1e150  # gap of the points that the window's transforms have beyond the window
-_CLOSE = 0.8  # part of the tolerance within which the solve ends
-_AIM = 0.25  # likewise where a gap in the contact is aimed at, and that gap, as part of the depth
 _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MORE, _MORE_OF_TOLERANCE = 1e-12, 0.01  # the gap that is left at least, as part of depth and tolerance
 
@@ -88,13 +87,13 @@ def _inside(
     list_runs(contact)
     plans, bank = window.plans, window.bank
     found, transforms, iterations = iterate(
-        plans, system, at, contact, bank, work, 0.0, _CLOSE * tolerance, rounds, limit
+        plans, system, at, contact, bank, work, 0.0, CLOSE * tolerance, rounds, limit
     )
     if not (found and contact.counts[2] > 0):
         return False, transforms, iterations
     if not _clear(window, tolerance):
         # A gap in the contact is aimed at that is more than what the gaps differ by.
-        within = _AIM * tolerance
+        within = AIM * tolerance
         shift = within * work.scales[1]
         found, more, done = iterate(plans, system, at, contact, bank, work, shift, within, rounds, limit)
         transforms, iterations = transforms + more, iterations + done
