@@ -59,14 +59,14 @@ def test_edges_are_gone_to_as_by_newtons_method(off: int, halfspace) -> None:  #
     member[first - off : last + off + 1] = 1.0
     p, gap = solved_on(member, compliance, gap0)
     contact, by_signs = listed(member), np.count_nonzero((p > 0) | (gap < 0))
-    assert update(p, gap, contact, make_bank(N), 0.0, True) == (off > 0)
+    assert update(p, gap, contact, make_bank(N), 0.0, True, True, 0) == (off > 0)
     assert contact.counts[0] == 1
     left = np.array([first - contact.runs[0, 0], contact.runs[0, 1] - 1 - last])
     assert left[0] == left[1]
-    half_width = (last - first) / 2
-    assert abs(left[0]) <= off**2 / half_width + 2
-    if abs(off) > 3:
-        assert abs(by_signs - true.sum()) / 2 > 0.25 * abs(off)
+    # Half of what signs leave at the worst, and a point.
+    assert abs(left[0]) <= 0.25 * abs(off) + 1
+    if abs(off) > 7:
+        assert abs(by_signs - true.sum()) / 2 > 0.25 * abs(off) + 1
 
 
 def test_what_pulls_amid_the_contact_leaves_by_itself() -> None:
@@ -75,18 +75,63 @@ def test_what_pulls_amid_the_contact_leaves_by_itself() -> None:
     gap[400:500] = 0.0
     p[450:453] = -1.0
     contact = listed(member)
-    assert update(p, gap, contact, make_bank(N), 0.0, True)
+    assert update(p, gap, contact, make_bank(N), 0.0, True, True, 0)
     assert contact.counts[0] == 2
     assert contact.runs[:2].tolist() == [[400, 450], [453, 500]]
 
 
-def test_a_stretch_that_pulls_for_the_most_part_loses_what_pulls_and_no_more() -> None:
+@pytest.mark.parametrize(
+    ("pressure", "expected"),
+    [
+        ([-1, -1, -1, 1, 1, 1, -1, -1, -1, -1], [[404, 405]]),
+        ([-1, -1, 9, -1, -1, -1, -1, 9, -1, -1], [[402, 403], [407, 408]]),
+        ([-1] * 10, []),
+    ],
+)
+def test_what_presses_between_two_edges_does_not_leave_altogether(
+    pressure: list[int], expected: list[list[int]]
+) -> None:
     member, p, gap = np.zeros(N), np.zeros(N), np.ones(N)
-    member[400:410], gap[400:410] = 1.0, 0.0
-    p[400:410] = [-1, -1, -1, 1, 1, 1, -1, -1, -1, -1]
+    member[400:410], gap[400:410], p[400:410] = 1.0, 0.0, pressure
     contact = listed(member)
-    update(p, gap, contact, make_bank(N), 0.0, True)
-    assert contact.runs[: contact.counts[0]].tolist() == [[403, 406]]
+    update(p, gap, contact, make_bank(N), 0.0, True, True, 0)
+    assert contact.runs[: contact.counts[0]].tolist() == expected
+
+
+@pytest.mark.parametrize(("settled", "done", "stays"), [(True, 0, 91), (False, 0, 95), (True, 100, 95)])
+def test_signs_alone_count_where_the_pressure_is_not_known_or_after_many_changes(
+    settled: bool, done: int, stays: int
+) -> None:
+    member, p, gap = np.zeros(N), np.zeros(N), np.ones(N)
+    member[400:500], gap[400:500], p[400:500] = 1.0, 0.0, 1.0
+    p[400:405] = -1.0
+    contact = listed(member)
+    update(p, gap, contact, make_bank(N), 0.0, True, settled, done)
+    assert contact.counts[2] == stays
+
+
+def test_edges_that_are_not_by_themselves_need_no_safeguard(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Up to four asperities, cut off by a plateau, from any start: steps to their edges that undo each other
+    # for ever, if nothing ends them, come in one of two hundred.
+    monkeypatch.setattr(ActiveSet, "_descend", None)
+    transforms = {n: Transforms((n,)) for n in (64, 128, 256, 512)}
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        n = int(rng.choice(list(transforms)))
+        grid = Grid((n,), (1.0,))
+        x, count = grid.coordinates[0], rng.integers(1, 5)
+        centre, height = rng.uniform(-0.4, 0.4, count), rng.uniform(0, 0.01, count)
+        bends = 10 ** rng.uniform(0, 4, count)
+        h = np.min(bends[:, None] * (x - centre[:, None]) ** 2 + height[:, None], axis=0)
+        h = np.minimum(h, h.min() + 10 ** rng.uniform(-2, 0)) - h.min()
+        loads = rng.random() < 0.5
+        h -= 0.0 if loads else 10 ** rng.uniform(-4, -1)
+        start = (np.abs(x - rng.uniform(-0.2, 0.2)) < rng.uniform(0.05, 0.5)).astype(float)
+        load = 10 ** rng.uniform(-4, -1) if loads else None
+        if load is None and h.mean() <= 0:
+            continue  # more than the cell holds
+        problem = Problem(grid.wavenumbers.copy(), np.zeros(n // 2 + 1, complex), h, load)
+        assert ActiveSet(transforms[n], 1e-8).solve(problem, start).converged, seed
 
 
 @pytest.mark.parametrize(
@@ -109,7 +154,7 @@ def test_two_thirds_of_what_overlaps_at_an_edge_join(
     if len(expected) == 1 and expected[0][1] < 600:
         member[600:700] = 0.0
     contact = listed(member)
-    assert not update(member.copy(), gap, contact, make_bank(N), 0.0, everywhere)
+    assert not update(member.copy(), gap, contact, make_bank(N), 0.0, everywhere, True, 0)
     assert contact.runs[: contact.counts[0]].tolist() == expected
 
 
@@ -120,7 +165,7 @@ def test_on_a_surface_points_are_taken_by_their_sign() -> None:
     gap[10:20, 10:20] = 0.0
     p[10:20, 10:13], gap[10:20, 20:23] = -1.0, -1.0
     contact = listed(member, shape)
-    assert update(np.ravel(p), np.ravel(gap), contact, make_bank(member.size), 0.0, True)
+    assert update(np.ravel(p), np.ravel(gap), contact, make_bank(member.size), 0.0, True, True, 0)
     expected = np.zeros(shape)
     expected[10:20, 13:23] = 1.0
     np.testing.assert_array_equal(contact.member.reshape(shape), expected)

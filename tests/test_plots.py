@@ -346,12 +346,15 @@ def test_movie_that_ffmpeg_cannot_write_is_an_error(
     # As one that was built without H.264, at once; and one whose disk is full, when all has been read.
     write_case(case_path(tmp_path, 0))
     ffmpeg, movie = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
-    ffmpeg.write_text(f"#!/bin/sh\n{reads}echo some > {movie}; echo no such encoder >&2; exit 3\n")
+    movie.write_text("an earlier one")
+    begins = 'for last; do :; done; echo some > "$last"'
+    ffmpeg.write_text(f"#!/bin/sh\n{reads}{begins}; echo no such encoder >&2; exit 3\n")
     ffmpeg.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     with pytest.raises(ResultsError, match=r"movie\.mp4: ffmpeg could not write it .*3.*no such encoder"):
         plot_results(tmp_path, movie, kind="movie")
-    assert not movie.exists()
+    assert movie.read_text() == "an earlier one"
+    assert list(tmp_path.glob("*.part*")) == []
 
 
 def test_movie_without_ffmpeg_is_a_gif(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,6 +81,7 @@ def iterate(
         transforms += 2
     restart, last, slot, iteration = True, 0.0, free_slot(bank), 0
     plain, since = False, 0  # without deflation; iterations since the last restart
+    done = 0  # changes of the set
     moved = 0.0  # largest change of the pressure in the last iteration, where edges are gone by
     list_near(contact)
     for iteration in range(limit):
@@ -102,10 +103,10 @@ def iterate(
         leaves = tension > 0.0 and (settled or opened <= tolerance)
         restart = takes or leaves
         if restart:
-            if rounds == 0:
+            if done == rounds:
                 break
-            rounds -= 1
-            changed = update(at.p, at.gap, contact, bank, shift, bool(exact[0]))
+            changed = update(at.p, at.gap, contact, bank, shift, bool(exact[0]), leaves, done)
+            done += 1
             if changed:
                 _carry(system, at, contact, carried)
                 evaluate(plans, system, at, work)

@@ -10,7 +10,9 @@ Johnson, Contact Mechanics, 1985, ch. 4),
 
 so that half of what should leave would do so, and half as much again as should would join. Here twice what
 pulls leaves, and two thirds of what overlaps join: Newton's step for the edge, cautiously rounded. This holds
-for the pressure that closes the gaps; one that is still on its way there looks the same from afar.
+for the pressure that closes the gaps; one that is still on its way there looks the same from afar. And it
+holds for an edge that is by itself: near a kink of the punch or another edge such steps may undo each other
+for ever, so only so many of them are taken, and then signs alone.
 """
 
 from __future__ import annotations
@@ -20,14 +22,24 @@ import numba as nb
 from gfmdlayer.contact.active_set_state import Bank, ContactSet, let_go, list_runs
 from gfmdlayer.contact.grid import FloatArray
 
+_NEWTON = 8  # rounds: from a contact twice too wide four are enough
+
 
 @nb.njit(nogil=True, cache=True)
 def update(
-    p: FloatArray, gap: FloatArray, contact: ContactSet, bank: Bank, shift: float, everywhere: bool
+    p: FloatArray,
+    gap: FloatArray,
+    contact: ContactSet,
+    bank: Bank,
+    shift: float,
+    everywhere: bool,
+    settled: bool,
+    done: int,
 ) -> bool:
     """Let go what pulls, take in what overlaps; return whether the pressure changed.
 
-    The gap is known everywhere, or near the contact.
+    The gap is known ``everywhere``, or near the contact; the pressure may be ``settled``; so many changes of
+    the set have been ``done``.
     """
     changed, runs, near, member = False, contact.runs, contact.near, contact.member
     for k in range(1 if everywhere else contact.counts[1]):
@@ -35,19 +47,17 @@ def update(
         for i in range(first, end):
             if member[i] == 0.0 and gap[i] < shift:
                 member[i] = 1.0
-    line, known = _is_line(contact), p.size if everywhere else contact.reach[0]
+    newton = done < _NEWTON and _is_line(contact)
+    known = p.size if everywhere else contact.reach[0]
     for k in range(contact.counts[0]):
         first, end, left, right = runs[k, 0], runs[k, 1], 0, 0
-        if line:
+        if newton:
             before = runs[k - 1, 1] if k > 0 else 0
             after = runs[k + 1, 0] if k + 1 < contact.counts[0] else p.size
             _draw_back(member, first, before, -1, known)
             _draw_back(member, end - 1, after - 1, 1, known)
-            left, right = _pulling(p, first, end, 1), _pulling(p, end - 1, first - 1, -1)
-            if 2 * (left + right) < end - first:
-                left, right = 2 * left - 1, 2 * right - 1
-            else:
-                left = right = 0
+        if newton and settled:
+            left, right = _to_leave(p, first, end, 1), _to_leave(p, end - 1, first - 1, -1)
         for i in range(first, end):
             if p[i] < 0.0 or i < first + left or i >= end - right:
                 let_go(contact, bank, p, i)
@@ -89,9 +99,16 @@ def _draw_back(member: FloatArray, last: int, limit: int, towards: int, known: i
 
 
 @nb.njit(nogil=True, cache=True)
-def _pulling(p: FloatArray, first: int, end: int, towards: int) -> int:
-    """How many points pull from an end of a stretch on."""
+def _to_leave(p: FloatArray, first: int, end: int, towards: int) -> int:
+    """How many points are to leave at an end of a stretch: twice those that pull from there on.
+
+    But less than half of those that press next to them, which may have another such neighbour.
+    """
     i = first
     while i != end and p[i] < 0.0:
         i += towards
-    return abs(i - first)
+    pulling = abs(i - first)
+    while i != end and p[i] >= 0.0:
+        i += towards
+    pressing = abs(i - first) - pulling
+    return pulling + max(min(pulling - 1, (pressing - 1) // 2), 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,23 +64,26 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     check_movie(path)
-    frames = case.sizes["snapshot"]
+    frames, part = case.sizes["snapshot"], path.with_name(f"{path.stem}.part{path.suffix}")
     rate = int(np.clip(frames / SECONDS, *RATES))
     writer = PillowWriter(fps=rate) if path.suffix.lower() == ".gif" else FFMpegWriter(fps=rate)
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with writer.saving(figure, str(path), DPI):
+            with writer.saving(figure, str(part), DPI):
                 for place in range(frames):
                     show(place)
                     writer.grab_frame()
+            part.replace(path)
         except subprocess.CalledProcessError as error:
-            path.unlink(missing_ok=True)  # what it has begun
             last = str(error.stderr or "").strip().splitlines()[-1:]
             why = ": ".join([f"it ended with {error.returncode}", *last])
             raise ResultsError(f"{path}: ffmpeg could not write it ({why}); .gif does without") from error
         except OSError as error:
             raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:
