@@ -184,3 +184,21 @@ def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts
     assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is none
     assert integrator.turns == 2
     assert len(accepted) < 50
+
+
+def test_a_punch_that_rests_between_points_of_the_grid_is_not_taken_for_pressed(run) -> None:  # type: ignore[no-untyped-def]
+    # Its depth at rest is not zero. A first step as short as after a jump had so small a load that heights of
+    # the punch could not be told apart beside it.
+    recording = run(
+        {
+            "grid.points": 14,
+            "layer": {"thickness": 1.0, "poisson": 0.5},
+            "halfspace.shear_modulus": math.inf,
+            "punch": {"shape": "array", "counts": 2, "element": {"shape": "parabola", "radius": 0.1}},
+            "time": {"end": 1000.0, "integrator": "exponential", "step": "adaptive", "tolerance": 0.1},
+            "trajectory": {"control": "load", "load": 0.01, "ramp_time": 500.0},
+            "solver.method": "active_set",
+        }
+    )
+    assert recording["time"][1] > 1e-3
+    np.testing.assert_allclose(recording["mean_pressure"][-1], 0.005, rtol=1e-12)

@@ -94,9 +94,9 @@ class AdaptiveSteps:
         largest, deepest = max(self._largest, abs(found)), max(self._deepest, abs(depth))
         if self._step == 0:
             accepted = True
-            self._next = self._integrator.fastest * (
-                _AFTER_JUMP if deepest > 0 else _AT_REST * self._tolerance
-            )
+            # A punch may rest at a depth: that of the lowest of the grid's points, which miss its apex.
+            pressed = deepest > 0 and bool(spectrum.any())
+            self._next = self._integrator.fastest * (_AFTER_JUMP if pressed else _AT_REST * self._tolerance)
         else:
             relative, displacement = self._integrator.error(spectrum, moving=depth != self._depth)
             error = max(_part(relative * abs(found), largest), _part(displacement, deepest))
