@@ -347,6 +347,29 @@ def test_a_flat_punch_touches_with_all_of_its_face(load: float | None, method: M
     assert_consistent(found, problem)
 
 
+@pytest.mark.parametrize("method", [ActiveSet, ConjugateGradient, Fire])
+@pytest.mark.parametrize("shape", [(8, 8), (256,)])
+@pytest.mark.parametrize("size", 10.0 ** -np.arange(3, 25, 3))
+def test_what_rounding_leaves_under_a_flat_punch_is_rest(
+    size: float, shape: tuple[int, ...], method: Method | type[Fire]
+) -> None:
+    # A dent that heals under a punch at depth zero becomes smaller than what heights can tell.
+    grid = Grid(shape, (1.0,) * len(shape))
+    radius = np.sqrt(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij"))).ravel()
+    h = np.maximum(radius - 0.15, 0.0) ** 2
+    kappa = PAPER.stiffness(grid.wavenumbers.ravel(), 1.0)
+    transforms = Transforms(shape)
+    left = np.random.default_rng(7).normal(0, size, grid.size)
+    problem = Problem(kappa, kappa * transforms.forward(left), h, height=float(np.ptp(h)))
+    found = method(transforms, 1e-6).solve(problem, np.zeros(grid.size))
+    assert found.converged
+    # Of a contact the pressure is known to a part of 1e-6 of the largest; of less than one, to that part of
+    # what the least depth leaves.
+    largest = max(found.pressure.max(), problem.least.stiffness * problem.least.depth)
+    assert found.pressure.min() >= -1e-6 * largest
+    assert found.pressure.max() <= 10 * kappa.max() * max(size, 1e-6 * problem.least.depth)
+
+
 @each_method
 @pytest.mark.parametrize("load", [None, 0.2])
 def test_hundreds_of_asperities(load: float | None, method: Method) -> None:

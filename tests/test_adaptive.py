@@ -202,3 +202,22 @@ def test_a_punch_that_rests_between_points_of_the_grid_is_not_taken_for_pressed(
     )
     assert recording["time"][1] > 1e-3
     np.testing.assert_allclose(recording["mean_pressure"][-1], 0.005, rtol=1e-12)
+
+
+def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path: Path) -> None:
+    # Drawn back to depth zero the punch does no work on the surface that comes back to it: the displacement
+    # is no measure of how the surface follows.
+    (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n400 0\n")
+    times = (3.0, 5.0, 10.0, 20.0, 40.0, 100.0, 400.0)
+    values = ADAPTIVE | {
+        "time.end": 400.0,
+        "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
+        "trajectory": {"kind": "table", "file": str(tmp_path / "back.txt")},
+        "output.times": times,
+    }
+    coarse = run(values | {"time.tolerance": 1e-3})
+    assert coarse["time"].size <= 40
+    close = run(values | {"time.tolerance": 1e-5})
+    difference = np.abs(coarse.at("mean_pressure", times) - close.at("mean_pressure", times)).max()
+    assert difference <= 1e-3 * coarse["mean_pressure"].max()
+    assert abs(coarse["mean_pressure"][-1]) < 1e-8

@@ -88,7 +88,7 @@ def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance
 def test_what_pressure_does_in_a_window_is_what_it_does_on_the_surface(shape: tuple[int, ...]) -> None:
     problem, random = problem_of(shape, "free mean"), np.random.default_rng(1)
     solver = ActiveSet(Transforms(shape))
-    solver._take_stiffness(problem.stiffness, problem.softest)
+    solver._take_stiffness(problem.stiffness, problem.least)
     part = solver._windows._parts[0]
     solver._windows._window(part)
     _, window = solver._windows._made[part]

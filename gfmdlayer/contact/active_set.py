@@ -47,7 +47,7 @@ from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, ma
 from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, extent
+from gfmdlayer.contact.problem import Least, Problem, Solution, extent, scales
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.contact.windows import Windows
 from gfmdlayer.resumable import State
@@ -134,7 +134,7 @@ class ActiveSet:
                 self._settled = False
                 return admit(problem, system, self._at, self._transforms, solution)
             clear, within = True, AIM * tolerance
-            shift = within * extent(solution.pressure, solution.displacement)[1]
+            shift = within * scales(*extent(solution.pressure, solution.displacement), problem.least)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
             self._work.exact[0] = found  # `descent` does not keep the level from which depths count
             found, more, done = self._iterate(system, shift, within, limit)
@@ -147,7 +147,7 @@ class ActiveSet:
         bank, kept = self._bank, self._bank.age > 0
         return {
             "stiffness": self._stiffness,
-            "softest": self._softest,
+            "least": np.array(self._least),
             "load": self._load,
             "settled": self._settled,
             "odd": self._odd,
@@ -165,7 +165,7 @@ class ActiveSet:
         self._load, self._settled, self._odd = (
             bool(state["load"]), bool(state["settled"]), float(state["odd"]),
         )  # fmt: skip
-        self._take_stiffness(state["stiffness"], float(state["softest"]))
+        self._take_stiffness(state["stiffness"], Least(*state["least"].tolist()))
         if state["kernel"]:  # which the step that made it has paid for
             self._windows.make_kernel()
         bank, kept = self._bank, state["age"] > 0
@@ -229,19 +229,17 @@ class ActiveSet:
             self._stiffness = stiffness
             return self._settled
         self._bank.age[:], self._past.listed[0] = 0, -1
-        self._take_stiffness(stiffness, problem.softest)
+        self._take_stiffness(stiffness, problem.least)
         return False
 
-    def _take_stiffness(self, stiffness: FloatArray, softest: float) -> None:
-        self._stiffness, self._softest, n = stiffness, softest, self._at.p.size
+    def _take_stiffness(self, stiffness: FloatArray, least: Least) -> None:
+        self._stiffness, self._least, n = stiffness, least, self._at.p.size
         self._per_point = stiffness / n
         self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
-        self._windows.renew(self._compliance, self._per_point, softest, load=self._load)
+        self._windows.renew(self._compliance, self._per_point, least, load=self._load)
 
     def _system(self, problem: Problem) -> System:
         """The problem in pressures."""
         load = problem.mean_pressure is not None
         compliance, yielding = self._compliance, float(self._compliance[0])
-        return System(
-            compliance, self._per_point, self._gap0, problem.obstacle, self._softest, load, yielding
-        )
+        return System(compliance, self._per_point, self._gap0, problem.obstacle, self._least, load, yielding)

@@ -233,7 +233,7 @@ def _judge(
             for i in range(contact.near[k, 0], contact.near[k, 1]):
                 overlap = min(overlap, at.gap[i] - shift + _FAR * contact.member[i])
                 below = max(below, at.gap[i] - system.h[i])
-    work.scales[0], work.scales[1] = scales(largest, below - min(work.level[0], 0.0), system.softest)
+    work.scales[0], work.scales[1] = scales(largest, below - min(work.level[0], 0.0), system.least)
     return (highest - deepest) / work.scales[1], -lowest / work.scales[0], -overlap / work.scales[1]
 
 

@@ -17,6 +17,7 @@ from gfmdlayer.contact.problem import (
     FASTMATH,
     LANES,
     Judgement,
+    Least,
     Problem,
     Solution,
     assess,
@@ -43,7 +44,7 @@ class System(NamedTuple):
     stiffness: FloatArray  # kappa
     gap0: FloatArray  # gap without pressure
     h: FloatArray
-    softest: float  # kappa_1
+    least: Least
     load: bool  # whether the mean of p is given, and the gap known up to a shift only
     yielding: float  # mean displacement of the surface per total pressure
 
@@ -65,7 +66,7 @@ def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, Comp
     gap0 = problem.obstacle - transforms.backward(free)
     load = problem.mean_pressure is not None
     return System(
-        compliance, problem.stiffness / n, gap0, problem.obstacle, problem.softest, load, compliance[0]
+        compliance, problem.stiffness / n, gap0, problem.obstacle, problem.least, load, compliance[0]
     ), free
 
 
@@ -96,7 +97,7 @@ def accept(
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, judgement = _hand_back(system, at, free, u, pressure, spectrum)
-    clear = overlap == 0.0 or overlap <= CLAMPED * extent(pressure, u)[1]
+    clear = overlap == 0.0 or overlap <= CLAMPED * scales(*extent(pressure, u), system.least)[1]
     return judged(
         problem,
         u,
@@ -237,15 +238,15 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def deepest(system: System, gap: FloatArray) -> float:
-    """Deepest point of the surface, below zero or below the mean where that is higher."""
+    """Depth of the surface, below zero or below the mean where that is higher; what counts at least."""
     below = gap - system.h
-    return float(below.max() - min(below.mean(), 0.0))
+    return float(max(below.max() - min(below.mean(), 0.0), system.least.depth))
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    pressure_scale, depth = scales(p.max(), deepest(system, gap), system.softest)
+    pressure_scale, depth = scales(p.max(), deepest(system, gap), system.least)
     off = 0.0
     for i in range(p.size):
         off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
@@ -268,4 +269,4 @@ def _hand_back(
         spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
     if system.load:
         spectrum[0] = u.sum()
-    return overlap, assess(pressure, u, system.h, system.softest)
+    return overlap, assess(pressure, u, system.h, system.least)

@@ -139,7 +139,7 @@ class Fire(Memoryless):
             constants,
             state,
             problem.mean_is_fixed,
-            problem.softest,
+            problem.least,
             tolerance,
             limit,
         )

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, scales, violation
+from gfmdlayer.contact.problem import FASTMATH, Least, scales, violation
 from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 
 
@@ -59,7 +59,7 @@ def iterate(
     constants: Constants,
     state: State,
     mean_is_fixed: bool,
-    softest: float,
+    least: Least,
     tolerance: float,
     limit: int,
 ) -> tuple[State, bool, int, int]:
@@ -85,7 +85,7 @@ def iterate(
         if iteration == 0:
             if mean_is_fixed:
                 multiplier = _multiplier(stress, u, h)
-            pressure_scale, depth = scales(stress.max() + multiplier, max(u.mean(), 0.0) - u.min(), softest)
+            pressure_scale, depth = scales(stress.max() + multiplier, max(u.mean(), 0.0) - u.min(), least)
             per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
         off, power, speed, pull, next_multiplier = _forces(
             stress, multiplier, u, h, v, force, mass_weighted, per_pressure, per_gap, tolerance

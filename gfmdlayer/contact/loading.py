@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -63,15 +64,25 @@ class Loading(Protocol):
 
 
 @dataclass(frozen=True)
-class DepthControl:
-    """The depth of the punch is prescribed; `punch` is its height above its lowest point."""
+class _Prescribed:
+    """A punch, by its height above its lowest point, and what is prescribed of it."""
 
     punch: FloatArray
     trajectory: Trajectory
 
+    @cached_property
+    def height(self) -> float:
+        """Range of the punch's heights."""
+        return float(self.punch.max() - self.punch.min())
+
+
+@dataclass(frozen=True)
+class DepthControl(_Prescribed):
+    """The depth of the punch is prescribed."""
+
     def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
         """Contact problem of a step."""
-        return Problem(kappa, b, self.punch - self.trajectory(time))
+        return Problem(kappa, b, self.punch - self.trajectory(time), height=self.height)
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as it was found."""
@@ -80,15 +91,13 @@ class DepthControl:
 
 
 @dataclass(frozen=True)
-class LoadControl:
+class LoadControl(_Prescribed):
     """The mean pressure is prescribed."""
-
-    punch: FloatArray
-    trajectory: Trajectory
 
     def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
         """Contact problem of a step, without the mean."""
-        return Problem(_without_mean(kappa), _without_mean(b), self.punch, self.trajectory(time))
+        kappa, b = _without_mean(kappa), _without_mean(b)
+        return Problem(kappa, b, self.punch, self.trajectory(time), height=self.height)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""

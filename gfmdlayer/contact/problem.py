@@ -17,7 +17,7 @@ pressure is mean(f) + lambda in each.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numba as nb
 import numpy as np
@@ -38,6 +38,17 @@ LANES = 256
 # 1e-16 n/2 of that pressure, 1e-10 at n = 2^20, which a tolerance of 1e-6 then still tells from contact.
 _NO_PRESSURE = 1e-3
 
+# Depths count as at least this part of the range of the punch's heights: what is less is rounding of h - u.
+# A surface that is left to itself, under a flat punch at depth zero, comes to rest there.
+_NO_DEPTH = 1e-14
+
+
+class Least(NamedTuple):
+    """What the residual's scales are made of where there is next to no pressure, or depth."""
+
+    stiffness: float  # kappa_1, the smallest of a mode that is not the mean
+    depth: float
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -53,6 +64,8 @@ class Problem:
         h, the surface of the punch.
     mean_pressure : float, optional
         The mean pressure that is to be reached; without it the depth is the given quantity.
+    height : float
+        Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
     drag : ndarray, one value a mode, optional
         Imaginary part of kappa, which only `Dragged` solves for; zero at q = 0.
     """
@@ -62,6 +75,7 @@ class Problem:
     obstacle: FloatArray
     mean_pressure: float | None = None
     drag: FloatArray | None = None
+    height: float = 0.0
 
     @property
     def mean_is_fixed(self) -> bool:
@@ -77,6 +91,11 @@ class Problem:
     def softest(self) -> float:
         """kappa_1, the smallest stiffness of a mode that is not the mean."""
         return float(self.stiffness[1:].min())
+
+    @property
+    def least(self) -> Least:
+        """What the scales of the residual are made of at least."""
+        return Least(self.softest, _NO_DEPTH * self.height)
 
 
 @dataclass(frozen=True)
@@ -146,10 +165,10 @@ def violation(pressure: float, gap: float, per_pressure: float, per_gap: float) 
 
 
 @nb.njit(inline="always")
-def scales(largest_pressure: float, deepest: float, softest: float) -> tuple[float, float]:
+def scales(largest_pressure: float, deepest: float, least: Least) -> tuple[float, float]:
     """Scales (p_max, depth) of the residual: the largest pressure and the deepest point of the surface."""
-    depth = max(deepest, 1e-300)
-    return max(largest_pressure, _NO_PRESSURE * softest * depth, 1e-300), depth
+    depth = max(deepest, least.depth, 1e-300)
+    return max(largest_pressure, _NO_PRESSURE * least.stiffness * depth, 1e-300), depth
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
@@ -170,7 +189,7 @@ def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -> Judgement:
+def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: Least) -> Judgement:
     """Judge a state.
 
     Returns
@@ -181,7 +200,7 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, softest: float) -
         and gap.
     """
     largest, deepest = extent(pressure, u)
-    pressure_scale, depth = scales(largest, deepest, softest)
+    pressure_scale, depth = scales(largest, deepest, least)
     per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
     worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
     for first in range(0, u.size, LANES):
@@ -215,7 +234,7 @@ def judged(
     Gap and judgement are made where they are not given.
     """
     residual, contact_area, mean_pressure, mean_gap = judgement or assess(
-        pressure, displacement, problem.obstacle, problem.softest
+        pressure, displacement, problem.obstacle, problem.least
     )
     return Solution(
         displacement=displacement,

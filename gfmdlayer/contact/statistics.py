@@ -58,7 +58,7 @@ class Statistics:
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Tell of each point whether it is in contact."""
     largest, deepest = extent(solution.pressure, solution.displacement)
-    pressure_scale, depth = scales(largest, deepest, problem.softest)
+    pressure_scale, depth = scales(largest, deepest, problem.least)
     return np.asarray(solution.pressure * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 

@@ -26,7 +26,7 @@ def widen(window: Window, origin: Pair, whole: Whole, found: Found) -> tuple[flo
     if load:
         found.spectrum[0] = _sum(whole.h) - gaps
     mean = found.spectrum[0].real / size
-    pressure_scale, depth = scales(largest, max(mean, 0.0) - lowest, window.system.softest)
+    pressure_scale, depth = scales(largest, max(mean, 0.0) - lowest, window.system.least)
     per_pressure, per_gap, worst, touching = 1.0 / pressure_scale, 1.0 / depth, 0.0, 0.0
     for k in range(window.contact.counts[0]):
         for part in range(2):

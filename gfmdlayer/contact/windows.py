@@ -22,7 +22,7 @@ import numpy as np
 from gfmdlayer.contact.active_set_state import Work, make_bank, make_contact, make_work
 from gfmdlayer.contact.dual import CLAMPED, Iterate, System
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Judgement, Problem, Solution, judged
+from gfmdlayer.contact.problem import Judgement, Least, Problem, Solution, judged
 from gfmdlayer.contact.spans import NOWHERE, Stretch, spans
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
 from gfmdlayer.contact.window import overlaps, solve
@@ -90,9 +90,9 @@ class Windows:
         self._fresh: set[int] = set()
         self._free, self._work = free, work
 
-    def renew(self, compliance: FloatArray, stiffness: FloatArray, softest: float, *, load: bool) -> None:
+    def renew(self, compliance: FloatArray, stiffness: FloatArray, least: Least, *, load: bool) -> None:
         """Take over what is the same for several steps, as in `System`."""
-        self._compliance, self._stiffness, self._softest, self._load = compliance, stiffness, softest, load
+        self._compliance, self._stiffness, self._least, self._load = compliance, stiffness, least, load
         self._kernel: FloatArray | None = None
         self._fresh.clear()
 
@@ -187,7 +187,7 @@ class Windows:
         kept = [np.concatenate((np.arange((n + 1) // 2), np.arange(-(n // 2), 0))) for n in shorter.shape]
         spectral, every = self._transforms.spectral_shape, (slice(None, None, part),) * len(self._shape)
         yielding = float(self._compliance[0])
-        own = window.system._replace(softest=self._softest, load=self._load, yielding=yielding)
+        own = window.system._replace(least=self._least, load=self._load, yielding=yielding)
         own.compliance[:] = shorter.forward(self._kernel[np.ix_(*kept)]).real / prod(shorter.shape)
         own.stiffness[:] = np.ravel(self._stiffness.reshape(spectral)[every]) * part ** len(self._shape)
         self._made[part] = shorter, window._replace(system=own)
@@ -203,7 +203,7 @@ def _empty(transforms: Transforms, whole: Pair) -> Window:
     bank, length = make_bank(size), _two(shape)
     return Window(
         plans=transforms.plans,
-        system=System(np.zeros(spectral), np.zeros(spectral), gap0, h, 1.0, False, 0.0),
+        system=System(np.zeros(spectral), np.zeros(spectral), gap0, h, Least(1.0, 0.0), False, 0.0),
         at=Iterate(p, gap, transforms.empty_spectrum()),
         contact=make_contact(shape),
         bank=bank,

@@ -27,6 +27,7 @@ _GROWTH = 2.0  # of a step at most
 _FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # where the steps begin short
 _SHRINK = (0.2, 0.8)  # of a step that is tried again
 _AFTER_KINK = 0.3  # of the last step
+_DRAWN_BACK = 0.5  # of the largest depth, below which the surface no longer has the shape of the punch
 _AT_REST = 30.0  # times the tolerance and the shortest relaxation time: the first step of a punch at rest
 _AFTER_JUMP = 1e-6  # of that time: the first step where the punch is pressed in at t = 0
 
@@ -98,7 +99,9 @@ class AdaptiveSteps:
             pressed = deepest > 0 and bool(spectrum.any())
             self._next = self._integrator.fastest * (_AFTER_JUMP if pressed else _AT_REST * self._tolerance)
         else:
-            relative, displacement = self._integrator.error(spectrum, moving=depth != self._depth)
+            relative, displacement = self._integrator.error(
+                spectrum, moving=depth != self._depth, deep=abs(depth) >= _DRAWN_BACK * deepest
+            )
             error = max(_part(relative * abs(found), largest), _part(displacement, deepest))
             accepted = error <= self._tolerance
             self._choose(_SAFETY * self._tolerance / max(error, 1e-300), accepted)

@@ -11,11 +11,12 @@ A small delta f moves the mean pressure at given depth by -<v, delta f>, where v
 the punch: a displacement that is -1 all over the contact, free of force outside it and zero in the mean.
 While the punch moves, that is the displacement of the step but for a factor. While it rests, the contact
 outgrows what the last such step knew; the displacement u itself, in place of v, then errs to the other side.
-Divided by <v, f>, which is proportional to the mean pressure, either gives a relative error, and the larger
-one counts. At given load it is the depth that moves, in one step by less; but it creeps for longer than the
-pressure relaxes, and what is left of earlier errors makes up for that: the same number serves (measured:
-half of it is reached). What of delta f does not go into pressure or depth moves the free surface: with r the
-quotient, by (delta f - r f)/kappa.
+(Not where it has been drawn back: the dent that it left does not follow it.) Divided by <v, f>, which is
+proportional to the mean pressure, either gives a relative error, and the larger one counts. At given load it
+is the depth that moves, in one step by less; but it creeps for longer than the pressure relaxes, and what is
+left of earlier errors makes up for that: the same number serves (measured: half of it is reached). What of
+delta f does not go into pressure or depth moves the free surface: with r the quotient, by
+(delta f - r f)/kappa.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ class Corrected(Modes):
         curvature = self._curvature(spectrum)
         return self.missing(_UNKNOWN * (spectrum - self.u) if curvature is None else curvature)
 
-    def error(self, spectrum: ComplexArray, *, moving: bool) -> tuple[float, float]:
+    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool = True) -> tuple[float, float]:
         """Error that the step of the last `terms` makes with this displacement at its end.
 
         Parameters
@@ -106,6 +107,8 @@ class Corrected(Modes):
             The displacement.
         moving : bool
             Whether the punch moves over the step.
+        deep : bool
+            Whether it is not much less deep than it has been.
 
         Returns
         -------
@@ -117,7 +120,7 @@ class Corrected(Modes):
             self._follows = spectrum - self.u
         relative, found = 0.0, spectrum.view(np.float64)
         loudness = modes_loop.loudness(self._measure, self._kappa, found)
-        for v in (spectrum, self._follows):
+        for v in (spectrum if deep else None, self._follows):
             if v is None:
                 continue
             work, lacking, squares = modes_loop.means(self._twice, v.view(np.float64), force, lack)

@@ -212,9 +212,9 @@ class CorrectedSliding(Corrected, SlidingModes):
         super().restore(state)
         self._largest = float(state["largest"])
 
-    def error(self, spectrum: ComplexArray, *, moving: bool) -> tuple[float, float]:
+    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool = True) -> tuple[float, float]:
         """Error of the step, that of the tangential force among it, relative to its largest value so far."""
-        relative, displacement = super().error(spectrum, moving=moving)
+        relative, displacement = super().error(spectrum, moving=moving, deep=deep)
         slope, force = self._slope * spectrum, self.force(spectrum)
         least = _FAINT * math.sqrt(self._mean(slope, slope) * self._mean(force, force))
         self._largest = max(self._largest, least, abs(self._mean(slope, force)))

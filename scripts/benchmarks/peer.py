@@ -144,7 +144,7 @@ def _residuals(config: Config, step: float, steps: list[Step]) -> FloatArray:
         spectrum = transforms.forward(each.displacement)
         pressure = transforms.backward(b - kappa * spectrum) / grid.size + each.load
         problem = Problem(kappa, b, punch - each.depth)
-        found.append(assess(pressure, each.displacement, problem.obstacle, problem.softest)[0])
+        found.append(assess(pressure, each.displacement, problem.obstacle, problem.least)[0])
         integrator.advance(spectrum)
     return np.array(found)
 

@@ -90,7 +90,7 @@ def _compare(points: int, repetitions: int) -> Table:
             model.traction[:] = 0.0  # it would start from what it found last
             theirs = min(theirs, seconds(lambda: peer.solve(mean_pressure)))  # noqa: B023
         pressure, displacement = np.ravel(model.traction), -np.ravel(model.displacement)
-        residual, area, *_ = assess(pressure, displacement, punch, problem.softest)
+        residual, area, *_ = assess(pressure, displacement, punch, problem.least)
         if residual <= _RESIDUAL:
             break
     gap = float(np.mean(punch - displacement))
