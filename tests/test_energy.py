@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gfmdlayer.stepping.ledger import Ledger
-from gfmdlayer.stepping.modes import SCHEMES, exponential
+from gfmdlayer.stepping.modes import SCHEMES
+from gfmdlayer.stepping.modes_loop import exponential
 
 Run = Callable[[dict[str, object]], Any]
 

@@ -22,7 +22,8 @@ from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.solid.layer import LayeredHalfspace
 from gfmdlayer.solid.materials import Prony
 from gfmdlayer.solid.relaxation import Spectrum, relaxation_spectrum
-from gfmdlayer.stepping.modes import Modes, exponential
+from gfmdlayer.stepping.modes import Modes
+from gfmdlayer.stepping.modes_loop import exponential
 from gfmdlayer.stepping.settling import Settling
 from gfmdlayer.stepping.sliding import SlidingModes, phi_functions
 from gfmdlayer.trajectory import Constant, Table, distance

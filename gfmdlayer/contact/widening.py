@@ -71,15 +71,17 @@ def _settle(whole: Whole, yielded: float, found: Found) -> tuple[float, float, f
     for first in range(0, whole.z.size, LANES):
         z, h = whole.z[first : first + LANES], whole.h[first : first + LANES]
         us, apart = found.u[first : first + LANES], found.gap[first : first + LANES]
+        # In several loops: of one that writes to all of these arrays the compiler cannot tell that they lie
+        # apart, and the vector units stay idle.
         for i in range(z.size):
-            raised = z[i] + yielded
-            gap = h[i] - raised
-            overlap[i] = gap if gap < overlap[i] else overlap[i]
-            u = h[i] if gap < 0.0 else raised  # NaN stays
-            lowest[i] = u if u < lowest[i] else lowest[i]
-            gap = 0.0 if gap < 0.0 else gap
-            us[i], apart[i] = u, gap
-            gaps += gap
+            apart[i] = h[i] - (z[i] + yielded)
+        for i in range(z.size):
+            us[i] = min(h[i], z[i] + yielded)
+        for i in range(z.size):
+            overlap[i] = apart[i] if apart[i] < overlap[i] else overlap[i]
+            lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
+            apart[i] = 0.0 if apart[i] < 0.0 else apart[i]
+            gaps += apart[i]
     return -overlap.min(), lowest.min(), gaps
 
 

@@ -30,7 +30,8 @@ import numpy.typing as npt
 from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping import modes_loop
-from gfmdlayer.stepping.modes import Modes, exponential
+from gfmdlayer.stepping.modes import Modes
+from gfmdlayer.stepping.modes_loop import exponential
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -70,10 +71,12 @@ class Corrected(Modes):
         self._twice = np.repeat(self._measure, 2)  # for real and imaginary parts
         self._follows: ComplexArray | None = None
         self._velocity: ComplexArray | None = None
+        self._bent: tuple[ComplexArray, ComplexArray] | None = None  # a displacement and its curvature
         self._last_step = 0.0
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
         """Return kappa and b at the end of a step of this length."""
+        self._bent = None
         self._kappa, self._b = super().terms(step)
         return self._kappa, self._b
 
@@ -81,6 +84,7 @@ class Corrected(Modes):
         """Carry the history on over the step of the last `terms`, with the curvature that is now known."""
         velocity = (spectrum - self.u) * (1 / self.step) if self.step > 0 else None
         super().advance(spectrum, self._curvature(spectrum) if curvature is None else curvature)
+        self._bent = None
         if velocity is not None:
             self._velocity, self._last_step = velocity, self.step
 
@@ -145,9 +149,11 @@ class Corrected(Modes):
         """dt^2 u''/2 by the divided difference of the last three displacements, this one among them."""
         if self._velocity is None:
             return None
-        share = self.step / (self.step + self._last_step)
-        known = (each.view(np.float64) for each in (spectrum, self.u, self._velocity))
-        return modes_loop.curvature(share, self.step, *known).view(np.complex128)
+        if self._bent is None or self._bent[0] is not spectrum:
+            share = self.step / (self.step + self._last_step)
+            known = (each.view(np.float64) for each in (spectrum, self.u, self._velocity))
+            self._bent = spectrum, modes_loop.curvature(share, self.step, *known).view(np.complex128)
+        return self._bent[1]
 
     def _mean(self, f: ComplexArray, g: ComplexArray) -> float:
         """Mean of f g over the surface."""

@@ -43,7 +43,7 @@ import numpy.typing as npt
 from gfmdlayer.resumable import State
 from gfmdlayer.solid.relaxation import Spectrum
 from gfmdlayer.stepping import modes_loop
-from gfmdlayer.stepping.modes_loop import Factors
+from gfmdlayer.stepping.modes_loop import Factors, exponential
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -53,10 +53,6 @@ _ROUNDING = 1e-14
 
 _STRAIGHT = np.empty(0, dtype=np.complex128)  # no curvature
 
-# Below this x the series of two factors lose less to truncation than their closed forms to rounding.
-_SMALL = 0.1
-
-
 Scheme = Callable[[FloatArray], Factors]
 
 
@@ -64,26 +60,6 @@ def backward_euler(x: FloatArray) -> Factors:
     """Factors of the backward Euler step, x = dt/theta >= 0."""
     decay, one, zero = 1 / (1 + x), np.ones_like(x), np.zeros_like(x)
     return Factors(decay, decay, x * decay**2, one, zero, zero, zero)
-
-
-def exponential(x: FloatArray) -> Factors:
-    """Factors of the exponential step with u linear in time, x = dt/theta >= 0."""
-    some, small, large = np.where(x > 0, x, 1.0), np.minimum(x, _SMALL), np.maximum(x, _SMALL)
-    decay = np.exp(-x)
-    series = np.polyval((-31 / 362880, 17 / 20160, -1 / 120, 1 / 12), small * small)
-    rest = np.where(x < _SMALL, x * series, (large - 2 * np.tanh(large / 2)) / large**2)
-    bend = (1 + decay) * rest
-    series = np.polyval((-289 / 302400, 283 / 90720, -1 / 120, 11 / 630, -1 / 36, 1 / 30), small)
-    closed = 1 / (3 * large) - bend * ((large + 2) / large**2 + bend / 2)
-    return Factors(
-        decay=decay,
-        gain=np.where(x > 0, -np.expm1(-some) / some, 1.0),
-        loss=-np.expm1(-2 * x) / 2,
-        lead=np.where(x > 0, np.tanh(some / 2) / some, 0.5),
-        rest=rest,
-        bend=bend,
-        bend_heat=np.where(x < _SMALL, x * series, closed),
-    )
 
 
 SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": exponential}
@@ -202,12 +178,9 @@ class Modes:
 
     def missing(self, curvature: ComplexArray) -> ComplexArray:
         """What the stress -sigma lacks at the end of the step if dt^2 u''/2 of it was not zero but this."""
-        own = self._on_grid(self._own_weights * self._own_factors.bend)
-        return np.asarray((self._shape[::2] * (self._moduli @ self._factors.bend) + own) * curvature)
-
-    def _on_grid(self, own: FloatArray) -> FloatArray:
-        """Sum at each wavenumber what the modes with times of their own contribute."""
-        return np.asarray(np.bincount(self._index, own, self.relaxed.size), dtype=np.float64)
+        bend, own = float(self._moduli @ self._factors.bend), self._own_weights * self._own_factors.bend
+        bent = modes_loop.missing(bend, self._shape, self._index, own, curvature.view(np.float64))
+        return np.asarray(bent.view(np.complex128))
 
     def prepare(self, step: float) -> None:
         """Make what depends on the length of the step."""

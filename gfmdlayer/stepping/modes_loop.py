@@ -7,6 +7,7 @@ block through the modes.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba as nb
@@ -22,6 +23,8 @@ _FASTMATH = {"reassoc", "contract"}
 # Numbers of a block: what is summed into stays in the innermost cache while the modes stream by.
 _BLOCK = 2048
 
+_SMALL = 0.1  # dt/theta
+
 
 class Factors(NamedTuple):
     """What a step of x = dt/theta does to a mode; each in the shape of x."""
@@ -33,6 +36,31 @@ class Factors(NamedTuple):
     rest: FloatArray
     bend: FloatArray
     bend_heat: FloatArray
+
+
+@nb.njit(nogil=True, cache=True)
+def exponential(x: FloatArray) -> Factors:
+    """Factors of the exponential step with u linear in time, x = dt/theta >= 0."""
+    f = np.empty((7, x.size))
+    for i in range(x.size):
+        some = x[i]
+        decay, gain, lead = math.exp(-some), 1.0, 0.5
+        if some > 0.0:
+            gain, lead = -math.expm1(-some) / some, math.tanh(some / 2) / some
+        # By series where two of the closed forms lose more to rounding than those to truncation.
+        if some < _SMALL:
+            square = some * some
+            rest = some * (1 / 12 + square * (-1 / 120 + square * (17 / 20160 - square * 31 / 362880)))
+            bend = (1 + decay) * rest
+            higher = 11 / 630 + some * (-1 / 120 + some * (283 / 90720 - some * 289 / 302400))
+            bend_heat = some * (1 / 30 + some * (-1 / 36 + some * higher))
+        else:
+            rest = (some - 2 * math.tanh(some / 2)) / some**2
+            bend = (1 + decay) * rest
+            bend_heat = 1 / (3 * some) - bend * ((some + 2) / some**2 + bend / 2)
+        f[0, i], f[1, i], f[2, i], f[3, i] = decay, gain, -math.expm1(-2 * some) / 2, lead
+        f[4, i], f[5, i], f[6, i] = rest, bend, bend_heat
+    return Factors(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
 
 
 @nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
@@ -108,12 +136,14 @@ def advance(
         for i in range(min(curvature.size, new.size)):  # to assign the slice takes seconds to compile
             curved[i] = curvature[start + i]
         of_u, of_change, of_c = 0.0, 0.0, 0.0
+        # In small loops, of which the compiler can tell that the vector units may take them.
         for i in range(new.size):
-            moved = new[i] - old[i]
-            change[i] = moved
-            old[i] = new[i]
+            change[i] = new[i] - old[i]
+        for i in range(new.size):
             of_u += spring[i] * new[i] * new[i]
-            of_change += share[i] * moved * moved
+            old[i] = new[i]
+        for i in range(new.size):
+            of_change += share[i] * change[i] * change[i]
             of_c += share[i] * curved[i] * curved[i]
         twice += of_u
         heat += rest * of_change + bend_heat * of_c
@@ -151,6 +181,20 @@ def slopes(
     for k in range(stiffness.size):
         stiffness[k] += pull[2 * k]
     return pull, stiffness
+
+
+@nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
+def missing(
+    bend: float, shape: FloatArray, index: IntArray, own_bends: FloatArray, curvature: FloatArray
+) -> FloatArray:
+    """Return sum_j w_j bend_j curvature."""
+    total = np.empty(curvature.size)
+    for i in range(total.size):
+        total[i] = bend * shape[i] * curvature[i]
+    for i in range(index.size):
+        for k in range(2 * index[i], 2 * index[i] + 2):
+            total[k] += own_bends[i] * curvature[k]
+    return total
 
 
 @nb.njit(nogil=True, cache=True, fastmath=_FASTMATH)
