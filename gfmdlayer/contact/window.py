@@ -10,7 +10,7 @@ from gfmdlayer.contact.active_set_state import list_runs
 from gfmdlayer.contact.dual import AIM, CLOSE
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH, Judgement
-from gfmdlayer.contact.transforms import ComplexArray, backward
+from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
 from gfmdlayer.contact.widening import widen
 from gfmdlayer.contact.window_state import Found, Pair, Whole, Window, stretch
 
@@ -59,6 +59,38 @@ def overlaps(whole: Whole, b: ComplexArray) -> FloatArray:
     for i in range(overlap.size):
         overlap[i] = max(whole.z[i] - whole.h[i], 0.0)
     return overlap
+
+
+@nb.njit(nogil=True, cache=True)
+def respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
+    """Write what pressure at the first point of a surface does to its points."""
+    for k in range(spectrum.size):
+        spectrum[k] = compliance[k]
+    backward(plans, spectrum, kernel)
+
+
+@nb.njit(nogil=True, cache=True)
+def restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
+    """Write compliance and stiffness of the window's transforms: see `windows`.
+
+    From the kernel and the stiffness of the whole surface.
+    """
+    (rows, line), (window_rows, length) = window.whole, window.length
+    z, system, spectrum = window.work.z, window.system, window.work.spectrum
+    half, part = (length + 1) // 2, line // length
+    for row in range(window_rows):
+        # The second half of each axis stands for the differences below zero.
+        first = (row if row < (window_rows + 1) // 2 else row + rows - window_rows) * line
+        for i in range(length):
+            z[row * length + i] = kernel[first + (i if i < half else i + line - length)]
+    forward(window.plans, z, spectrum)
+    for k in range(spectrum.size):
+        system.compliance[k] = spectrum[k].real / z.size
+    modes, of_whole, share = length // 2 + 1, line // 2 + 1, part * (rows // window_rows)
+    for row in range(window_rows):
+        first = row * (rows // window_rows) * of_whole
+        for k in range(modes):
+            system.stiffness[row * modes + k] = share * stiffness[first + k * part]
 
 
 @nb.njit(nogil=True, cache=True)

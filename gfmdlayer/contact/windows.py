@@ -25,7 +25,7 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Judgement, Least, Problem, Solution, judged
 from gfmdlayer.contact.spans import NOWHERE, Stretch, spans
 from gfmdlayer.contact.transforms import ComplexArray, Transforms
-from gfmdlayer.contact.window import overlaps, solve
+from gfmdlayer.contact.window import overlaps, respond, restrict, solve
 from gfmdlayer.contact.window_state import Found, Pair, Whole, Window
 
 _SHORTEST = 64  # points of the shortest transforms
@@ -89,21 +89,23 @@ class Windows:
         self._made: dict[int, tuple[Transforms, Window]] = {}
         self._fresh: set[int] = set()
         self._free, self._work = free, work
+        self._kernel = transforms.empty_field()
 
     def renew(self, compliance: FloatArray, stiffness: FloatArray, least: Least, *, load: bool) -> None:
         """Take over what is the same for several steps, as in `System`."""
         self._compliance, self._stiffness, self._least, self._load = compliance, stiffness, least, load
-        self._kernel: FloatArray | None = None
+        self._kernel_is_known = False
         self._fresh.clear()
 
     @property
     def kernel_is_known(self) -> bool:
         """Whether the kernel of this compliance has been made."""
-        return self._kernel is not None
+        return self._kernel_is_known
 
     def make_kernel(self) -> None:
         """Make the kernel: what pressure at one point does to the others. A transform."""
-        self._kernel = self._transforms.backward(self._compliance).reshape(self._shape)
+        respond(self._transforms.plans, self._compliance, self._work.spectrum, self._kernel)
+        self._kernel_is_known = True
 
     def solve(
         self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
@@ -180,17 +182,13 @@ class Windows:
             shorter = self._transforms.shorter(part)
             self._made[part] = shorter, _empty(shorter, _two(self._shape))
         (shorter, window), taken = self._made[part], 0
-        if self._kernel is None:
+        if not self._kernel_is_known:
             self.make_kernel()
             taken = 1
-        assert self._kernel is not None
-        kept = [np.concatenate((np.arange((n + 1) // 2), np.arange(-(n // 2), 0))) for n in shorter.shape]
-        spectral, every = self._transforms.spectral_shape, (slice(None, None, part),) * len(self._shape)
         yielding = float(self._compliance[0])
         own = window.system._replace(least=self._least, load=self._load, yielding=yielding)
-        own.compliance[:] = shorter.forward(self._kernel[np.ix_(*kept)]).real / prod(shorter.shape)
-        own.stiffness[:] = np.ravel(self._stiffness.reshape(spectral)[every]) * part ** len(self._shape)
         self._made[part] = shorter, window._replace(system=own)
+        restrict(window, self._kernel, self._stiffness)
         self._fresh.add(part)
         return taken
 
