@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import ctypes
 import math
-from typing import Any, NamedTuple
+import weakref
+from typing import Any, ClassVar, NamedTuple
 
 import numba as nb
 import numpy as np
@@ -102,16 +103,54 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
     _execute(plans.execute_backward, plans.backward_plan, spectrum, field)  # type: ignore[call-arg]
 
 
+class _Pair:
+    """A forward and a backward plan, destroyed when nobody holds them any more."""
+
+    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int) -> None:
+        size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)
+        field, spectrum = aligned(size), aligned(2 * modes)
+        dimensions = (ctypes.c_int * len(shape))(*shape)
+        _fftw.fftw_set_timelimit(time_limit)
+        if threads > 1 and size >= WORTH_THREADS and _fftw.fftw_init_threads():
+            _fftw.fftw_plan_with_nthreads(threads)
+        self.forward = _fftw.fftw_plan_dft_r2c(
+            len(shape), dimensions, field.ctypes.data, spectrum.ctypes.data, _MEASURE
+        )
+        self.backward = _fftw.fftw_plan_dft_c2r(
+            len(shape), dimensions, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
+        )
+        if threads > 1:
+            _fftw.fftw_plan_with_nthreads(1)
+        for plan in filter(None, (self.forward, self.backward)):
+            weakref.finalize(self, _fftw.fftw_destroy_plan, plan)
+        if not (self.forward and self.backward):
+            raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
+
+
 class _Known:
-    """What FFTW was told in this process, which has one wisdom for all transforms."""
+    """What FFTW was told in this process, which has one wisdom for all transforms, and what came of it."""
 
     wisdom: str | None = None
+    pairs: ClassVar[dict[tuple[tuple[int, ...], float, int], _Pair]] = {}
 
 
 def forget() -> None:
     """Let FFTW forget what it was told and what it measured."""
     pyfftw.forget_wisdom()
     _Known.wisdom = None
+    _Known.pairs.clear()
+
+
+def _pair(shape: tuple[int, ...], wisdom: str | None, time_limit: float, threads: int) -> _Pair:
+    """Plans from some wisdom; those that were made from it before, since to plan takes as long as a step."""
+    if wisdom and wisdom != _Known.wisdom:  # to read it takes longer than to plan
+        forget()  # FFTW would pass over what it believes to be worse than what it knows
+        pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+    _Known.wisdom = wisdom
+    key = shape, time_limit, threads
+    if key not in _Known.pairs:
+        _Known.pairs[key] = _Pair(*key)
+    return _Known.pairs[key]
 
 
 class Transforms:
@@ -145,32 +184,13 @@ class Transforms:
         self.shape = shape
         self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
         self._wisdom, self._time_limit, self._threads = wisdom, time_limit, threads
-        self._plan(wisdom)
+        self._plan()
 
-    def _plan(self, wisdom: str | None) -> None:
-        if wisdom and wisdom != _Known.wisdom:  # to read it takes longer than to plan
-            forget()  # FFTW would pass over what it believes to be worse than what it knows
-            pyfftw.import_wisdom((wisdom.encode(), b"", b""))
-        _Known.wisdom = wisdom
-        shape, threads = self.shape, self._threads
-        field, spectrum = self.empty_field(), self.empty_spectrum()
-        dimensions = (ctypes.c_int * len(shape))(*shape)
-        _fftw.fftw_set_timelimit(self._time_limit)
-        if threads > 1 and field.size >= WORTH_THREADS and _fftw.fftw_init_threads():
-            _fftw.fftw_plan_with_nthreads(threads)
-        self._forward = _fftw.fftw_plan_dft_r2c(
-            len(shape), dimensions, field.ctypes.data, spectrum.ctypes.data, _MEASURE
-        )
-        self._backward = _fftw.fftw_plan_dft_c2r(
-            len(shape), dimensions, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
-        )
-        if threads > 1:
-            _fftw.fftw_plan_with_nthreads(1)
-        if not (self._forward and self._backward):
-            raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
+    def _plan(self) -> None:
+        self._pair = _pair(self.shape, self._wisdom, self._time_limit, self._threads)
         self.plans = Plans(
-            self._forward,
-            self._backward,
+            self._pair.forward,
+            self._pair.backward,
             _address(_fftw.fftw_execute_dft_r2c),
             _address(_fftw.fftw_execute_dft_c2r),
         )
@@ -180,14 +200,6 @@ class Transforms:
         shape = tuple(points // part for points in self.shape)
         return Transforms(shape, self._wisdom, self._time_limit, self._threads)
 
-    def __del__(self) -> None:
-        self._destroy()
-
-    def _destroy(self) -> None:
-        for plan in (getattr(self, "_forward", None), getattr(self, "_backward", None)):
-            if plan:
-                _fftw.fftw_destroy_plan(plan)
-
     @property
     def wisdom(self) -> str:
         """FFTW's accumulated wisdom in double precision; equal wisdom gives equal plans and equal bits."""
@@ -196,7 +208,7 @@ class Transforms:
     @property
     def description(self) -> str:
         """Both plans in FFTW's words: how they split the transform, and by which of its codelets."""
-        return "\n".join(_described(plan) for plan in (self._forward, self._backward))
+        return "\n".join(_described(plan) for plan in (self._pair.forward, self._pair.backward))
 
     def state(self) -> State:
         """Return which plans these are, and the wisdom that they came from."""
@@ -213,8 +225,7 @@ class Transforms:
         self._wisdom = str(state["wisdom"])  # of shorter transforms too
         if self.description == str(state["plans"]):
             return
-        self._destroy()
-        self._plan(self._wisdom)
+        self._plan()
         if self.description != str(state["plans"]):
             raise ValueError("FFTW plans the transforms in another way here")
 
