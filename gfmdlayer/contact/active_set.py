@@ -42,7 +42,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
-from gfmdlayer.contact.active_set_start import begin
+from gfmdlayer.contact.active_set_start import begin, per_point
 from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, make_work
 from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known
@@ -234,8 +234,7 @@ class ActiveSet:
 
     def _take_stiffness(self, stiffness: FloatArray, least: Least) -> None:
         self._stiffness, self._least, n = stiffness, least, self._at.p.size
-        self._per_point = stiffness / n
-        self._compliance = np.divide(1.0, stiffness * n, out=np.zeros_like(stiffness), where=stiffness != 0)
+        self._compliance, self._per_point = per_point(stiffness, n)
         self._windows.renew(self._compliance, self._per_point, least, load=self._load)
 
     def _system(self, problem: Problem) -> System:

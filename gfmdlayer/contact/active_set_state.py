@@ -82,7 +82,7 @@ def make_contact(shape: tuple[int, ...]) -> ContactSet:
         near=np.zeros((size // 2 + 1, 2), dtype=np.int64),
         counts=np.zeros(4, dtype=np.int64),
         reach=(max(_REACH, line // 64), line),
-        close=np.zeros(0 if line == size else size),
+        close=np.empty(0 if line == size else size),
     )
 
 
@@ -104,9 +104,9 @@ def make_bank(size: int) -> Bank:
 
 
 def _rows(count: int, length: int) -> FloatArray:
-    # Not filled beforehand: pages that are never written to take no memory.
+    # Not filled: a row is cleared before its first use, and most are never used.
     line, padded = 8, -(-length // 8) * 8
-    block = np.zeros(count * padded + line)
+    block = np.empty(count * padded + line)
     first = -(block.ctypes.data // block.itemsize) % line
     return block[first : first + count * padded].reshape(count, padded)
 
