@@ -86,7 +86,7 @@ class ActiveSet:
         self._contact, self._bank = make_contact(transforms.shape), make_bank(self._at.p.size)
         self._free, self._gap0 = spectrum(), field()
         self._work = make_work(self._bank, field(), spectrum())
-        self._windows = Windows(transforms, self._free, self._work)
+        self._windows = Windows(transforms, self._work)
         for array in (self._at.p, self._at.gap, self._gap0):
             array[:] = 0.0
         self._past = Past(field(), field(), np.ones(1), np.full(1, -1))

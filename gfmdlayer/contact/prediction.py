@@ -24,7 +24,7 @@ from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import FASTMATH
 from gfmdlayer.resumable import State
 
-_REACH = 16  # part of the surface, at least, on either side of the contact where there may be some next
+_REACH = 32  # part of the surface, at least, on either side of the contact where there may be some next
 _BLOCK = 256  # points that are passed over together where nothing is in contact
 
 
@@ -120,7 +120,7 @@ class PressurePrediction:
         if self._times:
             weights, gaps = _weights(self._times, time), _three(self._gaps)
             last = self._pressures[-1]
-            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu)
+            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
             self._contact = contact[0], contact[1]
             self._moves = self._moves + 1 if moved else 0
         if kink:
@@ -136,7 +136,7 @@ class PressurePrediction:
             return self._nothing.copy()
         pressures, gaps = _three(self._pressures), _three(self._gaps)
         first, end = self._contact
-        reach, size = max(self._nothing.size // _REACH, end - first), self._nothing.size
+        reach, size = max(self._nothing.size // _REACH, (end - first) // 2), self._nothing.size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
         return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
 
@@ -157,18 +157,23 @@ class PressurePrediction:
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _learn(
-    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float
+    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, there: tuple[int, int]
 ) -> tuple[float, bool, int, int]:
-    """Mu from points that came into contact, whether the contact changed, and between which points it is."""
+    """Mu from points that came into contact, whether the contact changed, and between which points it is.
+
+    Between two points, whole blocks from one another, there was contact ``last``.
+    """
     squares, predicted, moved, before, after = 0.0, 0.0, False, now.size, 0
     for first in range(0, now.size, _BLOCK):
         new, old, others, any_ = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
-            touches = 1.0 if new[i] > 0.0 else 0.0
-            others += abs(touches - (1.0 if old[i] > 0.0 else 0.0))
-            any_ += touches
+            any_ += new[i]
         if any_ > 0.0:
             before, after = min(before, first), first + new.size
+        elif not there[0] <= first < there[1]:
+            continue
+        for i in range(new.size):
+            others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
         if others == 0.0:
             continue
         moved = True

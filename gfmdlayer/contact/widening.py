@@ -59,7 +59,7 @@ def _deform(whole: Whole, spectrum: ComplexArray) -> None:
     """From the transform of the pressure to that of the displacement, per point and unnormalised."""
     size = whole.z.size
     for k in range(spectrum.size):
-        u = whole.free[k] - whole.compliance[k] * whole.spectrum[k]
+        u = whole.compliance[k] * (whole.b[k] - whole.spectrum[k])
         whole.spectrum[k] = u
         spectrum[k] = size * u
 

@@ -24,7 +24,6 @@ def solve(
     window: Window,
     origin: Pair,
     whole: Whole,
-    b: ComplexArray,
     guess: FloatArray,
     load: float,
     tolerance: float,
@@ -37,24 +36,22 @@ def solve(
     Then the transforms of the whole surface and of the window, the iterations; by how much of its depth the
     surface that the pressure makes overlaps, which is cut off; its judgement, and the surface.
     """
-    _release(whole, b)
+    _release(whole)
     inside, transforms, iterations = _inside(window, origin, whole, guess, load, tolerance, rounds, limit)
     if not inside:
         nothing = np.empty(0)
         found = Found(nothing, nothing, nothing, np.empty(0, dtype=np.complex128))
         return False, 1, transforms, iterations, 0.0, (np.nan, 0.0, 0.0, 0.0), found
     size = whole.z.size
-    found = Found(
-        np.empty(size), np.zeros(size), np.empty(size), np.empty(whole.free.size, dtype=np.complex128)
-    )
+    found = Found(np.empty(size), np.zeros(size), np.empty(size), np.empty(whole.b.size, dtype=np.complex128))
     overlap, judgement = widen(window, origin, whole, found)
     return True, 3, transforms, iterations, overlap, judgement, found
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def overlaps(whole: Whole, b: ComplexArray) -> FloatArray:
+def overlaps(whole: Whole) -> FloatArray:
     """By how much the surface without pressure overlaps; a transform of the whole surface."""
-    _release(whole, b)
+    _release(whole)
     overlap = np.empty(whole.z.size)
     for i in range(overlap.size):
         overlap[i] = max(whole.z[i] - whole.h[i], 0.0)
@@ -115,11 +112,11 @@ def _inside(
             at.p[i] *= share
     window.bank.age[:] = 0
     work.level[:], work.scales[:], work.exact[0] = 0.0, 0.0, False
-    work.level[1] = whole.free[0].real
+    work.level[1] = whole.compliance[0] * whole.b[0].real
     list_runs(contact)
     plans, bank = window.plans, window.bank
     found, transforms, iterations = iterate(
-        plans, system, at, contact, bank, work, 0.0, CLOSE * tolerance, rounds, limit
+        plans, system, at, contact, bank, work, 0.0, CLOSE * tolerance, rounds, limit, True
     )
     if not (found and contact.counts[2] > 0):
         return False, transforms, iterations
@@ -134,12 +131,11 @@ def _inside(
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def _release(whole: Whole, b: ComplexArray) -> None:
+def _release(whole: Whole) -> None:
     """The surface without pressure."""
-    free, spectrum = whole.free, whole.spectrum
-    for k in range(free.size):
-        free[k] = spectrum[k] = whole.compliance[k] * b[k]
-    backward(whole.plans, spectrum, whole.z)
+    for k in range(whole.b.size):
+        whole.spectrum[k] = whole.compliance[k] * whole.b[k]
+    backward(whole.plans, whole.spectrum, whole.z)
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)

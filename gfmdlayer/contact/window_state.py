@@ -38,7 +38,7 @@ class Whole(NamedTuple):
     plans: Plans
     compliance: FloatArray  # as in `System`
     h: FloatArray
-    free: ComplexArray  # transform of the surface without pressure, per point
+    b: ComplexArray  # as in `Problem`
     spectrum: ComplexArray  # work array
     z: FloatArray  # work array
 

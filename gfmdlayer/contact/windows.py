@@ -24,7 +24,7 @@ from gfmdlayer.contact.dual import CLAMPED, Iterate, System
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Judgement, Least, Problem, Solution, judged
 from gfmdlayer.contact.spans import NOWHERE, Stretch, spans
-from gfmdlayer.contact.transforms import ComplexArray, Transforms
+from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.contact.window import overlaps, respond, restrict, solve
 from gfmdlayer.contact.window_state import Found, Pair, Whole, Window
 
@@ -77,18 +77,16 @@ class Windows:
     ----------
     transforms : Transforms
         Of the whole surface.
-    free : ndarray of complex
-        For the transform of the surface without pressure.
     work : Work
         Work arrays of the whole surface.
     """
 
-    def __init__(self, transforms: Transforms, free: ComplexArray, work: Work) -> None:
+    def __init__(self, transforms: Transforms, work: Work) -> None:
         self._transforms, self._shape = transforms, transforms.shape
         self._parts = parts(self._shape)
         self._made: dict[int, tuple[Transforms, Window]] = {}
         self._fresh: set[int] = set()
-        self._free, self._work = free, work
+        self._work = work
         self._kernel = transforms.empty_field()
 
     def renew(self, compliance: FloatArray, stiffness: FloatArray, least: Least, *, load: bool) -> None:
@@ -117,12 +115,12 @@ class Windows:
         """
         whole = Whole(
             self._transforms.plans, self._compliance, problem.obstacle,
-            self._free, self._work.spectrum, self._work.z,
+            problem.intercept, self._work.spectrum, self._work.z,
         )  # fmt: skip
         attempt, part, shape = Attempt(), 0, _two(self._shape)
         around = spans(guess, shape)
         if around == NOWHERE and not self._load:
-            guess, attempt = overlaps(whole, problem.intercept), Attempt(transforms=1)
+            guess, attempt = overlaps(whole), Attempt(transforms=1)
             around = spans(guess, shape)
         while attempt.iterations < limit and (part := self._fitting(around, part)):
             attempt = self._attempt(part, around, problem, whole, guess, attempt, tolerance, rounds, limit)
@@ -152,7 +150,7 @@ class Windows:
             (first + points // 2 - window.width[1] // 2) % window.whole[1],
         )
         done, transforms, shorter, more, overlap, judgement, state = solve(
-            window, origin, whole, problem.intercept, guess, problem.applied_pressure,
+            window, origin, whole, guess, problem.applied_pressure,
             tolerance, rounds, limit - last.iterations,
         )  # fmt: skip
         taken = last.transforms + spent + transforms + shorter / part ** len(self._shape)
