@@ -27,14 +27,14 @@ from gfmdlayer.contact.dual import (
     System,
     accept,
     admit,
-    deepest,
     in_pressures,
     known,
     met,
+    reached,
     set_pressure,
 )
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Problem, Solution
+from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
 from gfmdlayer.resumable import Memoryless
 
@@ -111,7 +111,8 @@ def iterate(
     load = p.sum()
     transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
     _evaluate(plans, system, at, work)
-    shift = aim * deepest(system, gap)
+    shift = aim * reached(system, p, gap)[1]
+    step[:] = 0.0
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load:
             _set_depth(p, gap, shift)
@@ -126,14 +127,13 @@ def iterate(
         iteration += 1
         _comply(plans, system, step, work, work, change)
         transforms += 2
-        slope, curvature, reach = 0.0, 0.0, np.inf
+        slope, curvature = 0.0, 0.0
         for i in range(p.size):
             slope += (shift - gap[i]) * step[i]
             curvature += step[i] * change[i]
-            reach = min(reach, -p[i] / step[i]) if step[i] < 0.0 else reach
         if slope > 0.0 and curvature > 0.0:
             lowest = slope / curvature
-            way = (1.0 if lowest > 0.5 else lowest) if cut else min(lowest, reach)
+            way = (1.0 if lowest > 0.5 else lowest) if cut else min(lowest, _reach(p, step))
             for i in range(p.size):
                 moved = p[i] + way * step[i]
                 p[i] = moved if moved > _ROUNDING * p[i] else 0.0
@@ -196,23 +196,36 @@ def _try_step(
 ) -> bool:
     """Write the step that leads to admissible pressures; return whether it was cut off."""
     p, gap, step, change = at.p, at.gap, search.step, search.change
-    across, joins = 0.0, curvature <= 0.0
+    # Without branches, as the vector units want it.
+    across, joining = 0.0, 1.0 if curvature <= 0.0 else 0.0
     for i in range(p.size):
-        if p[i] > 0.0:
-            across += (shift - gap[i]) * change[i]
-        elif gap[i] < shift:
-            joins = True
-    memory = 0.0 if joins or across >= 0.0 else -trial * across / curvature
-    cut, total = False, 0.0
+        pull = shift - gap[i]
+        across += pull * change[i] if p[i] > 0.0 else 0.0
+        joining += 1.0 if p[i] <= 0.0 and pull > 0.0 else 0.0
+    memory = 0.0 if joining > 0.0 or across >= 0.0 else -trial * across / curvature
+    cut, total = 0.0, 0.0
     for i in range(p.size):
-        if p[i] > 0.0 or gap[i] < shift:
-            now = p[i] + trial * (shift - gap[i]) + (memory * step[i] if memory > 0.0 else 0.0)
-            cut = cut or now < 0.0
-            step[i] = max(now, 0.0)
-            total += step[i]
-        else:
-            step[i] = 0.0
+        pull = shift - gap[i]
+        now = p[i] + trial * pull + memory * step[i]
+        now = now if p[i] > 0.0 or pull > 0.0 else 0.0
+        cut += 1.0 if now < 0.0 else 0.0
+        now = 0.0 if now < 0.0 else now
+        step[i] = now
+        total += now
     scale = load / total if system.load and total > 0.0 else 1.0
     for i in range(p.size):
         step[i] = scale * step[i] - p[i]
-    return cut
+    return cut > 0.0
+
+
+@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+def _reach(p: FloatArray, step: FloatArray) -> float:
+    """How far along a step no pressure becomes negative."""
+    fastest = np.zeros(LANES)  # of what falls, per pressure that there is
+    for first in range(0, p.size, LANES):
+        ps, steps = p[first : first + LANES], step[first : first + LANES]
+        for i in range(ps.size):
+            falls = -steps[i] / ps[i] if ps[i] > 0.0 else 0.0
+            fastest[i] = falls if falls > fastest[i] else fastest[i]
+    most = fastest.max()
+    return 1.0 / most if most > 0.0 else np.inf

@@ -237,19 +237,30 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def deepest(system: System, gap: FloatArray) -> float:
-    """Depth of the surface, below zero or below the mean where that is higher; what counts at least."""
-    below = gap - system.h
-    return float(max(below.max() - min(below.mean(), 0.0), system.least.depth))
+def reached(system: System, p: FloatArray, gap: FloatArray) -> tuple[float, float]:
+    """Largest pressure and depth of the surface, as in the residual's `scales`.
+
+    Depths count from zero, or from the mean where that is higher.
+    """
+    largest, below, total = np.zeros(LANES), np.full(LANES, -np.inf), 0.0
+    for first in range(0, gap.size, LANES):
+        ps, gaps, h = p[first : first + LANES], gap[first : first + LANES], system.h[first : first + LANES]
+        for i in range(gaps.size):
+            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
+            depth = gaps[i] - h[i]
+            below[i] = depth if depth > below[i] else below[i]
+            total += depth
+    return largest.max(), max(below.max() - min(total / gap.size, 0.0), system.least.depth)
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    pressure_scale, depth = scales(p.max(), deepest(system, gap), system.least)
-    off = 0.0
+    largest, deepest = reached(system, p, gap)
+    pressure_scale, depth = scales(largest, deepest, system.least)
+    off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
-        off += 0.0 if violation(p[i], gap[i] - shift, 1 / pressure_scale, 1 / depth) <= tolerance else 1.0
+        off += 0.0 if violation(p[i], gap[i] - shift, per_pressure, per_gap) <= tolerance else 1.0
     return off == 0.0
 
 
