@@ -48,6 +48,23 @@ def test_backward_leaves_the_callers_spectrum_alone(shape: tuple[int, ...]) -> N
     np.testing.assert_array_equal(spectrum, before)
 
 
+def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_held() -> None:
+    shape, u = (48,), fields((48,))
+    forget()
+    first = Transforms(shape)
+    assert Transforms(shape).plans == first.plans
+    known, expected = first.wisdom, first.forward(u)
+    told = Transforms(shape, known)
+    assert Transforms(shape, known).plans == told.plans
+    assert Transforms((96,), known).shorter(2).plans == told.plans
+    forget()
+    for _ in range(3):  # new plans, which would take the place of old ones that are gone
+        Transforms(shape)
+        forget()
+    np.testing.assert_array_equal(first.forward(u), expected)
+    np.testing.assert_array_equal(told.forward(u), expected)
+
+
 @pytest.mark.parametrize("shape", [(4096,), (2187,), (48, 64)])
 def test_the_same_wisdom_gives_the_same_bits(shape: tuple[int, ...]) -> None:
     u = fields(shape)

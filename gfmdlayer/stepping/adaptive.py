@@ -27,7 +27,7 @@ _GROWTH = 2.0  # of a step at most
 _FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # where the steps begin short
 _SHRINK = (0.2, 0.8)  # of a step that is tried again
 _AFTER_KINK = 0.3  # of the last step
-_DRAWN_BACK = 0.5  # of the largest depth, below which the surface no longer has the shape of the punch
+_DRAWN_BACK = 0.01  # of the largest depth, below which the dent is no image of the punch any more
 _AT_REST = 30.0  # times the tolerance and the shortest relaxation time: the first step of a punch at rest
 _AFTER_JUMP = 1e-6  # of that time: the first step where the punch is pressed in at t = 0
 

@@ -11,7 +11,7 @@ A small delta f moves the mean pressure at given depth by -<v, delta f>, where v
 the punch: a displacement that is -1 all over the contact, free of force outside it and zero in the mean.
 While the punch moves, that is the displacement of the step but for a factor. While it rests, the contact
 outgrows what the last such step knew; the displacement u itself, in place of v, then errs to the other side.
-(Not where it has been drawn back: the dent that it left does not follow it.) Divided by <v, f>, which is
+(Not where it is all but withdrawn: the dent that it left does not follow it.) Divided by <v, f>, which is
 proportional to the mean pressure, either gives a relative error, and the larger one counts. At given load it
 is the depth that moves, in one step by less; but it creeps for longer than the pressure relaxes, and what is
 left of earlier errors makes up for that: the same number serves (measured: half of it is reached). What of
@@ -112,7 +112,7 @@ class Corrected(Modes):
         moving : bool
             Whether the punch moves over the step.
         deep : bool
-            Whether it is not much less deep than it has been.
+            Whether the depth of the punch is still of the size of the largest that it had.
 
         Returns
         -------
