@@ -9,6 +9,7 @@ from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.grid import Grid
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.solid.layer import LayeredHalfspace
 
 
 def hertz(n: int, *, load: float | None = None, mean_stiffness: float = 0.0) -> Problem:
@@ -68,3 +69,20 @@ def test_it_stops_where_only_rounding_is_left() -> None:
     found = ConjugateGradient(Transforms((128,)), tolerance=1e-18).solve(hertz(128), np.zeros(128))
     assert found.residual < 1e-12
     assert (found.displacement <= hertz(128).obstacle).all()
+
+
+@pytest.mark.parametrize("modulus", [1e3, 1e4])
+def test_steps_carry_the_load_of_the_last_one_however_long_they_become(modulus: float) -> None:
+    # A stiff film on a soft base in full contact: some steps are a hundred times as long as tried, which made
+    # of rounding in the load a hundredth of it, and 6 of these 200 solves ended short of the tolerance.
+    grid = Grid((128,), (1.0,))
+    kappa = LayeredHalfspace(thickness=0.05, poisson=0.5, bulk_modulus=1.0).stiffness(
+        grid.wavenumbers, modulus
+    )
+    kappa[0] = 0.0
+    h, solver = 1 - np.cos(4 * np.pi * grid.coordinates[0]), ConjugateGradient(Transforms((128,)), 1e-3)
+    problem = Problem(kappa, np.zeros(kappa.size, complex), h, 1.5 * kappa[2])
+    for seed in range(100):
+        found = solver.solve(problem, kappa[2] * np.random.default_rng(seed).uniform(0, 3, 128))
+        assert found.converged
+        np.testing.assert_allclose(found.mean_pressure, 1.5 * kappa[2], rtol=1e-12)

@@ -123,7 +123,7 @@ def iterate(
             _evaluate(plans, system, at, work)
             transforms, exact = transforms + 2, True
             continue
-        cut = _try_step(system, at, search, shift, trial, curvature, load)
+        cut = _try_step(system, at, search, shift, trial, curvature)
         iteration += 1
         _comply(plans, system, step, work, work, change)
         transforms += 2
@@ -192,16 +192,17 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def _try_step(
-    system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float, load: float
+    system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float
 ) -> bool:
     """Write the step that leads to admissible pressures; return whether it was cut off."""
     p, gap, step, change = at.p, at.gap, search.step, search.change
     # Without branches, as the vector units want it.
-    across, joining = 0.0, 1.0 if curvature <= 0.0 else 0.0
+    across, joining, load = 0.0, 1.0 if curvature <= 0.0 else 0.0, 0.0
     for i in range(p.size):
         pull = shift - gap[i]
         across += pull * change[i] if p[i] > 0.0 else 0.0
         joining += 1.0 if p[i] <= 0.0 and pull > 0.0 else 0.0
+        load += p[i]
     memory = 0.0 if joining > 0.0 or across >= 0.0 else -trial * across / curvature
     cut, total = 0.0, 0.0
     for i in range(p.size):
@@ -212,6 +213,8 @@ def _try_step(
         now = 0.0 if now < 0.0 else now
         step[i] = now
         total += now
+    # To the load that there is, not the one that is given: steps many times as long would otherwise multiply
+    # what rounding has changed.
     scale = load / total if system.load and total > 0.0 else 1.0
     for i in range(p.size):
         step[i] = scale * step[i] - p[i]
