@@ -101,9 +101,10 @@ def simulate(
     guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
     settling = make_settling(config, integrator, kinks)
     if resume is not None:
-        memory = {"solver": solver, "integrator": integrator, "steps": steps, "guess": guess}
         judge = Memoryless() if settling is None else settling
-        resume(Together(**memory, transforms=transforms, ledger=ledger, attempts=attempts, settling=judge))
+        memory = {"integrator": integrator, "steps": steps, "guess": guess, "settling": judge}
+        # The transforms first: the solver makes use of them when it is put back.
+        resume(Together(transforms=transforms, solver=solver, **memory, ledger=ledger, attempts=attempts))
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gfmdlayer.contact import active_set
+from gfmdlayer.contact import active_set, dual, safeguard
 from gfmdlayer.contact.active_set import ActiveSet
 from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.grid import Grid
 from gfmdlayer.contact.prediction import PressurePrediction
-from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.problem import Problem, Solution, assess
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.contact.windows import Attempt, Windows
 from gfmdlayer.solid.layer import LayeredHalfspace
@@ -119,7 +119,7 @@ def test_rough_contact_of_a_body_with_a_history(dense_contact, shape, condition,
 @each_condition
 @pytest.mark.parametrize("size", [16, 17, 20, 27, 32, 33, 48, 50, 63, 64])
 def test_ten_thousand_small_problems_need_no_safeguard(dense_contact, size, condition, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(ActiveSet, "_descend", None)
+    monkeypatch.setattr(ActiveSet, "_save", None)
     dense = dense_contact((size,))
     for seed in range(1000, 1334):
         problem = dense.problem(seed, condition)
@@ -177,9 +177,14 @@ def test_too_few_iterations_are_admitted(dense_contact, condition, method) -> No
     assert_consistent(found, problem)
 
 
+@pytest.mark.parametrize("fails", [False, True], ids=["conjugate gradients", "descent"])
 @each_condition
-def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition, fails, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     monkeypatch.setattr(active_set, "_ROUNDS", 0)
+    if fails:
+        monkeypatch.setattr(safeguard, "iterate", lambda *_: (False, 0, 0))
+    else:
+        monkeypatch.setattr(safeguard, "descend", None)
     dense = dense_contact((24,))
     for seed in range(5):
         problem = dense.problem(seed, condition)
@@ -264,7 +269,7 @@ def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeyp
     whole = solve(ActiveSet, problem, tolerance=TOLERANCE)
     monkeypatch.setattr(active_set, "_WORK", 0)
     monkeypatch.setattr(active_set, "_FEWEST", 5)
-    monkeypatch.setattr(ActiveSet, "_descend", None)  # which would help out
+    monkeypatch.setattr(ActiveSet, "_save", None)  # which would help out
     calls = []
     iterate = active_set.iterate
     monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-1]) or iterate(*given))
@@ -335,6 +340,32 @@ def test_a_hard_film_on_a_soft_base_needs_no_safeguard(n: int) -> None:
     np.testing.assert_allclose(found.displacement, other.displacement, atol=1e-4 * -other.displacement.min())
 
 
+def test_a_film_that_bends_back_is_solved_where_the_active_set_wanders(run, tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    (tmp_path / "back.txt").write_text("time depth\n0 0.0297\n1 0.0099\n")
+    called, end = [], active_set.safeguard
+    monkeypatch.setattr(active_set, "safeguard", lambda *given: called.append(given) or end(*given))
+    found = [
+        run(
+            {
+                "grid.points": 76,
+                "layer": {"thickness": 0.01, "poisson": 0.5},
+                "layer.material": {"model": "prony", "G0": 1.0, "branches": [{"G": 1e4, "tau": 1.0}]},
+                "halfspace.shear_modulus": 0.1,
+                "punch.radius": 1.0,
+                "time.end": 1.0,
+                "time.step": 0.5,
+                "trajectory": {"kind": "table", "file": str(tmp_path / "back.txt")},
+                "solver": {"method": method, "tolerance": 1e-7},
+            }
+        )
+        for method in ("active_set", "conjugate_gradient")
+    ]
+    assert called
+    # A gap of 1e-7 of the depth changes the mean pressure by up to 5.2e-6 of it: 52 is the sum of |p| that a
+    # unit of depth makes, times depth over mean pressure. So it does in either run, and in the step before.
+    np.testing.assert_allclose(*(each["mean_pressure"] for each in found), rtol=4 * 5.2e-6)
+
+
 @each_method
 @pytest.mark.parametrize("load", [None, 0.5])
 def test_a_flat_punch_touches_with_all_of_its_face(load: float | None, method: Method) -> None:
@@ -368,6 +399,47 @@ def test_what_rounding_leaves_under_a_flat_punch_is_rest(
     largest = max(found.pressure.max(), problem.least.stiffness * problem.least.depth)
     assert found.pressure.min() >= -1e-6 * largest
     assert found.pressure.max() <= 10 * kappa.max() * max(size, 1e-6 * problem.least.depth)
+
+
+@pytest.mark.parametrize("method", ["active_set", "conjugate_gradient"])
+def test_a_dent_heals_to_nothing_under_a_flat_punch(method: str, run, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    # By t = 400 what is left of it is 1e-20 of the heights.
+    (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n")
+    found = run(
+        {
+            "grid.points": 128,
+            "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
+            "time.end": 1000.0,
+            "time.step": 5.0,
+            "trajectory": {"kind": "table", "file": str(tmp_path / "back.txt")},
+            "solver": {"method": method, "tolerance": 1e-7},
+        }
+    )
+    assert abs(found["mean_pressure"][-1]) < 1e-20
+
+
+@each_method
+def test_a_solver_counts_depths_by_the_punch_that_it_is_given(method: Method) -> None:
+    # Beside a high punch this depth is nothing, and what was found there is no solution under the other.
+    problem = elastic(PAPER, 1e-20 * parabola(64, 0.01))
+    solver, start = method(Transforms((64,)), 1e-6), np.zeros(64)
+    for height in (1.0, 0.0, 1.0):
+        now = replace(problem, height=height)
+        found = solver.solve(now, start)
+        residual, *_ = assess(found.pressure, found.displacement, now.obstacle, now.least)
+        assert residual <= 1e-6
+        start = 1.1 * found.pressure
+
+
+def test_a_pressure_that_is_not_a_number_is_no_solution() -> None:
+    problem = elastic(PAPER, parabola(64, 0.01))
+    system, _ = dual.in_pressures(problem, Transforms((64,)))
+    gap, p = np.ones(64), np.zeros(64)
+    assert dual.met(system, p, gap, 0.0, 1e-6)
+    gap[3] = 0.0
+    assert dual.met(system, p, gap, 0.0, 1e-6)
+    p[3] = np.nan
+    assert not dual.met(system, p, gap, 0.0, 1e-6)
 
 
 @each_method
@@ -508,7 +580,7 @@ def test_small_steps_at_a_tight_tolerance_need_no_safeguard(run, monkeypatch) ->
     def give_up(*_: object) -> None:
         raise AssertionError("the safeguard was called")
 
-    monkeypatch.setattr(active_set, "descend", give_up)
+    monkeypatch.setattr(active_set, "safeguard", give_up)
     settings = {"grid.points": 4096, "time.end": 0.1, "time.step": 0.1 / 32, "solver.tolerance": 1e-9}
     found = run(settings)
     assert found["residual"].max() <= 1e-9

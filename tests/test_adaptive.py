@@ -221,3 +221,18 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path
     difference = np.abs(coarse.at("mean_pressure", times) - close.at("mean_pressure", times)).max()
     assert difference <= 1e-3 * coarse["mean_pressure"].max()
     assert abs(coarse["mean_pressure"][-1]) < 1e-8
+
+
+def test_a_height_above_the_surface_is_no_depth() -> None:
+    seen: list[bool] = []
+
+    class Watching(Grading):
+        def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
+            seen.append(known["deep"])
+            return 0.0, 0.0
+
+    steps: Any = AdaptiveSteps(Watching([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
+    depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
+    for _, depth in zip(steps, depths, strict=False):
+        assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)
+    assert seen == [True, True, False, False]

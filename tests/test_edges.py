@@ -113,7 +113,7 @@ def test_signs_alone_count_where_the_pressure_is_not_known_or_after_many_changes
 def test_edges_that_are_not_by_themselves_need_no_safeguard(monkeypatch: pytest.MonkeyPatch) -> None:
     # Up to four asperities, cut off by a plateau, from any start. Steps to their edges that were not bounded
     # undid each other for ever in one of two hundred.
-    monkeypatch.setattr(ActiveSet, "_descend", None)
+    monkeypatch.setattr(ActiveSet, "_save", None)
     transforms = {n: Transforms((n,)) for n in (64, 128, 256, 512)}
     for seed in range(400):
         rng = np.random.default_rng(seed)

@@ -98,3 +98,14 @@ def test_a_guess_belongs_to_whoever_asked_for_it() -> None:
     prediction.remember(0.0, np.ones(3), np.zeros(3))
     prediction.at(1.0)[:] = 9.0
     np.testing.assert_array_equal(prediction.at(1.0), np.ones(3))
+
+
+def test_a_contact_that_vanishes_far_from_one_that_stays_is_seen() -> None:
+    # Where there is no contact now nor was any before, nothing is looked at.
+    prediction = PressurePrediction(4096)
+    stays, vanishes = np.zeros(4096), np.zeros(4096)
+    stays[100:150] = 1.0
+    vanishes[3000:3050] = 1.0
+    for time, pressure in enumerate((stays + vanishes, stays + vanishes, stays, stays)):
+        prediction.remember(time, pressure, 1.0 - pressure)
+        assert prediction.state()["moves"] == (1 if time == 2 else 0)

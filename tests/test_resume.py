@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gfmdlayer import simulation
 from gfmdlayer.config import Config
 from gfmdlayer.contact.transforms import Transforms, forget
 from gfmdlayer.resumable import Resumable, State
@@ -138,3 +140,34 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
     assert again.description == hasty.description
     with pytest.raises(ValueError, match="FFTW plans the transforms in another way"):
         again.restore(state | {"plans": np.asarray("(none such)")})
+
+
+@pytest.mark.parametrize("body", ["depth", "load"])
+def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
+    body: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel of a window among it, when the machine has other plans by now."""
+    settings = SMALL | STEPS["exponential"] | BODIES[body]
+    config = Config(name="parts").with_values(
+        settings | {"grid.points": 15015, "solver.method": "active_set"}
+    )
+    forget()
+    careful = Transforms((15015,)).wisdom
+    monkeypatch.setattr(simulation, "Transforms", partial(Transforms, time_limit=0.0))
+    forget()
+    whole, parts = Bits(), Bits()
+    memory: list[Resumable] = []
+    kept: list[State] = []
+    simulate(config, whole)
+
+    def stop(time: float) -> None:
+        if time > 1.0:
+            kept.append(through_a_file(memory[0].state()))
+            raise Stop
+
+    forget()
+    with pytest.raises(Stop):
+        simulate(config, parts, stop, resume=memory.append)
+    assert bool(kept[0]["solver.kernel"])
+    simulate(config, parts, wisdom=careful, resume=lambda everything: everything.restore(kept[0]))
+    assert parts == whole

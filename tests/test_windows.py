@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 
@@ -210,6 +211,21 @@ def test_a_window_costs_a_part_of_the_surface(attempts) -> None:  # type: ignore
 )
 def test_windows_divide_all_axes(shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
     assert parts(shape) == expected
+
+
+def test_one_contact_is_not_evaluated_in_the_window_at_the_end(attempts) -> None:  # type: ignore[no-untyped-def]
+    """A multiple of the solution is scaled without a transform; what is found is checked on the surface."""
+    shape = (1 << 14,)
+    one = problem_of(shape, "fixed mean")
+    two = replace(one, obstacle=np.minimum(one.obstacle, problem_of(shape, "fixed mean", 0.06).obstacle))
+    for problem, in_window in ((one, 2), (two, 4)):
+        expected = without_windows(problem, shape)
+        solver = ActiveSet(Transforms(shape))
+        for _ in range(2):  # the first makes the kernel
+            found = solver.solve(problem, 1.001 * expected.pressure)
+        part = solver._windows._fitting(spans(expected.pressure, (1, *shape)), 0)
+        assert attempts[-1].transforms == pytest.approx(3 + in_window / part)
+        assert_same(found, expected, problem, 1e-6)
 
 
 @pytest.mark.parametrize(

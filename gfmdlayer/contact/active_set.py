@@ -30,8 +30,8 @@ surface nowhere above the punch; or, where scaling the pressure does not do that
 tolerance that is aimed at.
 
 Why it ends: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
-problem is handed to `descent`, which decreases the energy monotonically and converges for every convex
-problem.
+problem is handed to `safeguard`, whose last resort decreases the energy monotonically and converges for every
+convex problem.
 """
 
 from __future__ import annotations
@@ -44,19 +44,18 @@ import numpy.typing as npt
 from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
 from gfmdlayer.contact.active_set_start import begin, per_point
 from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, make_work
-from gfmdlayer.contact.descent import descend
 from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Least, Problem, Solution, extent, scales
+from gfmdlayer.contact.problem import Least, Problem, Solution, scales_of
+from gfmdlayer.contact.safeguard import safeguard
 from gfmdlayer.contact.transforms import Transforms
 from gfmdlayer.contact.windows import Windows
 from gfmdlayer.resumable import State
 
 _ROUNDS = 100  # a stiff film on a soft base takes some fifty, cycles are rare
 _LIMIT = 1000  # iterations of conjugate gradients
-# Between two looks at signals: iterations of descent; points times iterations of conjugate gradients, and
-# these at least, since what a portion leaves to the next is not all that it knew.
-_PORTION = 200
+# Between two looks at signals: points times iterations of conjugate gradients, and these at least, since what
+# a portion leaves to the next is not all that it knew.
 _WORK, _FEWEST = 1 << 29, 30
 
 
@@ -80,6 +79,7 @@ class ActiveSet:
         self._tolerance = tolerance
         self._max_iterations = max_iterations
         self._stiffness: FloatArray | None = None
+        self._least = Least(0.0, 0.0)
         self._load = False
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         self._at = Iterate(field(), field(), spectrum())
@@ -123,8 +123,8 @@ class ActiveSet:
             transforms, iterations = transforms + more, iterations + done
         while True:
             if not found:
-                more = self._descend(system, problem, shift, within, self._max_iterations - iterations)
-                transforms, iterations = transforms + 2 * more, iterations + more
+                more, done = self._save(system, problem, shift, within, self._max_iterations - iterations)
+                transforms, iterations = transforms + more, iterations + done
             pairs, odd = divmod(transforms + self._odd, 2)
             solution = accept(problem, system, self._free, self._at, tolerance, int(pairs), iterations)
             if solution.converged:
@@ -134,9 +134,9 @@ class ActiveSet:
                 self._settled = False
                 return admit(problem, system, self._at, self._transforms, solution)
             clear, within = True, AIM * tolerance
-            shift = within * scales(*extent(solution.pressure, solution.displacement), problem.least)[1]
+            shift = within * scales_of(solution.pressure, solution.displacement, problem.least)[1]
             limit = min(_LIMIT, self._max_iterations - iterations)
-            self._work.exact[0] = found  # `descent` does not keep the level from which depths count
+            self._work.exact[0] = found  # the safeguard does not keep the level from which depths count
             found, more, done = self._iterate(system, shift, within, limit)
             transforms, iterations = transforms + more, iterations + done
 
@@ -153,8 +153,8 @@ class ActiveSet:
             "odd": self._odd,
             "kernel": self._windows.kernel_is_known,
             "age": bank.age,
-            "direction": bank.direction[kept],
-            "change": bank.change[kept],
+            "direction": bank.direction[kept, : self._at.p.size],
+            "change": bank.change[kept, : self._at.p.size],
             **self._carried(),
         }
 
@@ -168,8 +168,8 @@ class ActiveSet:
         self._take_stiffness(state["stiffness"], Least(*state["least"].tolist()))
         if state["kernel"]:  # which the step that made it has paid for
             self._windows.make_kernel()
-        bank, kept = self._bank, state["age"] > 0
-        bank.age[:], bank.direction[kept], bank.change[kept] = (
+        bank, kept, size = self._bank, state["age"] > 0, self._at.p.size
+        bank.age[:], bank.direction[kept, :size], bank.change[kept, :size] = (
             state[name] for name in ("age", "direction", "change")
         )
         for name, array in self._carried().items():
@@ -199,21 +199,16 @@ class ActiveSet:
             if found or done + 1 < portion or limit - iterations <= 1:
                 return found, transforms, iterations
 
-    def _descend(self, system: System, problem: Problem, shift: float, within: float, limit: int) -> int:
-        """Leave the problem to `descent`; in portions, between which a signal is noticed."""
-        longest = float(problem.stiffness[problem.stiffness > 0].min())  # of the stiffnesses that A inverts
-        done, found = 0, False
-        while not found and done < limit:
-            found, more = descend(
-                self._transforms.plans, system, self._at, self._work.spectrum, longest,
-                problem.applied_pressure, shift, within, min(_PORTION, limit - done),
-            )  # fmt: skip
-            done += more
+    def _save(
+        self, system: System, problem: Problem, shift: float, within: float, limit: int
+    ) -> tuple[int, int]:
+        """Leave the problem to `safeguard`; return the transforms and iterations that it takes."""
+        found, transforms, done = safeguard(self._transforms, system, problem, self._at, shift, within, limit)
         if found:
             begin(self._at, self._contact, self._bank, self._at.p, False)
         else:  # the last step may have been taken back
             evaluate(self._transforms.plans, system, self._at, self._work)
-        return done
+        return transforms, done
 
     def _keep_directions(self, problem: Problem) -> bool:
         """Directions are worth keeping as long as the stiffness is the same; return whether it is.
@@ -221,11 +216,11 @@ class ActiveSet:
         And as long as what is prescribed is: under a given load directions have no mean, and gaps a shift.
         """
         stiffness, load = problem.stiffness, problem.mean_pressure is not None
-        if stiffness is self._stiffness and load == self._load:
+        alike = load == self._load and problem.least_depth == self._least.depth
+        if alike and stiffness is self._stiffness:
             return self._settled
-        same = self._stiffness is not None and np.array_equal(stiffness, self._stiffness)
-        same, self._load = same and load == self._load, load
-        if same:
+        self._load = load
+        if alike and self._stiffness is not None and np.array_equal(stiffness, self._stiffness):
             self._stiffness = stiffness
             return self._settled
         self._bank.age[:], self._past.listed[0] = 0, -1

@@ -74,7 +74,7 @@ def iterate(
     The gap in the contact is brought to ``shift``. Ends without success after ``rounds`` changes of the set
     or ``limit`` iterations. Gap and pressure are an exact pair on return; at the beginning they need not be,
     and a guess that is good enough is left as it is. Where the caller has what is found ``checked`` on a
-    larger surface, a single contact need not be evaluated: the gap is known near it.
+    larger surface, a single stretch need not be evaluated: the gap is known near it.
     """
     transforms, carried, exact = 0, at.p.sum(), work.exact
     guessed = not exact[0]

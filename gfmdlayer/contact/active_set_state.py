@@ -209,5 +209,5 @@ def let_go(contact: ContactSet, bank: Bank, p: FloatArray, i: int) -> None:
     contact.member[i] = 0.0
     p[i] = 0.0
     for j in range(1, bank.age.size):
-        if bank.direction[j, i] != 0.0:
+        if bank.age[j] > 0 and bank.direction[j, i] != 0.0:
             bank.age[j] = 0

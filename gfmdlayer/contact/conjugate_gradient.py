@@ -30,11 +30,10 @@ from gfmdlayer.contact.dual import (
     in_pressures,
     known,
     met,
-    reached,
     set_pressure,
 )
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution
+from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution, scales_of
 from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
 from gfmdlayer.resumable import Memoryless
 
@@ -70,8 +69,7 @@ class ConjugateGradient(Memoryless):
         self._tolerance = tolerance
         self._max_iterations = max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        self._at = Iterate(field(), field(), spectrum())
-        self._search = Search(field(), field(), spectrum())
+        self._at, self._search = Iterate(field(), field(), spectrum()), make_search(transforms)
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from a first guess of the pressure; see `Solution` for what is returned.
@@ -86,22 +84,28 @@ class ConjugateGradient(Memoryless):
             return trivial
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
-        transforms, iterations = 1, 0
-        for aim, within in ((0.0, CLOSE * tolerance), (AIM * tolerance, AIM * tolerance)):
+        transforms, iterations, shift = 1, 0, 0.0
+        for within in (CLOSE * tolerance, AIM * tolerance):
             left = self._max_iterations - iterations
-            more, done = iterate(self._transforms.plans, system, at, self._search, aim, within, left)
+            _, more, done = iterate(self._transforms.plans, system, at, self._search, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
             solution = accept(problem, system, free, at, tolerance, (transforms + 1) // 2, iterations)
             if solution.converged:
                 return solution
+            shift = AIM * tolerance * scales_of(solution.pressure, solution.displacement, problem.least)[1]
         return admit(problem, system, at, self._transforms, solution)
+
+
+def make_search(transforms: Transforms) -> Search:
+    """Arrays for `iterate`."""
+    return Search(transforms.empty_field(), transforms.empty_field(), transforms.empty_spectrum())
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def iterate(
-    plans: Plans, system: System, at: Iterate, search: Search, aim: float, tolerance: float, limit: int
-) -> tuple[int, int]:
-    """Bring the gap in the contact to ``aim``, a part of the depth; return the transforms and the iterations.
+    plans: Plans, system: System, at: Iterate, search: Search, shift: float, tolerance: float, limit: int
+) -> tuple[bool, int, int]:
+    """Bring the gap in the contact to ``shift``; return whether it is, the transforms and the iterations.
 
     Gap and pressure are an exact pair on return.
     """
@@ -111,13 +115,13 @@ def iterate(
     load = p.sum()
     transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
     _evaluate(plans, system, at, work)
-    shift = aim * reached(system, p, gap)[1]
-    step[:] = 0.0
+    found, step[:] = False, 0.0
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load:
             _set_depth(p, gap, shift)
         if met(system, p, gap, shift, tolerance):
             if exact:
+                found = True
                 break
             _carry(system, p, load)
             _evaluate(plans, system, at, work)
@@ -148,7 +152,7 @@ def iterate(
         transforms += 2
     if system.load:
         _set_depth(p, gap, shift)
-    return transforms, iteration
+    return found, transforms, iteration
 
 
 @nb.njit(nogil=True, cache=True)

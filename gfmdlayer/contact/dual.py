@@ -21,9 +21,9 @@ from gfmdlayer.contact.problem import (
     Problem,
     Solution,
     assess,
-    extent,
     judged,
     scales,
+    scales_of,
     violation,
 )
 from gfmdlayer.contact.projection import project
@@ -97,7 +97,7 @@ def accept(
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, judgement = _hand_back(system, at, free, u, pressure, spectrum)
-    clear = overlap == 0.0 or overlap <= CLAMPED * scales(*extent(pressure, u), system.least)[1]
+    clear = overlap == 0.0 or overlap <= CLAMPED * scales_of(pressure, u, system.least)[1]
     return judged(
         problem,
         u,
@@ -237,11 +237,8 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def reached(system: System, p: FloatArray, gap: FloatArray) -> tuple[float, float]:
-    """Largest pressure and depth of the surface, as in the residual's `scales`.
-
-    Depths count from zero, or from the mean where that is higher.
-    """
+def present_scales(system: System, p: FloatArray, gap: FloatArray) -> tuple[float, float]:
+    """Scales of the residual, as `scales_of` of the surface under this gap."""
     largest, below, total = np.zeros(LANES), np.full(LANES, -np.inf), 0.0
     for first in range(0, gap.size, LANES):
         ps, gaps, h = p[first : first + LANES], gap[first : first + LANES], system.h[first : first + LANES]
@@ -250,17 +247,18 @@ def reached(system: System, p: FloatArray, gap: FloatArray) -> tuple[float, floa
             depth = gaps[i] - h[i]
             below[i] = depth if depth > below[i] else below[i]
             total += depth
-    return largest.max(), max(below.max() - min(total / gap.size, 0.0), system.least.depth)
+    return scales(largest.max(), below.max() - min(total / gap.size, 0.0), system.least)
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    largest, deepest = reached(system, p, gap)
-    pressure_scale, depth = scales(largest, deepest, system.least)
+    pressure_scale, depth = present_scales(system, p, gap)
     off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
-        off += 0.0 if violation(p[i], gap[i] - shift, per_pressure, per_gap) <= tolerance else 1.0
+        known = p[i] == p[i]  # of a pressure that is not a number the violation is that of the gap
+        holds = violation(p[i], gap[i] - shift, per_pressure, per_gap) <= tolerance
+        off += 0.0 if known and holds else 1.0
     return off == 0.0
 
 

@@ -167,7 +167,7 @@ def _learn(
     for first in range(0, now.size, _BLOCK):
         new, old, others, any_ = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
-            any_ += new[i]
+            any_ += new[i]  # what pulls within the tolerance has neighbours that press
         if any_ > 0.0:
             before, after = min(before, first), first + new.size
         elif not there[0] <= first < there[1]:

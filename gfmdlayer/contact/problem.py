@@ -64,10 +64,10 @@ class Problem:
         h, the surface of the punch.
     mean_pressure : float, optional
         The mean pressure that is to be reached; without it the depth is the given quantity.
-    height : float
-        Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
     drag : ndarray, one value a mode, optional
         Imaginary part of kappa, which only `Dragged` solves for; zero at q = 0.
+    height : float
+        Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
     """
 
     stiffness: FloatArray
@@ -95,7 +95,12 @@ class Problem:
     @property
     def least(self) -> Least:
         """What the scales of the residual are made of at least."""
-        return Least(self.softest, _NO_DEPTH * self.height)
+        return Least(self.softest, self.least_depth)
+
+    @property
+    def least_depth(self) -> float:
+        """What depths count at least."""
+        return _NO_DEPTH * self.height
 
 
 @dataclass(frozen=True)
@@ -188,6 +193,13 @@ def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
     return largest.max(), max(total / u.size, 0.0) - lowest.min()
 
 
+@nb.njit(nogil=True, cache=True)
+def scales_of(pressure: FloatArray, u: FloatArray, least: Least) -> tuple[float, float]:
+    """Scales of the residual of a state."""
+    largest, deepest = extent(pressure, u)
+    return scales(largest, deepest, least)
+
+
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: Least) -> Judgement:
     """Judge a state.
@@ -199,8 +211,7 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: Least) -> 
         pressure, and not the gap, is the larger of the two in the residual's scales; the means of pressure
         and gap.
     """
-    largest, deepest = extent(pressure, u)
-    pressure_scale, depth = scales(largest, deepest, least)
+    pressure_scale, depth = scales_of(pressure, u, least)
     per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
     worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
     for first in range(0, u.size, LANES):

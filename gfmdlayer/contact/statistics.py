@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, extent, scales
+from gfmdlayer.contact.problem import Problem, Solution, scales_of
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -57,8 +57,7 @@ class Statistics:
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Tell of each point whether it is in contact."""
-    largest, deepest = extent(solution.pressure, solution.displacement)
-    pressure_scale, depth = scales(largest, deepest, problem.least)
+    pressure_scale, depth = scales_of(solution.pressure, solution.displacement, problem.least)
     return np.asarray(solution.pressure * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 

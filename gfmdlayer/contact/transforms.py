@@ -104,7 +104,7 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
 
 
 class _Pair:
-    """A forward and a backward plan, destroyed when nobody holds them any more."""
+    """A forward and a backward plan, destroyed when they are neither known nor in use any more."""
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int) -> None:
         size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)

@@ -92,7 +92,7 @@ class AdaptiveSteps:
         depth : float
             Of the punch.
         """
-        largest, deepest = max(self._largest, abs(found)), max(self._deepest, abs(depth))
+        largest, deepest = max(self._largest, abs(found)), max(self._deepest, depth)
         if self._step == 0:
             accepted = True
             # A punch may rest at a depth: that of the lowest of the grid's points, which miss its apex.
@@ -100,7 +100,7 @@ class AdaptiveSteps:
             self._next = self._integrator.fastest * (_AFTER_JUMP if pressed else _AT_REST * self._tolerance)
         else:
             relative, displacement = self._integrator.error(
-                spectrum, moving=depth != self._depth, deep=abs(depth) >= _DRAWN_BACK * deepest
+                spectrum, moving=depth != self._depth, deep=depth >= _DRAWN_BACK * deepest
             )
             error = max(_part(relative * abs(found), largest), _part(displacement, deepest))
             accepted = error <= self._tolerance

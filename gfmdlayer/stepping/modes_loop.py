@@ -27,7 +27,7 @@ _SMALL = 0.1  # dt/theta
 
 
 class Factors(NamedTuple):
-    """What a step of x = dt/theta does to a mode; each in the shape of x."""
+    """What a step of x = dt/theta does to a mode; one value for each x."""
 
     decay: FloatArray
     gain: FloatArray
