@@ -42,9 +42,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.contact.active_set_loop import attempt, evaluate, iterate
-from gfmdlayer.contact.active_set_start import begin, per_point
+from gfmdlayer.contact.active_set_start import begin
 from gfmdlayer.contact.active_set_state import Past, make_bank, make_contact, make_work
-from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known
+from gfmdlayer.contact.dual import AIM, CLOSE, Iterate, System, accept, admit, known, per_point
 from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.problem import Least, Problem, Solution, scales_of
 from gfmdlayer.contact.safeguard import safeguard

@@ -15,16 +15,6 @@ from gfmdlayer.contact.transforms import ComplexArray, Plans, backward
 _SMALLEST = 1e-5  # increment, as part of the pressure, that is more than the rounding of a difference
 
 
-@nb.njit(nogil=True, cache=True)
-def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
-    """Compliance and stiffness of the modes, for transforms of so many points that nothing divides."""
-    compliance, shared = np.empty(stiffness.size), np.empty(stiffness.size)
-    for k in range(stiffness.size):
-        compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
-        shared[k] = stiffness[k] / size
-    return compliance, shared
-
-
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def start(
     plans: Plans,

@@ -22,7 +22,6 @@ from gfmdlayer.contact.problem import (
     Solution,
     assess,
     judged,
-    scales,
     scales_of,
     violation,
 )
@@ -57,17 +56,24 @@ class Iterate(NamedTuple):
     spectrum: ComplexArray  # transform of the pressure
 
 
+@nb.njit(nogil=True, cache=True)
+def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """Compliance and stiffness of the modes, for transforms of so many points that nothing divides."""
+    compliance, shared = np.empty(stiffness.size), np.empty(stiffness.size)
+    for k in range(stiffness.size):
+        compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
+        shared[k] = stiffness[k] / size
+    return compliance, shared
+
+
 def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, ComplexArray]:
     """Return the problem in pressures and the transform of u0, both per point; one transform."""
     n = problem.obstacle.size
-    compliance = np.zeros_like(problem.stiffness)
-    np.divide(1.0, problem.stiffness * n, out=compliance, where=problem.stiffness != 0)
+    compliance, stiffness = per_point(problem.stiffness, n)
     free = problem.intercept * compliance
     gap0 = problem.obstacle - transforms.backward(free)
     load = problem.mean_pressure is not None
-    return System(
-        compliance, problem.stiffness / n, gap0, problem.obstacle, problem.least, load, compliance[0]
-    ), free
+    return System(compliance, stiffness, gap0, problem.obstacle, problem.least, load, compliance[0]), free
 
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:
@@ -237,23 +243,9 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
 
 
 @nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def present_scales(system: System, p: FloatArray, gap: FloatArray) -> tuple[float, float]:
-    """Scales of the residual, as `scales_of` of the surface under this gap."""
-    largest, below, total = np.zeros(LANES), np.full(LANES, -np.inf), 0.0
-    for first in range(0, gap.size, LANES):
-        ps, gaps, h = p[first : first + LANES], gap[first : first + LANES], system.h[first : first + LANES]
-        for i in range(gaps.size):
-            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
-            depth = gaps[i] - h[i]
-            below[i] = depth if depth > below[i] else below[i]
-            total += depth
-    return scales(largest.max(), below.max() - min(total / gap.size, 0.0), system.least)
-
-
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
 def met(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    pressure_scale, depth = present_scales(system, p, gap)
+    pressure_scale, depth = scales_of(p, system.h - gap, system.least)
     off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
         known = p[i] == p[i]  # of a pressure that is not a number the violation is that of the gap

@@ -102,7 +102,7 @@ class Corrected(Modes):
         curvature = self._curvature(spectrum)
         return self.missing(_UNKNOWN * (spectrum - self.u) if curvature is None else curvature)
 
-    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool = True) -> tuple[float, float]:
+    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool) -> tuple[float, float]:
         """Error that the step of the last `terms` makes with this displacement at its end.
 
         Parameters

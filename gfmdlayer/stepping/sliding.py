@@ -212,7 +212,7 @@ class CorrectedSliding(Corrected, SlidingModes):
         super().restore(state)
         self._largest = float(state["largest"])
 
-    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool = True) -> tuple[float, float]:
+    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool) -> tuple[float, float]:
         """Error of the step, that of the tangential force among it, relative to its largest value so far."""
         relative, displacement = super().error(spectrum, moving=moving, deep=deep)
         slope, force = self._slope * spectrum, self.force(spectrum)
