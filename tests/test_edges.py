@@ -63,10 +63,11 @@ def test_edges_are_gone_to_as_by_newtons_method(off: int, halfspace) -> None:  #
     assert contact.counts[0] == 1
     left = np.array([first - contact.runs[0, 0], contact.runs[0, 1] - 1 - last])
     assert left[0] == left[1]
-    # Half of what signs leave at the worst, and a point.
-    assert abs(left[0]) <= 0.25 * abs(off) + 1
-    if abs(off) > 7:
-        assert abs(by_signs - true.sum()) / 2 > 0.25 * abs(off) + 1
+    # Of second order, and half of what signs leave at the worst, beside a point.
+    half_width = (last - first) / 2
+    assert abs(left[0]) <= min(off**2 / half_width + 2, 0.25 * abs(off) + 1)
+    if abs(off) > 3:
+        assert abs(by_signs - true.sum()) / 2 > 0.25 * abs(off) + (abs(off) > 7)
 
 
 def test_what_pulls_amid_the_contact_leaves_by_itself() -> None:
