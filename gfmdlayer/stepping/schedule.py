@@ -33,25 +33,24 @@ class FixedSteps:
 
     def __init__(self, instants: Iterable[Instant]) -> None:
         self._instants = instants
-        self._given = 0
+        self._taken = 0
 
     def __iter__(self) -> Iterator[Instant]:
         """Give the time points in order."""
-        for instant in islice(self._instants, self._given, None):
-            self._given += 1
-            yield instant
+        yield from islice(self._instants, self._taken, None)
 
     def accepts(self, _spectrum: ComplexArray, _found: float, _depth: float) -> bool:
         """Say yes."""
+        self._taken += 1
         return True
 
     def state(self) -> State:
-        """Return how many steps were given out."""
-        return {"given": self._given}
+        """Return how many steps were taken; one that did not converge is not among them."""
+        return {"taken": self._taken}
 
     def restore(self, state: State) -> None:
         """Go on from there."""
-        self._given = int(state["given"])
+        self._taken = int(state["taken"])
 
 
 def equal_steps(
