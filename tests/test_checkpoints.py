@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.active_set import ActiveSet
 from gfmdlayer.results import journal
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
@@ -347,34 +345,3 @@ def test_a_checkpoint_that_outlived_its_case_is_removed(
     folder.case(8, "checkpoint").write_bytes(state)  # of a case that is not complete
     with folder.claimed(CONFIG):
         assert {path.name for path in folder.cases.iterdir()} == {".lock", "0007.h5", "0008.checkpoint"}
-
-
-def test_a_step_that_does_not_converge_leaves_the_state_before_it(
-    folder: Folder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Tried again the case goes on from there; what the solver has tried is still in its memory."""
-    assert run(folder, every=1e9) == "complete"
-    expected = arrays(folder)
-    folder.case(7).unlink()
-    solve, left = ActiveSet.solve, iter([True] * 3)
-
-    def failing(solver: ActiveSet, *given: Any) -> Any:
-        found = solve(solver, *given)
-        return found if next(left, False) else replace(found, converged=False)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(ActiveSet, "solve", failing)
-        assert run(folder, every=1e9) == "failed"
-    assert folder.case(7, "failed").exists()
-    assert folder.case(7, "checkpoint").exists()
-    solves: list[int] = []
-    with monkeypatch.context() as patch:
-        patch.setattr(ActiveSet, "solve", lambda solver, *given: solves.append(1) or solve(solver, *given))
-        assert run(folder, every=1e9) == "complete"
-    again = arrays(folder)
-    assert len(solves) == len(np.frombuffer(expected["time"])) - 3
-    np.testing.assert_array_equal(np.frombuffer(again["time"]), np.frombuffer(expected["time"]))
-    # Two solves of the tolerance 1e-6: the mean pressure follows gaps like a depth, with a factor below two.
-    np.testing.assert_allclose(
-        np.frombuffer(again["mean_pressure"]), np.frombuffer(expected["mean_pressure"]), rtol=1e-5
-    )

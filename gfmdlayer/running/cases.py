@@ -109,7 +109,7 @@ def _compute(
     from gfmdlayer.contact.grid import Grid
     from gfmdlayer.inputs import histogram_edges
     from gfmdlayer.results.writer import CaseWriter
-    from gfmdlayer.simulation import ConvergenceError, simulate
+    from gfmdlayer.simulation import simulate
 
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
@@ -117,11 +117,7 @@ def _compute(
     edges = histogram_edges(config)
     with CaseWriter(path, coordinates, attributes, edges, elapsed=checkpoints.elapsed) as writer:
         recorder = checkpoints.recorder(writer)
-        try:
-            simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
-        except ConvergenceError:
-            checkpoints.keep_before_failure()
-            raise
+        simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
     if writer.noted.get("settled") == 0:
         return f"NOT STEADY within {config.time.steady:g} at time.end = {config.time.end:g}"
     return ""

@@ -4,10 +4,10 @@
     DIR/cases/NNNN.journal0 or 1   the rows and snapshots up to it
     DIR/cases/NNNN.*.aside         what could not be used: a checkpoint and its journal, a damaged case
 
-The state is kept at an interval, when the run is asked to stop and when a step does not converge. Whoever
-takes a case up writes the journal that the checkpoint does not name, so that the way back is open until there
-is a new checkpoint. A case that fails leaves its last checkpoint, and tried again goes on from there: what
-failed for want of a disk goes through, and what cannot work fails again soon.
+The state is kept at an interval and when the run is asked to stop. Whoever takes a case up writes the journal
+that the checkpoint does not name, so that the way back is open until there is a new checkpoint. A case that
+fails leaves its last checkpoint, and tried again goes on from there: what failed for want of a disk goes
+through, and what cannot work fails again soon.
 """
 
 from __future__ import annotations
@@ -68,7 +68,6 @@ class Checkpoints:
         self._found: Checkpoint | None = None
         self._journal: Journal | None = None
         self._memory: Resumable | None = None
-        self._reached: float | None = None  # by steps of this run
         self._told = ""
 
     def find(self) -> None:
@@ -142,7 +141,6 @@ class Checkpoints:
         Stopped
             Where the run is to stop.
         """
-        self._reached = simulated_time
         try:
             self._tell_time(simulated_time)
         except Stopped:
@@ -150,11 +148,6 @@ class Checkpoints:
             raise
         if time.monotonic() >= self._due:
             self._keep(simulated_time)
-
-    def keep_before_failure(self) -> None:
-        """Keep the state that the last step left, where there was one and the next did not converge."""
-        if self._reached is not None:
-            self._keep(self._reached)
 
     def remove(self) -> None:
         """Remove everything: the case is complete."""

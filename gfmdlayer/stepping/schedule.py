@@ -33,24 +33,25 @@ class FixedSteps:
 
     def __init__(self, instants: Iterable[Instant]) -> None:
         self._instants = instants
-        self._taken = 0
+        self._given = 0
 
     def __iter__(self) -> Iterator[Instant]:
         """Give the time points in order."""
-        yield from islice(self._instants, self._taken, None)
+        for instant in islice(self._instants, self._given, None):
+            self._given += 1
+            yield instant
 
     def accepts(self, _spectrum: ComplexArray, _found: float, _depth: float) -> bool:
         """Say yes."""
-        self._taken += 1
         return True
 
     def state(self) -> State:
-        """Return how many steps were taken; one that did not converge is not among them."""
-        return {"taken": self._taken}
+        """Return how many steps were given out."""
+        return {"given": self._given}
 
     def restore(self, state: State) -> None:
         """Go on from there."""
-        self._taken = int(state["taken"])
+        self._given = int(state["given"])
 
 
 def equal_steps(
