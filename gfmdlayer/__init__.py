@@ -9,12 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.layer import LayeredHalfspace
+    from gfmdlayer.body.materials import Prony, Zener
+    from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
-    from gfmdlayer.solid.layer import LayeredHalfspace
-    from gfmdlayer.solid.materials import Prony, Zener
-    from gfmdlayer.solid.relaxation import relaxation_spectrum
 
 __all__ = [
     "Config",
@@ -34,9 +34,9 @@ _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
-    "gfmdlayer.solid.layer": ("LayeredHalfspace",),
-    "gfmdlayer.solid.materials": ("Prony", "Zener"),
-    "gfmdlayer.solid.relaxation": ("relaxation_spectrum",),
+    "gfmdlayer.body.layer": ("LayeredHalfspace",),
+    "gfmdlayer.body.materials": ("Prony", "Zener"),
+    "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

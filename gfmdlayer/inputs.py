@@ -7,12 +7,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
-from gfmdlayer.contact.grid import FloatArray, Grid
-from gfmdlayer.contact.punch import Shape, make_shape
-from gfmdlayer.contact.topography import Topography
-from gfmdlayer.tables import TableError
-from gfmdlayer.trajectory import Constant, RampHold, Table, Trajectory
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.shapes import Shape, make_shape
+from gfmdlayer.punch.topography import Topography
+from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 
 
 def make_grid(config: Config) -> Grid:
@@ -35,7 +36,7 @@ def _shape(config: Config) -> Shape:
     return make_shape(config.punch.model_dump())
 
 
-def remarks(configs: Iterable[Config]) -> list[str]:
+def notes(configs: Iterable[Config]) -> list[str]:
     """Tell what is done to the measured surfaces of the cases before they are used.
 
     Raises
@@ -100,7 +101,7 @@ def make_velocity(config: Config) -> Constant | Table | None:
     return None if given.velocity is None else Constant(given.velocity)
 
 
-def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
+def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """Read what the cases read, and see that they can be done.
 
     Yields
@@ -115,10 +116,10 @@ def objections(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
         matter = (config.grid, config.punch, config.trajectory, config.time.steady, mean_is_fixed(config))
         if matter not in seen:
             seen.add(matter)
-            yield from _objections(config)
+            yield from _input_errors(config)
 
 
-def _objections(config: Config) -> Iterator[tuple[str, str]]:
+def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given = config.trajectory
     try:
         heights = make_punch(config, make_grid(config))

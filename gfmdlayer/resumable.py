@@ -25,7 +25,7 @@ class Resumable(Protocol):
         ...
 
 
-class Memoryless:
+class Stateless:
     """Begins each step anew."""
 
     def state(self) -> State:
@@ -36,7 +36,7 @@ class Memoryless:
         """Do nothing."""
 
 
-class Together:
+class CompositeState:
     """Several of them as one; their names come before those of their memory, with a dot between."""
 
     def __init__(self, **parts: Resumable) -> None:

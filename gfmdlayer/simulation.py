@@ -13,7 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from gfmdlayer.assembly import (
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case import (
     fixed_step,
     make_integrator,
     make_loading,
@@ -22,16 +23,15 @@ from gfmdlayer.assembly import (
     make_steps,
 )
 from gfmdlayer.config import Config
-from gfmdlayer.contact.attempts import Attempts
-from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.contact.prediction import PREDICTIONS
-from gfmdlayer.contact.statistics import Statistics
-from gfmdlayer.contact.transforms import Transforms
-from gfmdlayer.contact.travel import make_travel
-from gfmdlayer.contact.wisdom import planned
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.inputs import histogram_edges, make_grid, make_velocity
-from gfmdlayer.resumable import Memoryless, Resumable, Together
-from gfmdlayer.stepping.ledger import Ledger
+from gfmdlayer.observables.contact_statistics import Statistics
+from gfmdlayer.observables.effort import Effort
+from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.friction import make_travel
+from gfmdlayer.resumable import CompositeState, Resumable, Stateless
 
 
 class ConvergenceError(RuntimeError):
@@ -98,19 +98,21 @@ def simulate(
     kinks = (*loading.trajectory.kinks, *travel.kinks)
     steps = make_steps(config, integrator, kinks)
     statistics = Statistics(grid.shape, histogram_edges(config), patches=config.output.patches)
-    guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), Ledger(), Attempts()
+    guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), EnergyBalance(), Effort()
     settling = make_settling(config, integrator, kinks)
     if resume is not None:
-        judge = Memoryless() if settling is None else settling
+        judge = Stateless() if settling is None else settling
         memory = {"integrator": integrator, "steps": steps, "guess": guess, "settling": judge}
         # The transforms first: the solver makes use of them when it is put back.
-        resume(Together(transforms=transforms, solver=solver, **memory, ledger=ledger, attempts=attempts))
+        resume(
+            CompositeState(transforms=transforms, solver=solver, **memory, ledger=ledger, attempts=attempts)
+        )
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
         problem = loading.problem(kappa, b, instant.time)  # 0
-        if integrator.drag is not None:
-            problem = replace(problem, drag=integrator.drag)
+        if integrator.loss_stiffness is not None:
+            problem = replace(problem, loss_stiffness=integrator.loss_stiffness)
         solution = solver.solve(problem, guess.at(instant.time))  # 7
         attempts.add(solution)
         if not solution.converged:

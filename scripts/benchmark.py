@@ -34,7 +34,7 @@ import pyfftw
 from benchmarks import iteration, overhead, pairs, peer, ranks, rough, scheduling, whole_run, work
 from benchmarks.tables import Effort, Table
 
-from gfmdlayer.results.plot_style import check_suffix
+from gfmdlayer.figures.plot_style import check_suffix
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import ResultsError
 

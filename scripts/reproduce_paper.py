@@ -29,14 +29,14 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.config import Config, load
-from gfmdlayer.results.curve_plots import curves_figure
-from gfmdlayer.results.plot_style import save, styled
+from gfmdlayer.execution.case_run import prepare
+from gfmdlayer.execution.progress import report_to
+from gfmdlayer.execution.run import run_sweep
+from gfmdlayer.execution.sweep import Case, cases, label
+from gfmdlayer.execution.workers import Team, assemble
+from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.plot_style import save, styled
 from gfmdlayer.results.reader import case_path, open_case, open_results
-from gfmdlayer.running.cases import prepare
-from gfmdlayer.running.executors import Team, assemble
-from gfmdlayer.running.reports import report_to
-from gfmdlayer.running.run import run_sweep
-from gfmdlayer.sweep import Case, cases, label
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 TOLERANCE = 1e-3

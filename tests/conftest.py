@@ -14,8 +14,8 @@ from scipy.optimize import brentq, nnls
 from scipy.special import spence
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.grid import Grid
 from gfmdlayer.contact.problem import Problem
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.simulation import simulate
 
 Floats = NDArray[np.float64]

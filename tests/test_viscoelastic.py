@@ -19,8 +19,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer.contact.grid import Grid
-from gfmdlayer.contact.punch import parabola
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.shapes import parabola
 
 Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]

@@ -22,7 +22,7 @@ from gfmdlayer.cli.terminal import (
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.sweep import Case
+    from gfmdlayer.execution.sweep import Case
 
 
 def register(verbs: Verbs) -> None:
@@ -39,9 +39,9 @@ def register(verbs: Verbs) -> None:
 def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.running import guards
-    from gfmdlayer.running.cost import estimate, total
-    from gfmdlayer.sweep import cases, label, remarks
+    from gfmdlayer.execution import guards
+    from gfmdlayer.execution.cost import estimate, total
+    from gfmdlayer.execution.sweep import cases, label, notes
 
     try:
         config = read_config(options)
@@ -61,22 +61,22 @@ def check(options: argparse.Namespace) -> int:
         print(line)
     memory = guards.lack_of_memory(options.jobs * cost.memory)
     space = guards.lack_of_space(directory, cost.storage)
-    for warning in (*remarks(case.config for case in every), *memory, *space):
+    for warning in (*notes(case.config for case in every), *memory, *space):
         print(f"warning: {warning}")
     return COMPLETE
 
 
 def _from_finished_cases(directory: Path, config: Config, every: Sequence[Case]) -> list[str]:
     """Tell the time that is left, where cases of the same configuration are complete."""
-    from gfmdlayer.running.folder import Folder, FolderError, changed_keys
+    from gfmdlayer.execution.folder import Folder, FolderError, changed_keys
 
     folder = Folder(directory)
     present = {path.name for path in folder.cases.glob("[0-9]*.h5")}
     done = [case for case in every if folder.case(case.index).name in present]
     with suppress(FolderError):
         if done and not changed_keys(folder.stored_config(), config):
-            from gfmdlayer.running.cost_model import CostModel, finished
-            from gfmdlayer.running.reports import duration
+            from gfmdlayer.execution.cost_model import CostModel, finished
+            from gfmdlayer.execution.progress import duration
 
             left = [case for case in every if folder.case(case.index).name not in present]
             model = CostModel(finished(folder, done))

@@ -22,8 +22,8 @@ def register(verbs: Verbs) -> None:
 
 def clean(options: argparse.Namespace) -> int:
     """Remove what killed runs left."""
-    from gfmdlayer.running.folder import Folder, FolderError
-    from gfmdlayer.running.remains import remains
+    from gfmdlayer.execution.cleanup import remains
+    from gfmdlayer.execution.folder import Folder, FolderError
 
     folder = Folder(Path(options.directory))
     try:

@@ -29,8 +29,8 @@ def register(verbs: Verbs) -> None:
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a Prony series to a measured curve."""
     from gfmdlayer import fitting
+    from gfmdlayer.files.tables import TableError
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.tables import TableError
 
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):

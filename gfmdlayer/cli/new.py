@@ -31,7 +31,7 @@ def register(verbs: Verbs) -> None:
 def new(options: argparse.Namespace) -> int:
     """Write a configuration to start from."""
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.config.starts import commented
+    from gfmdlayer.config.templates import commented
 
     path = Path(options.file or f"{options.like}.yaml")
     try:

@@ -61,7 +61,7 @@ def plot(options: argparse.Namespace) -> int:
         if getattr(options, name) not in (None, False, []) and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
             return refuse(f"--{name.replace('_', '-')}: means nothing to this figure; must be with {allowed}")
-    from gfmdlayer.results.plots import plot_results
+    from gfmdlayer.figures.plots import plot_results
     from gfmdlayer.results.schema import ResultsError
 
     try:

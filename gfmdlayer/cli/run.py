@@ -23,11 +23,11 @@ from gfmdlayer.cli.terminal import (
     read_config,
     refuse,
 )
-from gfmdlayer.running import CHECKPOINT_EVERY
+from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
-    from gfmdlayer.running.executors import Team
-    from gfmdlayer.running.shards import Shard
+    from gfmdlayer.execution.shards import Shard
+    from gfmdlayer.execution.workers import WorkerPool
 
 
 def register(verbs: Verbs) -> None:
@@ -63,7 +63,7 @@ def register(verbs: Verbs) -> None:
 
 def shard(text: str) -> Shard:
     """Take a shard from the command line."""
-    from gfmdlayer.running.shards import Shard
+    from gfmdlayer.execution.shards import Shard
 
     try:
         return Shard.parse(text)
@@ -73,25 +73,27 @@ def shard(text: str) -> Shard:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer.running import cases, executors, interrupts
+    from gfmdlayer.execution import case_run as cases
+    from gfmdlayer.execution import interrupts
+    from gfmdlayer.execution import workers as executors
 
     if options.shard and options.restart:
         return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
     interrupts.listen()
     try:
         threads = executors.threads_each(os.environ, options.threads)
-        with executors.assemble(options.jobs, cases.prepare) as team:
-            return COMPLETE if team is None else _run(options, team, threads)
+        with executors.assemble(options.jobs, cases.prepare) as pool:
+            return COMPLETE if pool is None else _run(options, pool, threads)
     except executors.LauncherError as error:
         return refuse(str(error))
 
 
-def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
+def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
+    from gfmdlayer.execution.folder import Folder, FolderError
+    from gfmdlayer.execution.progress import report_to
+    from gfmdlayer.execution.run import run_sweep
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.running.folder import Folder, FolderError
-    from gfmdlayer.running.reports import report_to
-    from gfmdlayer.running.run import run_sweep
 
     try:
         config = read_config(options)
@@ -101,7 +103,7 @@ def _run(options: argparse.Namespace, team: Team, threads: int) -> int:
         summary = run_sweep(
             config,
             directory,
-            team,
+            pool,
             options.restart,
             lambda: report_to(sys.stderr),
             threads,

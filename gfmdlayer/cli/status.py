@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, refuse, some
 
 if TYPE_CHECKING:
-    from gfmdlayer.running.folder import Folder
-    from gfmdlayer.running.overview import Overview
-    from gfmdlayer.running.status_file import Running
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.execution.overview import Overview
+    from gfmdlayer.execution.status_file import Running
 
 WATCH_INTERVAL = 2.0  # seconds between two looks
 
@@ -34,8 +34,8 @@ def register(verbs: Verbs) -> None:
 
 def status(options: argparse.Namespace) -> int:
     """Tell what is done, running, failed and waiting."""
-    from gfmdlayer.running.folder import Folder, FolderError
-    from gfmdlayer.running.overview import overview
+    from gfmdlayer.execution.folder import Folder, FolderError
+    from gfmdlayer.execution.overview import overview
 
     folder = Folder(Path(options.directory))
     try:
@@ -68,7 +68,7 @@ def _watch(folder: Folder) -> None:
 
 
 def _looks(folder: Folder) -> Iterator[Overview]:
-    from gfmdlayer.running.overview import overview
+    from gfmdlayer.execution.overview import overview
 
     interrupted = False
 
@@ -101,7 +101,7 @@ def _counts(seen: Overview) -> str:
 
 
 def _at_work(case: Running) -> str:
-    from gfmdlayer.running.reports import duration
+    from gfmdlayer.execution.progress import duration
 
     left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
     return (
@@ -112,8 +112,8 @@ def _at_work(case: Running) -> str:
 
 def _failures(seen: Overview) -> list[str]:
     """Tell each of a few failures, and of many how many are alike."""
-    from gfmdlayer.running.overview import alike
-    from gfmdlayer.sweep import label
+    from gfmdlayer.execution.overview import alike
+    from gfmdlayer.execution.sweep import label
 
     if seen.failed <= LISTED:
         return [

@@ -93,17 +93,17 @@ def read_config(options: argparse.Namespace) -> Config:
         With everything that is wrong with it.
     """
     from gfmdlayer.config import load
-    from gfmdlayer.running.again import is_result, stored_config
-    from gfmdlayer.sweep import objections
+    from gfmdlayer.execution.rerun import is_result, stored_config
+    from gfmdlayer.execution.sweep import input_errors
 
     if is_result(options.config):
         return stored_config(options.config, options.set)
-    return load(options.config, options.set, objections)
+    return load(options.config, options.set, input_errors)
 
 
 def default_directory(config: Config, path: str) -> Path:
     """Where the results go unless told otherwise; those of a case that is run again are kept apart."""
-    from gfmdlayer.running.again import is_result
+    from gfmdlayer.execution.rerun import is_result
 
     return Path("results") / (f"{config.name}-{Path(path).stem}" if is_result(path) else config.name)
 

@@ -37,8 +37,8 @@ def verify(options: argparse.Namespace) -> int:
     """Compare with theory and with other methods."""
     import os
 
+    from gfmdlayer.execution.workers import threads_each
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.running.executors import threads_each
 
     if options.jobs < 1:
         return refuse(f"--jobs {options.jobs}: must be 1 or more")

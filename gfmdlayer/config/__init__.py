@@ -4,9 +4,9 @@
 its place, its key and what is allowed. `digest` names what determines a case's results.
 """
 
+from gfmdlayer.config.input_errors import ConfigError
 from gfmdlayer.config.model import Config, digest
 from gfmdlayer.config.output import Histogram, Histograms, Output
-from gfmdlayer.config.problems import ConfigError
 from gfmdlayer.config.punches import (
     Array,
     Cone,

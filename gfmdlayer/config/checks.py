@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from gfmdlayer.config.problems import Location, Problem, shown
+from gfmdlayer.config.input_errors import Location, Problem, shown
 from gfmdlayer.config.punch_checks import punch_conflicts
 from gfmdlayer.config.sections import MANY
 

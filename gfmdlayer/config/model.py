@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.config import checks, punches, sections, sweep_checks, sweeps, text
 from gfmdlayer.config import output as outputs
-from gfmdlayer.config.problems import ConfigError, InconsistentError, Location, Problem, problems_of
+from gfmdlayer.config.input_errors import ConfigError, InconsistentError, Location, Problem, problems_of
 from gfmdlayer.config.sections import Section
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag, model_validator
 
-from gfmdlayer.config.problems import InconsistentError, MustBe, Problem, one_of
+from gfmdlayer.config.input_errors import InconsistentError, MustBe, Problem, one_of
 from gfmdlayer.config.sections import NotNegative, Positive, Section, Spacing, given, number_or_list
 
 Rows = Annotated[

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from gfmdlayer.config.problems import Problem, shown
+from gfmdlayer.config.input_errors import Problem, shown
 from gfmdlayer.config.punches import EITHER_WAY, Array, Cylinder, Flat, SelfAffine, Sinusoid, Sphere
 
 if TYPE_CHECKING:

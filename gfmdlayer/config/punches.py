@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Tag
 
-from gfmdlayer.config.problems import MustBe, one_of
+from gfmdlayer.config.input_errors import MustBe, one_of
 from gfmdlayer.config.sections import (
     Count,
     File,

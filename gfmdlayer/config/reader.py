@@ -15,8 +15,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from gfmdlayer.config import text
+from gfmdlayer.config.input_errors import ConfigError, Location, Problem
 from gfmdlayer.config.model import Config, explained, problems
-from gfmdlayer.config.problems import ConfigError, Location, Problem
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
 

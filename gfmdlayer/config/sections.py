@@ -25,7 +25,7 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.config.problems import MustBe, one_of
+from gfmdlayer.config.input_errors import MustBe, one_of
 
 
 def sequence(value: object) -> object:

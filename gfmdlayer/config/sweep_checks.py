@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.config import checks
-from gfmdlayer.config.problems import Location, Problem, shown, unknown_key
+from gfmdlayer.config.input_errors import Location, Problem, shown, unknown_key
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
 
 if TYPE_CHECKING:

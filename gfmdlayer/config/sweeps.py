@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, field_validator
 from pydantic_core import CoreSchema, core_schema
 
-from gfmdlayer.config.problems import Location, MustBe, one_of, shown
+from gfmdlayer.config.input_errors import Location, MustBe, one_of, shown
 from gfmdlayer.config.sections import Count, Section, given
 
 SAMPLED = ("latin_hypercube", "sobol")

@@ -17,25 +17,25 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, NamedTuple
 
-import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.dual import (
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.pressure_form import (
     AIM,
     CLOSE,
     Iterate,
     System,
-    accept,
-    admit,
+    feasible_solution,
     in_pressures,
-    known,
-    met,
+    satisfies_kkt,
     set_pressure,
+    trivial_solution,
+    unconverged,
 )
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, LANES, Problem, Solution, scales_of
-from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
-from gfmdlayer.resumable import Memoryless
+from gfmdlayer.contact.problem import Problem, Solution, scales_of
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.resumable import Stateless
 
 _ROUNDING = 1e-14  # part of a pressure that is left where it was to vanish
 _SHORTEST = 1e-12  # part of the first trial length at which only rounding is left to descend
@@ -49,7 +49,7 @@ class Search(NamedTuple):
     work: ComplexArray
 
 
-class ConjugateGradient(Memoryless):
+class ConjugateGradient(Stateless):
     """Polonsky's and Keer's solver for the steps of one run.
 
     Parameters
@@ -80,7 +80,7 @@ class ConjugateGradient(Memoryless):
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
         at, tolerance = self._at, self._tolerance
-        if trivial := known(problem, self._transforms):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
@@ -89,11 +89,13 @@ class ConjugateGradient(Memoryless):
             left = self._max_iterations - iterations
             _, more, done = iterate(self._transforms.plans, system, at, self._search, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
-            solution = accept(problem, system, free, at, tolerance, (transforms + 1) // 2, iterations)
+            solution = feasible_solution(
+                problem, system, free, at, tolerance, (transforms + 1) // 2, iterations
+            )
             if solution.converged:
                 return solution
             shift = AIM * tolerance * scales_of(solution.pressure, solution.displacement, problem.least)[1]
-        return admit(problem, system, at, self._transforms, solution)
+        return unconverged(problem, system, at, self._transforms, solution)
 
 
 def make_search(transforms: Transforms) -> Search:
@@ -101,7 +103,7 @@ def make_search(transforms: Transforms) -> Search:
     return Search(transforms.empty_field(), transforms.empty_field(), transforms.empty_spectrum())
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def iterate(
     plans: Plans, system: System, at: Iterate, search: Search, shift: float, tolerance: float, limit: int
 ) -> tuple[bool, int, int]:
@@ -119,7 +121,7 @@ def iterate(
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load:
             _set_depth(p, gap, shift)
-        if met(system, p, gap, shift, tolerance):
+        if satisfies_kkt(system, p, gap, shift, tolerance):
             if exact:
                 found = True
                 break
@@ -155,14 +157,14 @@ def iterate(
     return found, transforms, iteration
 
 
-@nb.njit(nogil=True, cache=True)
+@kernel
 def _carry(system: System, p: FloatArray, load: float) -> None:
     """Give back to a given load what rounding took over the steps."""
     if system.load:
         p *= load / p.sum()
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
     """Gap of the pressure."""
     _comply(plans, system, at.p, at.spectrum, work, at.gap)
@@ -170,7 +172,7 @@ def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> 
         at.gap[i] += system.gap0[i]
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _comply(
     plans: Plans, system: System, p: FloatArray, spectrum: ComplexArray, work: ComplexArray, gap: FloatArray
 ) -> None:
@@ -181,7 +183,7 @@ def _comply(
     backward(plans, work, gap)
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
     """The depth at which the gap is right in the mean over the contact, or at its lowest point."""
     total, count = 0.0, 0.0
@@ -194,7 +196,7 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
         gap[i] -= excess
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _try_step(
     system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float
 ) -> bool:
@@ -225,7 +227,7 @@ def _try_step(
     return cut > 0.0
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _reach(p: FloatArray, step: FloatArray) -> float:
     """How far along a step no pressure becomes negative."""
     fastest = np.zeros(LANES)  # of what falls, per pressure that there is

@@ -26,13 +26,13 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from gfmdlayer.contact.dual import known
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire_loop import Constants, Fields, State, iterate
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, judged
+from gfmdlayer.contact.pressure_form import trivial_solution
+from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
-from gfmdlayer.contact.transforms import Transforms
-from gfmdlayer.resumable import Memoryless
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import Stateless
 
 _CHUNK = 1 << 21  # points moved between two returns to Python, where signals are seen: some 20 ms
 
@@ -43,7 +43,7 @@ MASS_WEIGHTED = Constants(first_step=0.4, longest_step=0.6, mixing=0.5, growth=1
 UNIFORM = Constants(first_step=0.5, longest_step=1.0, mixing=0.1, growth=1.1, cut=0.5, decay=0.99)
 
 
-class Fire(Memoryless):
+class Fire(Stateless):
     """FIRE for the steps of one run.
 
     Parameters
@@ -84,7 +84,7 @@ class Fire(Memoryless):
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if trivial := known(problem, self._transforms):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         fields = self._fields
         fields.u[:] = start
@@ -113,7 +113,7 @@ class Fire(Memoryless):
             state, _, _, more = self._iterate(problem, constants, state, np.inf, 1)
             pairs += more
         pressure = fields.stress + state.multiplier
-        return judged(
+        return make_solution(
             problem,
             fields.u.copy(),
             pressure,

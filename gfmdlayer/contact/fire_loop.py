@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH, Least, scales, violation
-from gfmdlayer.contact.transforms import ComplexArray, Plans, backward, forward
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.problem import ResidualFloor, scales, violation
+from gfmdlayer.grid.transforms import Plans, backward, forward
+from gfmdlayer.kernels import FASTMATH, kernel
 
 
 class Constants(NamedTuple):
@@ -46,7 +47,7 @@ class State(NamedTuple):
     drift: float  # excess of each free point that brings the mean off zero
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def iterate(
     plans: Plans,
     kappa: FloatArray,
@@ -59,7 +60,7 @@ def iterate(
     constants: Constants,
     state: State,
     mean_is_fixed: bool,
-    least: Least,
+    least: ResidualFloor,
     tolerance: float,
     limit: int,
 ) -> tuple[State, bool, int, int]:

@@ -16,10 +16,9 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.transforms import ComplexArray
-from gfmdlayer.trajectory import Trajectory
+from gfmdlayer.punch.trajectory import Trajectory
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
 

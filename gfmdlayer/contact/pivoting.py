@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.projection import project
-from gfmdlayer.contact.transforms import ComplexArray, Transforms
+from gfmdlayer.grid.transforms import Transforms
 
 Mask = npt.NDArray[np.bool_]
 Spectral = npt.NDArray[np.complexfloating[Any, Any]]
@@ -51,7 +51,7 @@ class Pivoting:
     def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
         self._problem, self._plans, self._tolerance = problem, transforms, tolerance
         self.transforms = self.rounds = 0
-        drag = problem.drag if problem.drag is not None else 0.0
+        drag = problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
         self._stiffness = problem.stiffness + 1j * drag
         self._stiffest = float(np.abs(self._stiffness).max())
         stiff = problem.stiffness > 0

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.problem import FASTMATH
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 
 _REACH = 32  # part of the surface, at least, on either side of the contact where there may be some next
@@ -155,7 +155,7 @@ class PressurePrediction:
         self._contact = int(state["contact"][0]), int(state["contact"][1])
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _learn(
     w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, there: tuple[int, int]
 ) -> tuple[float, bool, int, int]:
@@ -188,7 +188,7 @@ def _learn(
     return (squares / predicted if predicted > 0.0 else mu), moved, min(before, after), after
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def _extrapolate(
     w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool, near: tuple[int, int]
 ) -> FloatArray:
@@ -221,7 +221,7 @@ def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> flo
     return np.sqrt(s) if s > 0.0 else 0.0
 
 
-@nb.njit(nogil=True, cache=True)
+@kernel
 def _combined(w: Weights, fields: Fields) -> FloatArray:
     field = np.empty(fields[0].size)
     for i in range(field.size):

@@ -22,16 +22,9 @@ from typing import Literal, NamedTuple, Protocol
 import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
-from gfmdlayer.contact.transforms import ComplexArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import Resumable
-
-# Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
-FASTMATH = {"reassoc", "contract"}
-
-# Numbers of which maxima are kept side by side: vector units compare them at once, where a single maximum
-# waits for each comparison in turn.
-LANES = 256
 
 # Pressures count against at least this part of what the softest mode carries at the depth of the surface.
 # Without it a surface that nothing touches would measure rounding errors against rounding errors: those reach
@@ -43,7 +36,7 @@ _NO_PRESSURE = 1e-3
 _NO_DEPTH = 1e-14
 
 
-class Least(NamedTuple):
+class ResidualFloor(NamedTuple):
     """What the residual's scales are made of where there is next to no pressure, or depth."""
 
     stiffness: float  # kappa_1, the smallest of a mode that is not the mean
@@ -65,7 +58,7 @@ class Problem:
     mean_pressure : float, optional
         The mean pressure that is to be reached; without it the depth is the given quantity.
     drag : ndarray, one value a mode, optional
-        Imaginary part of kappa, which only `Dragged` solves for; zero at q = 0.
+        Imaginary part of kappa, which only `LossStiffnessSolver` solves for; zero at q = 0.
     height : float
         Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
     """
@@ -74,7 +67,7 @@ class Problem:
     intercept: ComplexArray
     obstacle: FloatArray
     mean_pressure: float | None = None
-    drag: FloatArray | None = None
+    loss_stiffness: FloatArray | None = None
     height: float = 0.0
 
     @property
@@ -93,9 +86,9 @@ class Problem:
         return float(self.stiffness[1:].min())
 
     @property
-    def least(self) -> Least:
+    def least(self) -> ResidualFloor:
         """What the scales of the residual are made of at least."""
-        return Least(self.softest, self.least_depth)
+        return ResidualFloor(self.softest, self.least_depth)
 
     @property
     def least_depth(self) -> float:
@@ -141,7 +134,7 @@ class Solution:
     converged: bool
 
 
-Judgement = tuple[float, float, float, float]
+Assessment = tuple[float, float, float, float]
 
 
 class Solver(Resumable, Protocol):
@@ -170,13 +163,13 @@ def violation(pressure: float, gap: float, per_pressure: float, per_gap: float) 
 
 
 @nb.njit(inline="always")
-def scales(largest_pressure: float, deepest: float, least: Least) -> tuple[float, float]:
+def scales(largest_pressure: float, deepest: float, least: ResidualFloor) -> tuple[float, float]:
     """Scales (p_max, depth) of the residual: the largest pressure and the deepest point of the surface."""
     depth = max(deepest, least.depth, 1e-300)
     return max(largest_pressure, _NO_PRESSURE * least.stiffness * depth, 1e-300), depth
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
+@kernel(reorder=True)
 def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
     """Largest pressure and deepest point of a state without NaN.
 
@@ -193,15 +186,15 @@ def extent(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
     return largest.max(), max(total / u.size, 0.0) - lowest.min()
 
 
-@nb.njit(nogil=True, cache=True)
-def scales_of(pressure: FloatArray, u: FloatArray, least: Least) -> tuple[float, float]:
+@kernel
+def scales_of(pressure: FloatArray, u: FloatArray, least: ResidualFloor) -> tuple[float, float]:
     """Scales of the residual of a state."""
     largest, deepest = extent(pressure, u)
     return scales(largest, deepest, least)
 
 
-@nb.njit(nogil=True, cache=True, fastmath=FASTMATH)
-def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: Least) -> Judgement:
+@kernel(reorder=True)
+def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: ResidualFloor) -> Assessment:
     """Judge a state.
 
     Returns
@@ -228,7 +221,7 @@ def assess(pressure: FloatArray, u: FloatArray, h: FloatArray, least: Least) -> 
     return worst.max() if known else np.nan, touching / u.size, total / u.size, gaps / u.size
 
 
-def judged(
+def make_solution(
     problem: Problem,
     displacement: FloatArray,
     pressure: FloatArray,
@@ -237,7 +230,7 @@ def judged(
     transforms: int,
     iterations: int,
     within: float,
-    judgement: Judgement | None = None,
+    judgement: Assessment | None = None,
     gap: FloatArray | None = None,
 ) -> Solution:
     """A state with its observables (see `assess`); it converged if its residual is within a bound.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
-from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.kernels import kernel
 
 _ROUNDING = 2.3e-16
 
@@ -25,7 +25,7 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool) -> None:
         )
 
 
-@nb.njit(nogil=True, cache=True)
+@kernel
 def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
     """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero.
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gfmdlayer.figures.plot_style import colours, line_style, new_figure, styled
 from gfmdlayer.fitting.measurement import MasterCurve
-from gfmdlayer.results.plot_style import colours, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

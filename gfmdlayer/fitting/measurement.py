@@ -19,10 +19,9 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.solid.materials import Material
-from gfmdlayer.tables import TableError, is_number, read_columns, read_lines
-
-FloatArray = NDArray[np.float64]
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.materials import Material
+from gfmdlayer.files.tables import TableError, is_number, read_columns, read_lines
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two with numbers left over
 
@@ -176,12 +175,12 @@ def read(path: Path) -> Measurement:
     """
     kind = _kind(path)
 
-    def objection(row: Sequence[float]) -> str | None:
+    def row_error(row: Sequence[float]) -> str | None:
         wrong = (f"{name} = {value:g}" for name, value in zip(kind.columns, row, strict=True) if value <= 0)
         found = ", ".join(wrong)
         return found and f"{found}; must be > 0"
 
-    rows = read_columns(path, kind.columns, increasing=True, at_least=FEWEST_ROWS, objection=objection)
+    rows = read_columns(path, kind.columns, increasing=True, at_least=FEWEST_ROWS, row_error=row_error)
     abscissa, *moduli = rows.T
     return kind(path.name, abscissa, np.array(moduli))
 

@@ -30,8 +30,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from gfmdlayer.fitting.measurement import FitError, FloatArray, Measurement
-from gfmdlayer.solid.materials import Prony
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.materials import Prony
+from gfmdlayer.fitting.measurement import FitError, Measurement
 
 MARGIN = 1.05
 ACCURACY = 2e-3

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gfmdlayer.figures.plot_style import save
 from gfmdlayer.fitting.figure import fit_figure
 from gfmdlayer.fitting.measurement import read
 from gfmdlayer.fitting.prony import Fit, fit
 from gfmdlayer.fitting.wlf import WLF
-from gfmdlayer.results.plot_style import save
 from gfmdlayer.results.schema import ResultsError
 
 PLATEAU = 1.2  # a modulus further than this from all that was measured is an extrapolation
@@ -66,22 +66,22 @@ def fit_material(
     G0 = fitted.material.G0
     if normalise:
         fitted = fitted.normalised()
-    remarks = list(_origin(fitted, wlf, G0 if normalise else None))
+    notes = list(_origin(fitted, wlf, G0 if normalise else None))
     try:
         material.parent.mkdir(parents=True, exist_ok=True)
         with material.open("w" if force else "x", encoding="utf-8") as file:
-            file.write(material_yaml(fitted, material.stem, remarks))
+            file.write(material_yaml(fitted, material.stem, notes))
     except OSError as error:
         raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
     save(fit_figure(fitted), picture)
     warnings = [f"warning: {text}" for text in _warnings(fitted, branches, relaxed)]
-    return "\n".join([*remarks, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
+    return "\n".join([*notes, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
 
 
-def material_yaml(fitted: Fit, name: str, remarks: list[str]) -> str:
-    """Write the series as a small configuration, with remarks above it."""
+def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
+    """Write the series as a small configuration, with notes above it."""
     material = fitted.material
-    lines = [f"# {remark}" for remark in remarks]
+    lines = [f"# {note}" for note in notes]
     lines += [f"name: {re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')[:128] or 'material'}"]
     lines += ["layer:", "  material:", "    model: prony", f"    G0: {material.G0:.6e}", "    branches:"]
     lines += [f"      - {{G: {modulus:.6e}, tau: {time:.6e}}}" for modulus, time in material.branches]

@@ -30,7 +30,7 @@ def sweep_path(directory: str | Path) -> Path:
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
-    """Tell whether a file holds a complete case, judged by its contents.
+    """Tell whether a file holds a complete case, make_solution by its contents.
 
     The mark of completeness, the number of rows and snapshots, and the checksums of the rows must be right,
     and the attribute `digest` must equal the one given, if any. Missing, truncated, unfinished and foreign
@@ -130,7 +130,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
 
 
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
-    from gfmdlayer.results.stack import with_snapshots
+    from gfmdlayer.results.lazy_snapshots import with_snapshots
 
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
     first = next((path for path in files.flat if is_complete(path)), None)

@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.results import scan
+from gfmdlayer.results.case_metadata import LOST, CaseRecord, Survey, rows_at
 from gfmdlayer.results.netcdf import add_values, add_variable, new_file
 from gfmdlayer.results.reader import sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
-from gfmdlayer.results.survey import LOST, CaseRecord, Survey, rows_at
 
 __all__ = ["CaseRecord", "collect", "dimension_names"]
 

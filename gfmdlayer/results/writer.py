@@ -22,7 +22,7 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.results.blank import SNAPSHOTS, add_field, blank
+from gfmdlayer.results.case_template import SNAPSHOTS, add_field, blank
 from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from gfmdlayer.solid.layer import LayeredHalfspace
-from gfmdlayer.solid.materials import Zener
-from gfmdlayer.solid.relaxation import relaxation_spectrum
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
 from gfmdlayer.verification.theory import (

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.solid.layer import LayeredHalfspace
-from gfmdlayer.solid.materials import Zener
-from gfmdlayer.solid.relaxation import relaxation_spectrum
-from gfmdlayer.stepping.modes import SCHEMES, Modes
-from gfmdlayer.stepping.third_order import ThirdOrder
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.relaxation import relaxation_spectrum
+from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, run, table
 from gfmdlayer.verification.theory import parabola_grid_error, solver_error
+from gfmdlayer.verification.third_order import ThirdOrder
 
 _EPS = float(np.finfo(float).eps)
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.contact.grid import Grid
-from gfmdlayer.contact.punch import parabola
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.shapes import parabola
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, HALFSPACE, ONE_STEP, run
 from gfmdlayer.verification.theory import RADIUS, solver_error

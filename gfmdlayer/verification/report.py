@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.results.plot_style import colours, new_figure, save, styled
+from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.verification import theory

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
-from gfmdlayer.contact.grid import FloatArray
 from gfmdlayer.simulation import simulate, warm_up
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4

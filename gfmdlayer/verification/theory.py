@@ -30,7 +30,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import spence
 
-from gfmdlayer.contact.grid import FloatArray
+from gfmdlayer.arrays import FloatArray
 
 E_STAR = 4.0  # 2 G/(1 - nu) of an incompressible body with G = 1
 RADIUS = 0.25  # of the paper's punch, in periods

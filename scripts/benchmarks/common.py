@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numba as nb
 import numpy as np
-import numpy.typing as npt
 
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.config import Config, load
-from gfmdlayer.contact.transforms import ComplexArray, Plans, Transforms, backward, forward
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.simulation import simulate, warm_up
-
-FloatArray = npt.NDArray[np.float64]
 
 METHODS = ("active_set", "conjugate_gradient", "fire")
 STEP = 0.005  # the paper's, in tau

@@ -14,11 +14,11 @@ from pathlib import Path
 
 from benchmarks.common import Trace, default_case
 
-from gfmdlayer.running.executors import Team, assemble
-from gfmdlayer.running.folder import Folder
-from gfmdlayer.running.schedule import Outcome
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.simulation import simulate, warm_up
-from gfmdlayer.sweep import Case
 
 CASES, REPETITIONS = 300, 3
 
@@ -30,26 +30,26 @@ def nothing(case: Case, **_: object) -> Outcome:
 
 def main() -> None:
     """Measure seconds a case: of rank 0's processor, from hand-over to result, and while rank 0 computes."""
-    with assemble() as team:
-        if team is not None:
+    with assemble() as pool:
+        if pool is not None:
             config = default_case(grid__points=4096)
             wisdom = warm_up(config)
             task = partial(nothing, folder=Folder(Path()), wisdom={config.grid.points: wisdom})
             every = [Case(index, config, {"layer.thickness": 0.05}) for index in range(CASES)]
-            idle = [_exchange(team, task, every) for _ in range(REPETITIONS)]
+            idle = [_exchange(pool, task, every) for _ in range(REPETITIONS)]
             over = threading.Event()
             worker = threading.Thread(target=_compute, args=(over, config, wisdom))
             worker.start()
-            busy = [_exchange(team, task, every)["round_trip"] for _ in range(REPETITIONS)]
+            busy = [_exchange(pool, task, every)["round_trip"] for _ in range(REPETITIONS)]
             over.set()
             worker.join()
             best = {key: min(found[key] for found in idle) for key in idle[0]}
             print(json.dumps({**best, "round_trip_computing": min(busy)}))
 
 
-def _exchange(team: Team, task: Callable[[Case], Outcome], every: list[Case]) -> dict[str, float]:
+def _exchange(pool: WorkerPool, task: Callable[[Case], Outcome], every: list[Case]) -> dict[str, float]:
     clock, processor = time.perf_counter(), time.process_time()
-    futures = [team.executor.submit(task, case) for case in every]
+    futures = [pool.executor.submit(task, case) for case in every]
     submitted = time.perf_counter()
     for future in futures:
         future.result()

@@ -6,10 +6,10 @@ import numpy as np
 from benchmarks.common import STEP, bare_pairs, default_case, ratio
 from benchmarks.tables import Effort, Table
 
-from gfmdlayer.assembly import make_integrator
+from gfmdlayer.case import make_integrator
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import warm_up
 

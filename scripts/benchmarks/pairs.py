@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 
-from benchmarks.common import METHODS, STEP, FloatArray, Trace, default_case, run
+from benchmarks.common import METHODS, STEP, Trace, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
-from gfmdlayer.assembly import make_integrator, make_loading, make_steps
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case import make_integrator, make_loading, make_steps
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.prediction import DisplacementPrediction
-from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid
 from gfmdlayer.simulation import warm_up
 

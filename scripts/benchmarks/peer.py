@@ -13,14 +13,15 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from benchmarks.common import STEP, FloatArray, Trace, bare_pairs, default_case, run, seconds
+from benchmarks.common import STEP, Trace, bare_pairs, default_case, run, seconds
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.work import reference
 
-from gfmdlayer.assembly import make_integrator
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case import make_integrator
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem, assess
-from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import simulate, warm_up
 

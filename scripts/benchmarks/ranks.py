@@ -17,12 +17,12 @@ from benchmarks.mpi import over_ranks
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.config import load
-from gfmdlayer.running.cases import prepare, run_case, warm_up
-from gfmdlayer.running.cost_model import CostModel
-from gfmdlayer.running.executors import Team, assemble
-from gfmdlayer.running.folder import Folder
-from gfmdlayer.running.schedule import Schedule
-from gfmdlayer.sweep import Case, cases
+from gfmdlayer.execution.case_run import prepare, run_case, warm_up
+from gfmdlayer.execution.cost_model import CostModel
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.schedule import Schedule
+from gfmdlayer.execution.sweep import Case, cases
+from gfmdlayer.execution.workers import WorkerPool, assemble
 
 EFFORT = Effort(points=(1 << 14,), repetitions=1)
 QUICK = Effort(points=(1 << 10,), repetitions=3)
@@ -62,13 +62,13 @@ def _timed(number: int, quick: bool) -> dict[str, list[float]]:
     return dict(json.loads(answer))
 
 
-def _run(team: Team, every: list[Case]) -> dict[str, object]:
+def _run(pool: WorkerPool, every: list[Case]) -> dict[str, object]:
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()
         task = partial(run_case, folder=folder, wisdom=warm_up(every))
         begun = time.perf_counter()
-        schedule = Schedule(team, task, folder, lambda _: None)
+        schedule = Schedule(pool, task, folder, lambda _: None)
         outcomes = list(schedule.run(CostModel().longest_first(every)))
         seconds = time.perf_counter() - begun
     if any(outcome.state != "complete" for outcome in outcomes):
@@ -78,9 +78,9 @@ def _run(team: Team, every: list[Case]) -> dict[str, object]:
 
 def main() -> None:
     """Run on the ranks that there are; print JSON."""
-    with assemble(prepare=prepare) as team:
-        if team is not None:
-            print(json.dumps(_run(team, figures(sys.argv[1] == "quick"))))
+    with assemble(prepare=prepare) as pool:
+        if pool is not None:
+            print(json.dumps(_run(pool, figures(sys.argv[1] == "quick"))))
 
 
 if __name__ == "__main__":

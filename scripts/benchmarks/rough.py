@@ -17,10 +17,10 @@ from benchmarks.common import METHODS, bare_pairs, seconds
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.whole_run import run_to_file
 
-from gfmdlayer.assembly import make_solver
+from gfmdlayer.case import make_solver
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact.problem import Problem, Solution, Solver, assess
-from gfmdlayer.contact.transforms import Transforms
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import warm_up
 

@@ -1,6 +1,6 @@
 """A sweep of 100 000 cases on 1 to 4096 ranks: the real scheduler in a simulated cluster.
 
-`gfmdlayer.running.schedule.Schedule` submits, cancels and takes over as it does under MPI, but the executor
+`gfmdlayer.execution.schedule.Schedule` submits, cancels and takes over as it does under MPI, but the executor
 behind it is a discrete-event simulation: a manager on rank 0 serves one message after the other, the other
 ranks compute for as long as a case costs, and the clock jumps from event to event. Costs are drawn from those
 of the figures' cases, run here; what a hand-over takes is measured between two ranks, if there is an mpirun.
@@ -22,16 +22,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from benchmarks.common import FloatArray
 from benchmarks.mpi import over_ranks
 from benchmarks.ranks import figures
 from benchmarks.tables import Cell, Effort, Table
 
-from gfmdlayer.running.cases import run_case, warm_up
-from gfmdlayer.running.cost import estimate
-from gfmdlayer.running.executors import Team
-from gfmdlayer.running.folder import Folder
-from gfmdlayer.running.schedule import Outcome, Schedule
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.execution.case_run import run_case, warm_up
+from gfmdlayer.execution.cost import estimate
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.schedule import Outcome, Schedule
+from gfmdlayer.execution.workers import WorkerPool
 
 EFFORT = Effort(points=(1 << 14,), steps=100_000)
 QUICK = Effort(points=(1 << 14,), steps=2_000)
@@ -157,11 +157,11 @@ def makespan(costs: FloatArray, ranks: int, hand_over: Seconds) -> tuple[float, 
     cluster = Cluster(ranks, hand_over)
     settled = _Settled()
     settled.cluster = cluster
-    team = Team(cluster, ranks, "simulated ranks", joins=True)
+    pool = WorkerPool(cluster, ranks, "simulated ranks", joins=True)
     ended: set[int] = set()
     with TemporaryDirectory() as name:
         schedule = Schedule(
-            team, cluster.compute, Folder(Path(name)), lambda outcome: ended.add(outcome.index), settled
+            pool, cluster.compute, Folder(Path(name)), lambda outcome: ended.add(outcome.index), settled
         )
         items = [Costly(index, float(seconds)) for index, seconds in enumerate(costs)]
         number = sum(1 for _ in schedule.run(items))

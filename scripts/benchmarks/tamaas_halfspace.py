@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import tamaas
-from benchmarks.common import FloatArray
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config, Zener
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.inputs import make_grid, make_punch, make_trajectory

@@ -10,11 +10,11 @@ from benchmarks.common import METHODS, STEP, bare_pairs, default_case, ratio
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.transforms import Transforms
-from gfmdlayer.running.cases import run_case
-from gfmdlayer.running.folder import Folder
+from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.sweep import Case
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.simulation import warm_up
-from gfmdlayer.sweep import Case
 
 EFFORT = Effort(points=(1 << 14,), repetitions=5)
 QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)

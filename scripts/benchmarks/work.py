@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.common import METHODS, STEP, FloatArray, Trace, default_case, run
+from benchmarks.common import METHODS, STEP, Trace, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 from scipy.interpolate import CubicSpline
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
+from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.inputs import make_trajectory
-from gfmdlayer.results.plot_style import colours, line_style, new_figure, save, styled
 
 EFFORT = Effort(points=(1 << 14,), steps=1600)
 QUICK = Effort(points=(1 << 10,), steps=400)

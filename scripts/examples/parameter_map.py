@@ -17,8 +17,8 @@ import sys
 from pathlib import Path
 
 import gfmdlayer
-from gfmdlayer.results.map_plots import draw_quantity
-from gfmdlayer.results.plot_style import new_figure, save, styled
+from gfmdlayer.figures.map_plots import draw_quantity
+from gfmdlayer.figures.plot_style import new_figure, save, styled
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/map")
 picture = Path(sys.argv[2]) if len(sys.argv) > 2 else folder / "overshoot.png"

@@ -1,0 +1,1 @@
+"""The primal-dual active-set solver; see `solver` for the method."""

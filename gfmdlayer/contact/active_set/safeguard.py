@@ -1,0 +1,48 @@
+"""What the active set hands over goes to constrained conjugate gradients, and to `descent` if they fail.
+
+Where distant points of the contact push each other out, as under a film that bends, the active set may wander
+for ever. Conjugate gradients never raise the energy and mostly end soon; that they end is not proved. The
+descent converges for every convex problem, if slowly.
+"""
+
+from __future__ import annotations
+
+from gfmdlayer.contact.active_set.descent import descend
+from gfmdlayer.contact.conjugate_gradient import iterate, make_search
+from gfmdlayer.contact.pressure_form import Iterate, System, set_pressure
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.grid.transforms import Transforms
+
+_PORTION = 200  # iterations between two looks at signals
+
+
+def safeguard(
+    transforms: Transforms,
+    system: System,
+    problem: Problem,
+    at: Iterate,
+    shift: float,
+    tolerance: float,
+    limit: int,
+) -> tuple[bool, int, int]:
+    """Improve an iterate until no point violates the conditions for a gap of ``shift`` in the contact.
+
+    Returns whether that was reached, the transforms and the iterations. At most half of the limit goes into
+    conjugate gradients.
+    """
+    found, taken, done, search = False, 0, 0, make_search(transforms)
+    set_pressure(at, system, problem, at.p)
+    while not found and done < limit // 2:
+        portion = min(_PORTION, limit // 2 - done)
+        found, more, ended = iterate(transforms.plans, system, at, search, shift, tolerance, portion)
+        taken, done = taken + more, done + ended
+        if ended < portion:
+            break
+    longest = float(problem.stiffness[problem.stiffness > 0].min())  # of the stiffnesses that A inverts
+    while not found and done < limit:
+        found, more = descend(
+            transforms.plans, system, at, search.work, longest, problem.applied_pressure,
+            shift, tolerance, min(_PORTION, limit - done),
+        )  # fmt: skip
+        taken, done = taken + 2 * more, done + more
+    return found, taken, done

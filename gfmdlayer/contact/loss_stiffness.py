@@ -1,0 +1,165 @@
+"""Contact under a moving punch, where the stiffness of a mode has an imaginary part.
+
+The force f = IFFT(-(kappa + i drag) FFT(u) + b) has no energy: the pressure of a travelling wave
+runs ahead of the displacement by an angle delta, tan delta = |drag|/kappa. What remains is
+a variational inequality with a monotone operator. It is solved by problems that have an energy, one after the
+other: with a stiffness s of a mode in place of kappa + i drag, and the difference taken from the last u,
+
+    f = IFFT(-s FFT(u) + b + (s - kappa - i drag) FFT(u_last)),        s = (kappa^2 + drag^2)/kappa
+
+In the norm of s the solution of such a problem depends on its right-hand side without gain, and the
+difference is sin delta of s, the least that a real s gives. So each problem brings u nearer to the solution
+by a factor sin delta at least, which is of the order of dt/tau for short steps. For longer ones the surfaces
+found are mixed (D. G. Anderson, J. ACM 12 (1965) 547-560). Whenever that does not bring them nearer, the
+plain iteration goes on from the best of them, and so the bound holds. Where the loss is so large that even
+this is long, a solution by `pivoting` begins at the contact that was found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.pivoting import Mask, Pivoting
+from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import State
+
+SHARE = 0.3  # of the tolerance is what a problem without drag may take, lest its error hide the iteration's
+_MOST_PROBLEMS = 12
+_SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
+_MIXED = 6  # surfaces at most
+
+
+class LossStiffnessSolver:
+    """Solves problems with drag by a solver for problems without.
+
+    Parameters
+    ----------
+    solver : Solver
+        To `SHARE` of the tolerance.
+    transforms : Transforms
+        Of the grid.
+    tolerance : float
+        On the residual, with the force that the drag is a part of.
+    measure : ndarray
+        Weight of each mode in the mean over the surface.
+    """
+
+    def __init__(self, solver: Solver, transforms: Transforms, tolerance: float, measure: FloatArray) -> None:
+        self.starts_from = solver.starts_from
+        self._solver, self._transforms = solver, transforms
+        self._tolerance, self._measure = tolerance, np.ravel(measure)
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from a first guess of what the solver starts from; one that did not converge says so."""
+        if problem.loss_stiffness is None:
+            return self._solver.solve(problem, start)
+        stiff = problem.stiffness > 0
+        extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
+        symmetric = problem.stiffness + extra
+        difference = extra - 1j * problem.loss_stiffness
+        mixture = _Mixture(symmetric * self._measure)
+        last = self._guess(problem, start)
+        transforms, iterations = 1, 0
+        for _ in range(_MOST_PROBLEMS):
+            intercept = problem.intercept + difference * last
+            solution = self._solver.solve(
+                replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None), start
+            )
+            change = self._transforms.backward(difference * (solution.spectrum - last)) / start.size
+            transforms += solution.transforms + 1
+            iterations += solution.iterations
+            state = make_solution(
+                problem,
+                solution.displacement,
+                solution.pressure + change,
+                solution.spectrum,
+                transforms=transforms,
+                iterations=iterations,
+                within=self._tolerance,
+            )
+            if state.converged or not solution.converged:
+                break
+            last = mixture.next(last, solution.spectrum)
+            start = getattr(solution, self.starts_from)
+        contact = solution.pressure > 0
+        if not state.converged and contact.any():
+            state, contact = self._by_pivoting(problem, state, contact)
+        # Where there is no contact, what is within the tolerance is no pressure either.
+        return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
+
+    def state(self) -> State:
+        """Return what the solver remembers."""
+        return self._solver.state()
+
+    def restore(self, state: State) -> None:
+        """Go on from there."""
+        self._solver.restore(state)
+
+    def _by_pivoting(self, problem: Problem, so_far: Solution, contact: Mask) -> tuple[Solution, Mask]:
+        transforms, iterations = so_far.transforms, so_far.iterations
+        for share in _SHARES:  # at once, or by way of the contacts with a part of the drag
+            part = replace(
+                problem,
+                loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
+            )
+            pivoting = Pivoting(part, self._transforms, self._tolerance)
+            u, spectrum, pressure, contact = pivoting.solve(contact)
+            transforms, iterations = transforms + pivoting.transforms, iterations + pivoting.rounds
+            state = make_solution(
+                problem,
+                u,
+                pressure,
+                spectrum,
+                transforms=transforms,
+                iterations=iterations,
+                within=self._tolerance,
+            )
+            if share == 1 and state.converged:
+                break
+        return state, contact
+
+    def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:
+        """Spectrum of the displacement that a first guess stands for, but for the mean."""
+        spectrum = self._transforms.forward(start)
+        if self.starts_from == "displacement":
+            return spectrum
+        stiffness = problem.stiffness + 1j * (
+            problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
+        )
+        stiff = problem.stiffness > 0
+        return np.asarray(np.where(stiff, problem.intercept - spectrum, 0) / np.where(stiff, stiffness, 1))
+
+
+class _Mixture:
+    """The displacement to take the drag from, out of those tried and those found with them."""
+
+    def __init__(self, weight: FloatArray) -> None:
+        self._weight = weight
+        self._found: list[ComplexArray] = []
+        self._steps: list[ComplexArray] = []
+        self._best = np.inf
+
+    def next(self, tried: ComplexArray, found: ComplexArray) -> ComplexArray:
+        """Take one more; return the next to try."""
+        step = found - tried
+        size = self._mean(step, step)
+        if size > self._best:
+            last = self._found[-1]
+            self._found, self._steps = [], []
+            self._best = np.inf
+            return last
+        self._best = size
+        self._found = [*self._found[1 - _MIXED :], found]
+        self._steps = [*self._steps[1 - _MIXED :], step]
+        gram = np.array([[self._mean(f, g) for f in self._steps] for g in self._steps]) / size
+        shares = np.linalg.pinv(gram, rcond=1e-12, hermitian=True).sum(axis=0)
+        if not abs(shares.sum()) > 0:
+            return found
+        return np.asarray(np.tensordot(shares / shares.sum(), np.array(self._found), axes=1))
+
+    def _mean(self, f: ComplexArray, g: ComplexArray) -> float:
+        return float(np.sum(self._weight * (f.real * g.real + f.imag * g.imag)))

@@ -1,0 +1,64 @@
+"""The solvers of the contact problem of a step: which there are, what each can do, and what it costs.
+
+The table is plain data that imports no solver: configurations, cost estimates and refusals read it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What a solver can do, and what it costs.
+
+    Attributes
+    ----------
+    place : str
+        Module and class, "package.module:Class"; made with transforms, tolerance and maximum of iterations.
+    starts_from : {"displacement", "pressure"}
+        Of what the first guess is.
+    pairs, power : float
+        FFT pairs a step at 4096 points and a residual of 1e-6, and as a power of the points.
+    rough : float
+        Factor on the pairs where no window holds the contact.
+    fields : int
+        Real fields alive at once in a run.
+    adhesive : bool
+        Whether it solves problems whose interface attracts.
+    nonsymmetric : bool
+        Whether it solves problems with a loss stiffness by itself.
+    distributed : bool
+        Whether it solves on a grid over several ranks.
+    """
+
+    place: str
+    starts_from: Literal["displacement", "pressure"]
+    pairs: float
+    power: float
+    fields: int
+    rough: float = 1.0
+    adhesive: bool = False
+    nonsymmetric: bool = False
+    distributed: bool = False
+
+    def load(self) -> Any:
+        """Import the class of the solver."""
+        module, _, name = self.place.partition(":")
+        return getattr(import_module(module), name)
+
+
+# Pairs of the default case; fields from the peak of the process at 2^17 to 2^19 points, in one and two
+# directions; the factor for rough contact at 256^2 to 2048^2 points. All measured.
+SOLVERS: Mapping[str, Declaration] = {
+    "active_set": Declaration(
+        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=62, rough=12
+    ),
+    "conjugate_gradient": Declaration(
+        "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=32
+    ),
+    "fire": Declaration("gfmdlayer.contact.fire:Fire", "displacement", 93, 0.03, fields=35),
+}

@@ -1,0 +1,150 @@
+"""Running one case into its file: whatever goes wrong with it becomes its outcome."""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Sequence
+from contextlib import closing, suppress
+from functools import partial
+from pathlib import Path
+
+from gfmdlayer.config import Config, digest
+from gfmdlayer.execution import CHECKPOINT_EVERY
+from gfmdlayer.execution.checkpoints import Checkpoints
+from gfmdlayer.execution.folder import Folder, write_whole
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.sweep import Case, label, notes
+
+Wisdom = dict[tuple[int, ...], str]
+
+
+def prepare() -> None:
+    """Import what a case needs; compiles nothing."""
+    import gfmdlayer.results.checkpoint
+    import gfmdlayer.results.journal
+    import gfmdlayer.results.writer
+    import gfmdlayer.simulation  # noqa: F401
+
+
+def run_case(
+    case: Case,
+    folder: Folder,
+    wisdom: Wisdom | None = None,
+    threads: int = 1,
+    checkpoint_every: float = CHECKPOINT_EVERY,
+) -> Outcome:
+    """Run one case into its file; whatever goes wrong with it becomes its outcome.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    folder : Folder
+        A claimed results folder.
+    wisdom : dict, optional
+        FFTW wisdom for each shape of the grid, the same for all who compute.
+    threads : int
+        Threads that the transforms may use.
+    checkpoint_every : float
+        Seconds after which the state of the case is kept.
+
+    Returns
+    -------
+    Outcome
+        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`.
+    """
+    begun = time.monotonic()
+    try:
+        shape = case.config.grid.points
+        note = _simulate(case, folder, (wisdom or {}).get(shape), threads, checkpoint_every)
+    except Stopped:
+        return Outcome(case.index, "stopped")
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        record_failure(folder, case, reason, traceback.format_exc())
+        return Outcome(case.index, "failed", reason, time.monotonic() - begun)
+    return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
+
+
+def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
+    """Leave a record of the failure, unless whoever ran the case has left one that says more."""
+    from gfmdlayer.results.provenance import now
+
+    path = folder.case(case.index, "failed")
+    record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+    with suppress(OSError):  # a full disk, a lost permission; the outcome still tells
+        if trace or not path.exists():
+            write_whole(path, json.dumps(record, default=str))
+            folder.case(case.index, "running").unlink(missing_ok=True)
+
+
+def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, checkpoint_every: float) -> str:
+    """Run the case; return what there is to note on it."""
+    from gfmdlayer.results.checkpoint import CheckpointError
+
+    config, hashed = case.config, digest(case.config)
+    with (
+        StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
+        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
+    ):
+        folder.case(case.index, "failed").unlink(missing_ok=True)
+        compute = partial(_compute, config, hashed, folder.case(case.index), checkpoints, wisdom, threads)
+        try:
+            checkpoints.find()
+            note = compute()
+        except CheckpointError as error:
+            checkpoints.set_aside(str(error))
+            note = compute()
+        checkpoints.remove()
+    return note
+
+
+def _compute(
+    config: Config, hashed: str, path: Path, checkpoints: Checkpoints, wisdom: str | None, threads: int
+) -> str:
+    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.inputs import histogram_edges
+    from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.simulation import simulate
+
+    axes = Grid(config.grid.points, config.grid.period).coordinates
+    coordinates = dict(zip("xy", axes, strict=False))
+    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    edges = histogram_edges(config)
+    with CaseWriter(path, coordinates, attributes, edges, elapsed=checkpoints.elapsed) as writer:
+        recorder = checkpoints.recorder(writer)
+        simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+    if writer.noted.get("settled") == 0:
+        return f"NOT STEADY within {config.time.steady:g} at time.end = {config.time.end:g}"
+    return ""
+
+
+def _attributes(config: Config) -> dict[str, str | float]:
+    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
+    if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
+        found["tau"] = config.layer.material.tau
+    if said := notes([config]):
+        found["warnings"] = "\n".join(said)
+    if config.trajectory.velocity is not None or config.trajectory.velocity_file is not None:
+        found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
+    return found
+
+
+def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
+    """Compile and plan in this process before the others start, once for each kind of case."""
+    from gfmdlayer import simulation
+
+    wisdom: Wisdom = {}
+    for config in {_kind(case.config): case.config for case in todo}.values():
+        with suppress(Exception):  # the case will meet it again, and be recorded as failed
+            wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
+    return wisdom
+
+
+def _kind(config: Config) -> tuple[object, ...]:
+    """What decides which kernels are compiled and which transforms are planned."""
+    return config.grid.points, config.solver, config.time.integrator, config.layer.material.model

@@ -1,0 +1,51 @@
+"""Running a case again from its own file, which carries its configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.execution.sweep import input_errors
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
+
+
+def is_result(path: str | Path) -> bool:
+    """Tell whether a file is one of results, and not a configuration in YAML."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(_SIGNATURE)) == _SIGNATURE
+    except OSError:
+        return False
+
+
+def stored_config(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+    """Return the configuration from which a case was computed, as `config.load` does.
+
+    Raises
+    ------
+    ConfigError
+        Where the file holds none, or a file that it names holds something else now: the case would not be
+        the same.
+    """
+    from gfmdlayer.results.reader import attributes
+    from gfmdlayer.results.schema import ResultsError
+
+    try:
+        known = attributes(path)
+    except ResultsError as error:
+        raise ConfigError([str(error)]) from None
+    if "config" not in known:
+        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
+    content, overrides = str(known["config"]), list(overrides)
+    config = load(path, overrides, input_errors, content)
+    files = [str(file) for section in (config.punch, config.trajectory) if (file := _file(section))]
+    if files and not overrides and digest(config) != known.get("digest"):
+        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
+    return config
+
+
+def _file(section: object) -> Path | None:
+    found: Path | None = getattr(section, "file", None)
+    return found

@@ -1,0 +1,1 @@
+"""Reading tables of numbers, and writing files whole."""

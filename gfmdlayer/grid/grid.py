@@ -1,0 +1,105 @@
+"""The periodic grid on which the surface lives, and its wavenumbers.
+
+Points sit at x_j = j L/n - L/2, j = 0 ... n-1, along each of one or two axes.  Fields are real arrays of the
+grid's shape; their transforms are real-to-complex, so the last axis of a spectrum has n//2 + 1 entries.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import gcd, prod
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+
+_SHORTEST = 64  # points of the shortest transforms
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A periodic grid in one or two dimensions.
+
+    Parameters
+    ----------
+    points : tuple of int
+        Number of points along each axis.
+    period : tuple of float
+        Period L along each axis, as many as there are axes.
+    """
+
+    points: tuple[int, ...]
+    period: tuple[float, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of a field on the grid."""
+        return self.points
+
+    @property
+    def size(self) -> int:
+        """Number of grid points."""
+        return prod(self.points)
+
+    @property
+    def spectral_shape(self) -> tuple[int, ...]:
+        """Shape of the real-to-complex transform of a field."""
+        return (*self.points[:-1], self.points[-1] // 2 + 1)
+
+    @property
+    def coordinates(self) -> tuple[FloatArray, ...]:
+        """Coordinates x_j = j L/n - L/2 along each axis, one 1-D array an axis."""
+        return tuple(
+            np.arange(n, dtype=np.float64) * (length / n) - length / 2
+            for n, length in zip(self.points, self.period, strict=True)
+        )
+
+    @cached_property
+    def wavenumbers(self) -> FloatArray:
+        """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
+        squares = sum(np.square(axis) for axis in self._wavevectors())
+        return np.asarray(np.sqrt(squares), dtype=np.float64)
+
+    @cached_property
+    def wavenumbers_x(self) -> FloatArray:
+        """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape).
+
+        They are the same but at half the number of points, where no grid tells a wave from its opposite.
+        """
+        q = np.broadcast_to(self._wavevectors()[0], self.spectral_shape)
+        largest = np.pi * self.points[0] / self.period[0]
+        return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
+
+    @cached_property
+    def parseval_weights(self) -> FloatArray:
+        """Weight of each mode in the mean over the surface (Parseval): most of them stand for two."""
+        weights = np.full(self.spectral_shape, 2.0 / self.size**2)
+        weights[..., 0] /= 2
+        if self.points[-1] % 2 == 0:
+            weights[..., -1] /= 2
+        return weights
+
+    def _wavevectors(self) -> list[FloatArray]:
+        axes = [
+            2 * np.pi * np.fft.fftfreq(n, length / n)
+            for n, length in zip(self.points[:-1], self.period[:-1], strict=True)
+        ]
+        axes.append(2 * np.pi * np.fft.rfftfreq(self.points[-1], self.period[-1] / self.points[-1]))
+        return list(np.meshgrid(*axes, indexing="ij", sparse=True))
+
+
+def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the parts, one in so many points, that windows' transforms are of the surface; ascending.
+
+    Each divides the number of points of every axis.
+    """
+    found: list[int] = []
+    common, part = gcd(*shape), 1
+    while True:
+        factor = next((f for f in range(2, common + 1) if common % f == 0), 0)
+        part *= factor
+        if not factor or min(shape) // part < _SHORTEST:
+            return tuple(found)
+        common //= factor
+        found.append(part)

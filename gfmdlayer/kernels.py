@@ -1,0 +1,116 @@
+"""How compiled kernels are made: one set of options, and a cache that notices a change in any source.
+
+Numba keeps compiled code beside the module that defines a function and compares that module alone.
+A kernel that calls one of another module, or uses a constant of it, would keep the old one after an edit.
+Here the cache compares the contents of the module and of all modules of the package that it imports.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+import numba as nb
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
+
+# Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
+FASTMATH = {"reassoc", "contract"}
+
+# Maxima are kept side by side for this many numbers: vector units compare them at once, while a single one
+# would wait for each comparison in turn.
+LANES = 256
+
+_PACKAGE = Path(__file__).parent
+_IMPORT = re.compile(rb"^from gfmdlayer((?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@overload
+def kernel(function: Function) -> Function: ...
+@overload
+def kernel(*, reorder: bool) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, reorder: bool = False) -> Any:
+    """Compile a function by Numba, without the interpreter's lock and with a cache on the disk.
+
+    Parameters
+    ----------
+    function : callable
+        What to compile, at its first call.
+    reorder : bool
+        Whether sums may be reordered (`FASTMATH`), as vector units need it.
+
+    Returns
+    -------
+    callable
+        The compiled function, or a decorator where only options are given.
+    """
+    if function is None:
+        return lambda decorated: _compiled(decorated, FASTMATH if reorder else False)
+    return _compiled(function, False)
+
+
+def _compiled(function: Any, fastmath: Any) -> Any:
+    dispatcher: Any = nb.njit(nogil=True, fastmath=fastmath)(function)
+    if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
+        dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
+    return dispatcher
+
+
+class _SourceCache(FunctionCache):
+    """Numba's cache, with the contents of all sources in place of the age of one."""
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        stamp = source_digest(Path(inspect.getfile(function)))
+        place = self._cache_path, self._impl.filename_base
+        self._cache_file = IndexDataCacheFile(*place, stamp)  # type: ignore[no-untyped-call]
+
+
+@cache
+def source_digest(module: Path) -> str:
+    """Digest of a module's source and of those of the package that it imports, directly or not.
+
+    Parameters
+    ----------
+    module : Path
+        The file of the module.
+
+    Returns
+    -------
+    str
+        Hexadecimal SHA-256, the same wherever the package lies.
+    """
+    found: set[Path] = set()
+    waiting = [module]
+    while waiting:
+        path = waiting.pop()
+        if path not in found and path.exists():
+            found.add(path)
+            waiting += _imported(path)
+    digest = hashlib.sha256()
+    for path in sorted(found):
+        digest.update(_contents(path))
+    return digest.hexdigest()
+
+
+@cache
+def _contents(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+@cache
+def _imported(path: Path) -> tuple[Path, ...]:
+    """Files of the package's modules that a file imports at its top level."""
+    found = []
+    for dotted, names in _IMPORT.findall(_contents(path)):
+        module = _PACKAGE.joinpath(*dotted.decode().split(".")[1:])
+        found.append(module.with_suffix(".py"))
+        found += [module / f"{name}.py" for name in re.findall(r"\w+", names.decode())]
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""What a step reports: effort, contact statistics, friction, energy balance, steady state."""

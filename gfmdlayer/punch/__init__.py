@@ -1,0 +1,1 @@
+"""The rigid punch: the heights of its surface, and its trajectory."""

@@ -1,0 +1,171 @@
+"""Heights from files: NumPy arrays, text, HDF5 and netCDF, and what SurfaceTopography reads.
+
+The first axis of an array is x, the second y. In text each line is one value of x. Points that were not
+measured are NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.tables import LARGEST, TableError, read_matrix
+
+
+class Heights(NamedTuple):
+    """Heights, and the lengths of the cell that they fill along each axis where the file says so."""
+
+    values: FloatArray
+    lengths: tuple[float, ...] | None = None
+
+
+def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
+    """Read a file by the ending of its name.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    axes : int
+        Number of axes that the heights must have.
+    dataset : str, optional
+        Which one, where an HDF5 or netCDF file holds several: its name, behind those of its groups and /.
+
+    Raises
+    ------
+    TableError
+        If it does not hold real numbers on that many axes, or more than a single row of them.
+    """
+    reader = _READERS.get(file.suffix.lower(), _by_surface_topography)
+    if dataset is not None and reader is not _labelled:
+        raise TableError(f"{file}: is no HDF5 or netCDF file; dataset must be left out")
+    found = reader(file, axes, dataset)
+    shape = found.values.shape
+    if len(shape) != axes:
+        wanted = "one axis" if axes == 1 else "two axes"
+        raise TableError(f"{file}: holds {times(shape)} heights; must have {wanted}, as the grid")
+    if min(shape) < 2:
+        row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
+        raise TableError(f"{file}: holds {row}; must be at least two along each axis")
+    large = np.abs(found.values) > LARGEST
+    if large.any():
+        where = np.argwhere(large)[0].tolist()
+        size = "infinite" if np.isinf(found.values[large][0]) else f"too large; must be up to {LARGEST:g}"
+        raise TableError(f"{file}: the height at index {where} is {size}")
+    return found
+
+
+def load_array(file: Path) -> FloatArray:
+    """Read one array of real numbers from a .npy file.
+
+    Raises
+    ------
+    TableError
+        If there is none.
+    """
+    try:
+        found = np.load(file, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise TableError(f"{file}: is not a NumPy array file ({error})") from error
+    if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
+        raise TableError(f"{file}: must hold one array of real numbers")
+    return found.astype(np.float64)
+
+
+def times(shape: tuple[int, ...]) -> str:
+    """Write a shape for people: 512 x 512."""
+    return " x ".join(map(str, shape))
+
+
+def _array(file: Path, _axes: int, _dataset: str | None) -> Heights:
+    return Heights(load_array(file))
+
+
+def _text(file: Path, axes: int, _dataset: str | None) -> Heights:
+    found = read_matrix(file)
+    if axes == 2:
+        return Heights(found)
+    if found.shape[1] != 2:
+        raise TableError(f"{file}: holds {found.shape[1]} columns; must be two, x and height, on a line")
+    x, heights = found.T
+    return Heights(np.ascontiguousarray(heights), (_length(file, "x", x),))
+
+
+def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
+    import h5py
+    import xarray
+
+    group, _, name = (dataset or "").strip("/").rpartition("/")
+    hdf5 = bool(h5py.is_hdf5(file))
+    options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
+    try:
+        with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as found:
+            chosen = _chosen(file, found, axes, name)
+            if set(chosen.dims) == {"x", "y"}:
+                chosen = chosen.transpose("x", "y")
+            values = chosen.to_numpy().astype(np.float64)
+            coordinates = {str(dim): found[dim].to_numpy() for dim in chosen.dims if dim in found.coords}
+    except (OSError, TypeError, ValueError, KeyError) as error:
+        if isinstance(error, TableError):
+            raise
+        raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
+    if len(coordinates) < values.ndim:
+        return Heights(values)
+    return Heights(values, tuple(_length(file, name, x) for name, x in coordinates.items()))
+
+
+def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
+    """Return the asked variable of an xarray.Dataset, or the only one that can be meant."""
+    if name:
+        if name not in found:
+            known = ", ".join(map(str, found.data_vars)) or "none"
+            raise TableError(f"{file}: has no dataset {name!r} there; known: {known}")
+        return found[name]
+    fit = [key for key, each in found.data_vars.items() if each.ndim == axes and each.dtype.kind in "fiu"]
+    if len(fit) != 1:
+        listed = f": {', '.join(map(str, fit))}" if fit else ""
+        raise TableError(
+            f"{file}: holds {len(fit)} datasets of numbers on {axes} axes{listed}; dataset must name one"
+        )
+    return found[fit[0]]
+
+
+def _by_surface_topography(file: Path, _axes: int, _dataset: str | None) -> Heights:
+    try:
+        from SurfaceTopography import open_topography
+    except ImportError:
+        known = ", ".join(sorted(_READERS))
+        raise TableError(
+            f"{file}: must be one of {known}; for the formats of instruments install the extra `topography`"
+        ) from None
+    try:
+        with open_topography(str(file)) as reader:
+            found = reader.topography()
+            values = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
+            return Heights(values, tuple(map(float, found.physical_sizes)))
+    except Exception as error:  # its readers raise what they like
+        raise TableError(f"{file}: SurfaceTopography cannot read it ({error})") from error
+
+
+def _length(file: Path, name: str, x: FloatArray) -> float:
+    """Length of the cell that equally spaced coordinates fill."""
+    steps = np.diff(x)
+    spacing = float(x[-1] - x[0]) / max(x.size - 1, 1)
+    if not (spacing > 0 and np.allclose(steps, spacing, rtol=1e-3, atol=0)):
+        raise TableError(f"{file}: {name} is not equally spaced, increasing")
+    return spacing * x.size
+
+
+_READERS: dict[str, Callable[[Path, int, str | None], Heights]] = {
+    ".npy": _array,
+    ".txt": _text,
+    ".dat": _text,
+    ".csv": _text,
+    ".h5": _labelled,
+    ".hdf5": _labelled,
+    ".nc": _labelled,
+}

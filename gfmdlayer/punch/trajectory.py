@@ -1,0 +1,95 @@
+"""What is prescribed over time: depth of the punch or mean pressure on it, and its velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gfmdlayer.files.tables import TableError, read_columns
+
+
+class Trajectory(Protocol):
+    """A piecewise smooth function of time, t >= 0."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times t > 0 at which its slope jumps; an integrator of second order must step onto them."""
+        ...
+
+    def __call__(self, time: float, /) -> float:
+        """Value at a time."""
+        ...
+
+
+@dataclass(frozen=True)
+class RampHold:
+    """Eq. (30): grows linearly to ``target`` over ``ramp_time``, then rests."""
+
+    target: float
+    ramp_time: float
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The end of the ramp."""
+        return (self.ramp_time,)
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        return self.target * min(time / self.ramp_time, 1.0)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same at all times."""
+
+    value: float
+    kinks: tuple[float, ...] = ()
+
+    def __call__(self, _time: float, /) -> float:
+        """Value at a time."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Table:
+    """Linear between the rows of a table, constant after the last."""
+
+    times: npt.NDArray[np.float64]
+    values: npt.NDArray[np.float64]
+
+    @classmethod
+    def read(cls, file: Path, quantity: str) -> Table:
+        """Read the columns time and ``quantity``; the times start at 0 and increase.
+
+        Raises
+        ------
+        TableError
+            Naming file and line.
+        """
+        times, values = read_columns(file, ("time", quantity), increasing=True).T
+        if times[0] != 0:
+            raise TableError(
+                f"{file}: the first time is {times[0]:g}; must be 0, where the simulation starts"
+            )
+        return cls(times, values)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The times of the rows but the first."""
+        return tuple(self.times[1:].tolist())
+
+    def __call__(self, time: float) -> float:
+        """Value at a time."""
+        return float(np.interp(time, self.times, self.values))
+
+
+def distance(velocity: Constant | Table, time: float) -> float:
+    """Integral of a velocity from 0 to a time."""
+    if isinstance(velocity, Constant):
+        return velocity.value * time
+    times = np.append(velocity.times[velocity.times < time], time)
+    return float(np.trapezoid([velocity(t) for t in times], times))

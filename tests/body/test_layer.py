@@ -1,0 +1,216 @@
+"""S(q) and K(q, G) of the layered halfspace against the paper's printed equations in 50-digit arithmetic."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpc, mpf
+from numpy.typing import NDArray
+
+from gfmdlayer.body.layer import LayeredHalfspace
+
+# About forty operations of half an ulp each, none of which cancels, lose at most 40 * 2^-53 = 4e-15.
+ROUNDING = 4e-15
+
+DEPTHS = [*(10.0**k for k in range(-8, 7)), 0.3, 0.99, 1.01, 1.99, 2.01, 20.0, 186.0, 373.0]
+POISSON = [-0.99, 0.0, 0.3, 0.499, 0.5 - 1e-9, 0.5]
+CONTRASTS = [0.0, 1e-6, 1e-2, 0.5, 1.0, 7.0, 1e3, 1e6, math.inf]  # G_bulk / |G|
+
+
+def digits_for(x: float) -> int:
+    """Fifty digits and those that Eq. (11) loses: as x falls, differences of order one come down to x^4."""
+    return 50 + math.ceil(max(0.0, -4 * math.log10(x)))
+
+
+def printed_coefficients(G: mpc, bulk: float, nu: mpf, nu_bulk: mpf) -> tuple[mpc, mpc]:
+    """M and n of Eq. (12), with their limits at G_bulk = 0 and inf."""
+    if bulk == 0:
+        return mpf(1), mpf(1)
+    g = mpf(0) if math.isinf(bulk) else G / mpf(bulk)
+    return (g - 1) / (g + 3 - 4 * nu), 1 - 4 * (1 - nu) / (1 + g * (3 - 4 * nu_bulk))
+
+
+def printed_layer_factor(x: mpf, m: mpc, n: mpc) -> mpc:
+    """S(q) of Eq. (11)."""
+    r = mp.exp(-2 * x)
+    return (1 + 4 * m * x * r - m * n * r**2) / (1 - (m + n + 4 * m * x**2) * r + m * n * r**2)
+
+
+def printed_stiffness(q: float, G: complex, body: LayeredHalfspace) -> mpc:
+    """-1/M(q) of Eqs. (10) to (12)."""
+    nu, nu_bulk, modulus = mpf(body.poisson), mpf(body.bulk_poisson), mp.mpmathify(G)
+    m, n = printed_coefficients(modulus, body.bulk_modulus, nu, nu_bulk)
+    S = printed_layer_factor(mpf(q) * mpf(body.thickness), m, n)
+    return q * modulus / ((1 - nu) * S)
+
+
+def relative_error(value: NDArray[Any], exact: mpc) -> float:
+    return float(abs(mp.mpmathify(complex(value)) / exact - 1))
+
+
+@pytest.mark.parametrize("G", [1.0, 1.0 + 0.001j, 1.0 + 1.0j, 0.01 + 1.0j])
+@pytest.mark.parametrize("nu", POISSON)
+def test_stiffness_is_the_printed_one_from_thin_to_thick_and_soft_to_stiff(nu: float, G: complex) -> None:
+    for x, bulk, nu_bulk in itertools.product(DEPTHS, CONTRASTS, (-0.9, 0.25, 0.5)):
+        body = LayeredHalfspace(x, nu, bulk, nu_bulk)
+        with mp.workdps(digits_for(x)):
+            assert relative_error(body.stiffness(1.0, G), printed_stiffness(1.0, G, body)) < ROUNDING
+            product = body.stiffness(1.0, G) * body.layer_factor(1.0, G)
+        assert product == pytest.approx(G / (1 - nu), rel=ROUNDING)
+
+
+poisson_ratios = st.floats(-1, 0.5, exclude_min=True) | st.sampled_from([0.5, 0.5 - 1e-9, 0.499])
+moduli = st.floats(-6, 6).map(lambda k: 10**k)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    x=st.floats(-8, 6).map(lambda k: 10**k),
+    q=st.floats(-3, 3).map(lambda k: 10**k),
+    nu=poisson_ratios,
+    nu_bulk=poisson_ratios,
+    bulk=moduli | st.sampled_from([0.0, math.inf]),
+    loss=st.floats(0, 1e3),
+)
+def test_stiffness_is_the_printed_one_for_any_body(
+    x: float, q: float, nu: float, nu_bulk: float, bulk: float, loss: float
+) -> None:
+    body = LayeredHalfspace(x / q, nu, bulk, nu_bulk)
+    for G in (1.0, complex(1.0, loss)):
+        with mp.workdps(digits_for(x)):
+            assert relative_error(body.stiffness(q, G), printed_stiffness(q, G, body)) < ROUNDING
+
+
+@pytest.mark.parametrize("nu", POISSON)
+def test_rigid_base_follows_equation_13(nu: float) -> None:
+    for x in DEPTHS[:12]:
+        with mp.workdps(digits_for(x)):
+            y, ratio = mpf(x), mpf(nu)
+            sinh, cosh = mp.sinh(2 * y), mp.cosh(2 * y)
+            S = ((3 - 4 * ratio) * sinh - 2 * y) / (
+                (3 - 4 * ratio) * cosh + 2 * y**2 - 4 * ratio * (3 - 2 * ratio) + 5
+            )
+            assert relative_error(LayeredHalfspace(x, nu, math.inf).layer_factor(1.0, 1.0), S) < ROUNDING
+
+
+@pytest.mark.parametrize("nu", POISSON)
+def test_free_layer_follows_equation_14(nu: float) -> None:
+    for x in DEPTHS[:12]:
+        with mp.workdps(digits_for(x)):
+            S = (mp.sinh(2 * mpf(x)) + 2 * mpf(x)) / (mp.cosh(2 * mpf(x)) - 2 * mpf(x) ** 2 - 1)
+            assert relative_error(LayeredHalfspace(x, nu, 0.0).layer_factor(1.0, 1.0), S) < ROUNDING
+
+
+@pytest.mark.parametrize("G", [1.0, 2.0 + 3.0j])
+def test_incompressible_solid_follows_equation_15(G: complex) -> None:
+    for x, bulk in itertools.product(DEPTHS, (1e-3, 1.0, 10.0)):
+        with mp.workdps(digits_for(x)):
+            n = (mp.mpmathify(G) - bulk) / (mp.mpmathify(G) + bulk)
+            exact = printed_layer_factor(mpf(x), n, n)
+            assert relative_error(LayeredHalfspace(x, 0.5, bulk).layer_factor(1.0, G), exact) < ROUNDING
+
+
+@pytest.mark.parametrize("bulk", CONTRASTS)
+@pytest.mark.parametrize("nu", POISSON)
+def test_infinitely_thick_layer_is_a_halfspace_of_its_own(nu: float, bulk: float) -> None:
+    q = np.array([1e-8, 1.0, 1e6])
+    for thickness in (math.inf, 1e300):
+        body = LayeredHalfspace(thickness, nu, bulk)
+        np.testing.assert_allclose(body.stiffness(q, 3.0), q * 3.0 / (1 - nu), rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("nu", POISSON)
+@pytest.mark.parametrize("nu_bulk", POISSON)
+def test_without_a_layer_the_surface_is_the_halfspace(nu: float, nu_bulk: float) -> None:
+    q, G = np.array([1e-8, 1.0, 1e6]), np.array([[1e-6], [1.0], [1e6], [1.0 + 5.0j]])
+    stiffness = LayeredHalfspace(0.0, nu, 7.0, nu_bulk).stiffness(q, G)
+    np.testing.assert_allclose(stiffness, np.broadcast_to(q * 7.0 / (1 - nu_bulk), (4, 3)), rtol=ROUNDING)
+
+
+def test_layer_of_the_halfspace_material_leaves_no_trace() -> None:
+    q = np.logspace(-8, 6, 29)
+    for nu in POISSON:
+        np.testing.assert_allclose(LayeredHalfspace(1.0, nu, 5.0, nu).layer_factor(q, 5.0), 1, rtol=ROUNDING)
+
+
+def test_thin_incompressible_layer_is_squeezed_like_a_lubricant_on_a_rigid_base() -> None:
+    # S -> (2/3) (qd)^3, that is K -> 3 G/(q^2 d^3); the next term of the series is (6/5) (qd)^2 of it.
+    x = np.array([1e-8, 1e-5, 1e-3])
+    factor = LayeredHalfspace(1.0, 0.5, math.inf).layer_factor(x, 1.0)
+    np.testing.assert_allclose(factor, 2 / 3 * x**3, rtol=2e-6)
+
+
+def test_thin_incompressible_layer_takes_the_stiffness_of_its_base() -> None:
+    # S -> G/G_bulk, the correction being of first order in qd times the contrast.
+    assert LayeredHalfspace(1e-8, 0.5, 4.0).layer_factor(1.0, 1.0) == pytest.approx(0.25, rel=1e-7)
+
+
+@pytest.mark.parametrize("bulk", [0.0, 1e-3, 1.0, 1e3])
+def test_mean_height_is_free_where_the_base_yields(bulk: float) -> None:
+    assert LayeredHalfspace(0.1, 0.3, bulk).stiffness(0.0, 1.0) == 0
+    assert LayeredHalfspace(math.inf, 0.3, bulk).stiffness(0.0, 1.0) == 0
+
+
+@pytest.mark.parametrize("nu", [-0.99, 0.0, 0.3, 0.5 - 1e-9])
+def test_mean_of_a_compressible_layer_on_a_rigid_base_is_stiff(nu: float) -> None:
+    body = LayeredHalfspace(0.1, nu, math.inf)
+    confined = 2 * 3.0 * (1 - nu) / (1 - 2 * nu)
+    assert body.stiffness(0.0, 3.0) == pytest.approx(confined / 0.1, rel=ROUNDING)
+    # Long waves tend to it, the correction being of second order in qd over 1 - 2 nu.
+    assert body.stiffness(1e-9, 3.0) == pytest.approx(confined / 0.1, rel=1e-10)
+    assert LayeredHalfspace(0.1, 0.5, math.inf).stiffness(0.0, 3.0) == 0
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    x=st.floats(-8, 3).map(lambda k: 10**k),
+    nu=poisson_ratios,
+    nu_bulk=poisson_ratios,
+    bulk=moduli,
+    G=moduli,
+    factor=st.floats(1, 1e4),
+)
+def test_stiffness_grows_with_the_moduli_and_scales_with_them(
+    x: float, nu: float, nu_bulk: float, bulk: float, G: float, factor: float
+) -> None:
+    stiffness = LayeredHalfspace(x, nu, bulk, nu_bulk).stiffness(1.0, G)
+    harder_layer = LayeredHalfspace(x, nu, bulk, nu_bulk).stiffness(1.0, factor * G)
+    harder_base = LayeredHalfspace(x, nu, factor * bulk, nu_bulk).stiffness(1.0, G)
+    both = LayeredHalfspace(x, nu, factor * bulk, nu_bulk).stiffness(1.0, factor * G)
+    assert both == pytest.approx(factor * stiffness, rel=2 * ROUNDING)
+    for harder in (harder_layer, harder_base):
+        assert stiffness * (1 - 2 * ROUNDING) <= harder <= both * (1 + 2 * ROUNDING)
+
+
+def test_wavenumbers_and_moduli_broadcast() -> None:
+    body = LayeredHalfspace(0.05, 0.5, 1.0)
+    q, G = np.linspace(0, 100, 6).reshape(2, 3), np.array([1.0, 2.0 + 1.0j]).reshape(2, 1, 1)
+    stiffness = body.stiffness(q, G)
+    assert stiffness.shape == (2, 2, 3)
+    assert stiffness[1, 1, 2] == body.stiffness(q[1, 2], G[1, 0, 0])
+    assert body.stiffness(q, 1.0).dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((-0.1, 0.5, 1.0, 0.5), "thickness = -0.1"),
+        ((math.nan, 0.5, 1.0, 0.5), "thickness = nan"),
+        ((0.1, 0.51, 1.0, 0.5), "poisson = 0.51: must be above -1 and at most 0.5"),
+        ((0.1, 0.5, 1.0, -1.0), "bulk_poisson = -1.0"),
+        ((0.1, math.nan, 1.0, 0.5), "poisson = nan"),
+        ((0.1, 0.5, -1.0, 0.5), "bulk_modulus = -1.0"),
+        ((0.1, 0.5, math.nan, 0.5), "bulk_modulus = nan"),
+        ((0.0, 0.5, 0.0, 0.5), "not bulk_modulus = 0.0"),
+        ((0.0, 0.5, math.inf, 0.5), "not bulk_modulus = inf"),
+    ],
+)
+def test_impossible_bodies_are_refused(arguments: tuple[float, float, float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        LayeredHalfspace(*arguments)

@@ -1,0 +1,234 @@
+"""The relaxation spectrum against K(q, G(s)) of the printed equations in 50-digit arithmetic."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpc, mpf
+from numpy.typing import NDArray
+
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony, Zener
+from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, relaxation_spectrum, retardation_spectrum
+
+# K(q, s) is a sum of terms in the right half-plane, each good to some tens of roundings of 2^-53.
+ROUNDING = 1e-14
+
+FREQUENCIES = [0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9]
+
+
+def exact_stiffness(q: float, s: complex, body: LayeredHalfspace, material: Material) -> mpc:
+    """-1/M(q, s): Eq. (4) put into Eqs. (10) to (12), in as many digits as leave fifty."""
+    x = mpf(q) * mpf(body.thickness)
+    with mp.workdps(50 + math.ceil(max(0.0, -4 * float(mp.log10(x))))):
+        nu, nu_bulk, s = mpf(body.poisson), mpf(body.bulk_poisson), mp.mpmathify(complex(s))
+        G = mpf(material.relaxed)
+        for modulus, tau in zip(material.branch_moduli.tolist(), material.branch_times.tolist(), strict=True):
+            G += modulus * s * tau / (1 + s * mpf(tau))
+        if body.bulk_modulus == 0:
+            m, n = mpf(1), mpf(1)
+        else:
+            g = mpf(0) if math.isinf(body.bulk_modulus) else G / mpf(body.bulk_modulus)
+            m, n = (g - 1) / (g + 3 - 4 * nu), 1 - 4 * (1 - nu) / (1 + g * (3 - 4 * nu_bulk))
+        r = mp.exp(-2 * x)
+        S = (1 + 4 * m * x * r - m * n * r**2) / (1 - (m + n + 4 * m * x**2) * r + m * n * r**2)
+        return q * G / ((1 - nu) * S)
+
+
+def assert_exact(
+    body: LayeredHalfspace, material: Material, q: NDArray[Any], frequencies: list[complex]
+) -> Spectrum:
+    spectrum = relaxation_spectrum(body, material, q)
+    assert (spectrum.weights >= 0).all()
+    assert (spectrum.times > 0).all()
+    for s in frequencies:
+        for index, value in np.ndenumerate(spectrum.stiffness(s)):
+            exact = exact_stiffness(float(q[index]), s, body, material)
+            assert abs(mp.mpmathify(complex(value)) / exact - 1) < ROUNDING, (body, material, q[index], s)
+    return spectrum
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.499, 0.5])
+@pytest.mark.parametrize("contrast", [1.0, 1.01, 10.0, 1e4])
+def test_zener_layer_relaxes_in_three_modes(nu: float, contrast: float) -> None:
+    q, material = np.logspace(-6, 3, 10), Zener(1.0, contrast, 1.0)
+    for bulk, nu_bulk in zip(
+        [0.0, 1e-3, 0.1, 1.0, 10.0, 1e3, math.inf], [0.5, 0.5, 0.3, 0.5, -0.5, 0.5, 0.5], strict=True
+    ):
+        spectrum = assert_exact(LayeredHalfspace(1.0, nu, bulk, nu_bulk), material, q, FREQUENCIES)
+        assert len(spectrum.weights) <= (0 if contrast == 1 else 3)
+        # Between the relaxation time at constant strain and the retardation time at constant stress.
+        assert (spectrum.times >= 1).all()
+        assert (spectrum.times <= contrast * (1 + ROUNDING)).all()
+
+
+def test_relaxation_times_of_the_default_case() -> None:
+    q = 2 * np.pi * np.array([1.0, 3.0, 10.0])
+    spectrum = relaxation_spectrum(LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0), q)
+    times = [[1, 4.17316, 9.84365], [1, 5.32998, 8.24585], [1, 5.49934, 5.60627]]
+    # The printed digits are six.
+    np.testing.assert_allclose(np.sort(spectrum.times, axis=0).T, times, rtol=2e-6)
+    np.testing.assert_allclose(spectrum.relaxed / (2 * q), 1, rtol=1e-14)
+    np.testing.assert_allclose(spectrum.glassy / (2 * q), [1.06941, 2.24090, 9.18985], rtol=5e-6)
+
+
+poisson_ratios = st.floats(-1, 0.5, exclude_min=True) | st.sampled_from([0.5, 0.5 - 1e-9, 0.5 - 1e-4])
+frequencies = st.builds(
+    lambda size, angle: 10**size * complex(math.cos(angle), math.sin(angle)),
+    st.floats(-8, 8),
+    st.floats(-math.pi / 2, math.pi / 2),
+)
+bulks = st.floats(-4, 4).map(lambda k: 10**k) | st.sampled_from([0.0, 1.0, math.inf])
+
+
+@st.composite
+def series(draw: st.DrawFn) -> Prony:
+    """Branches over twelve decades of time and of modulus, or crowded within rounding of each other."""
+    spread = draw(st.sampled_from([6.0, 0.1, 1e-8, 1e-15]))
+    branch = st.tuples(st.floats(-9, 3).map(lambda k: 10**k), st.floats(-spread, spread).map(lambda k: 10**k))
+    return Prony(1.0, tuple(draw(st.lists(branch, min_size=1, max_size=6))))
+
+
+@settings(max_examples=250, deadline=None)
+@given(series(), poisson_ratios, poisson_ratios, bulks, st.floats(-6, 3).map(lambda k: 10**k), frequencies)
+def test_any_layered_body_relaxes_in_modes(
+    material: Prony, nu: float, nu_bulk: float, bulk: float, x: float, s: complex
+) -> None:
+    q = np.array([0.25, 4.0])
+    body = LayeredHalfspace(x, nu, bulk, nu_bulk)
+    spectrum = assert_exact(body, material, q, [0, s])
+    assert len(spectrum.weights) <= 3 * len(material.branches)
+
+
+@pytest.mark.parametrize("branches", [2, 5, 50])
+def test_prony_layer_over_twelve_decades_of_time(branches: int) -> None:
+    rng = np.random.default_rng(branches)
+    moduli = 10 ** rng.uniform(-1, 2, branches)
+    taus = np.logspace(-6, 6, branches)
+    material = Prony(1.0, tuple(zip(moduli.tolist(), taus.tolist(), strict=True)))
+    for bulk, nu in ((1.0, 0.5), (30.0, 0.3)):
+        q = np.array([1e-4, 0.1, 1.0, 3.0, 30.0])
+        spectrum = assert_exact(
+            LayeredHalfspace(1.0, nu, bulk, 0.45), material, q, [0, 1e-5j, 0.1 + 1j, 1e4j]
+        )
+        np.testing.assert_allclose(
+            spectrum.glassy,
+            LayeredHalfspace(1.0, nu, bulk, 0.45).stiffness(q, material.glassy),
+            rtol=ROUNDING,
+        )
+
+
+def test_fifty_branches_and_8193_wavenumbers_sum_to_the_glassy_stiffness_everywhere() -> None:
+    material = Prony(1.0, tuple((1.0 + k % 7, tau) for k, tau in enumerate(np.logspace(-6, 6, 50).tolist())))
+    body, q = LayeredHalfspace(1e-4, 0.5, 1.0), 2 * np.pi * np.arange(8193)
+    spectrum = relaxation_spectrum(body, material, q)
+    assert spectrum.weights.shape == (150, 8193)
+    np.testing.assert_allclose(spectrum.glassy, body.stiffness(q, material.glassy), rtol=ROUNDING)
+    np.testing.assert_array_equal(spectrum.relaxed, body.stiffness(q, 1.0))
+
+
+def test_branches_of_one_time_are_one_branch() -> None:
+    body, q = LayeredHalfspace(0.05, 0.5, 1.0), np.array([1.0, 30.0])
+    split = relaxation_spectrum(body, Prony(1.0, ((4.0, 2.0), (0.0, 3.0), (5.0, 2.0))), q)
+    whole = relaxation_spectrum(body, Zener(1.0, 10.0, 2.0), q)
+    np.testing.assert_array_equal(split.weights, whole.weights)
+    np.testing.assert_array_equal(split.times, whole.times)
+
+
+@pytest.mark.parametrize(("thickness", "bulk"), [(0.05, 0.0), (0.05, math.inf), (math.inf, 1.0)])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_body_that_is_proportional_to_its_layer_keeps_the_times_of_the_material(
+    thickness: float, bulk: float, nu: float
+) -> None:
+    material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
+    body, q = LayeredHalfspace(thickness, nu, bulk), np.array([1e-3, 1.0, 1e3])
+    spectrum = relaxation_spectrum(body, material, q)
+    np.testing.assert_array_equal(spectrum.times, [[0.1] * 3, [10.0] * 3])
+    np.testing.assert_allclose(spectrum.weights, np.outer([2.0, 3.0], body.stiffness(q, 1.0)), rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("body", "material"),
+    [
+        (LayeredHalfspace(0.0, 0.5, 1.0), Zener(1.0, 10.0, 1.0)),
+        (LayeredHalfspace(0.05, 0.5, 1.0), Zener(2.0, 2.0, 1.0)),
+        (LayeredHalfspace(0.05, 0.5, 1.0), Prony(2.0)),
+        (LayeredHalfspace(0.05, 0.5, math.inf), Prony(2.0, ((0.0, 1.0),))),
+    ],
+)
+def test_elastic_body_has_no_modes(body: LayeredHalfspace, material: Material) -> None:
+    q = np.array([0.0, 1.0, 100.0])
+    spectrum = relaxation_spectrum(body, material, q)
+    assert spectrum.weights.shape == spectrum.times.shape == (0, 3)
+    np.testing.assert_array_equal(spectrum.glassy, body.stiffness(q, material.relaxed))
+    np.testing.assert_array_equal(spectrum.stiffness(1j), spectrum.relaxed)
+
+
+def test_mean_height_relaxes_on_a_rigid_base_alone() -> None:
+    material, q = Zener(1.0, 10.0, 2.0), np.array([0.0, 1.0])
+    rigid = LayeredHalfspace(0.1, 0.3, math.inf)
+    confined = relaxation_spectrum(rigid, material, q)
+    np.testing.assert_allclose(confined.weights[:, 0], 9 * rigid.mean_stiffness, rtol=ROUNDING)
+    np.testing.assert_array_equal(confined.times, 2.0)
+    for bulk, nu in ((1.0, 0.3), (0.0, 0.3), (math.inf, 0.5)):
+        free = relaxation_spectrum(LayeredHalfspace(0.1, nu, bulk), material, q)
+        assert free.relaxed[0] == 0
+        assert not free.weights[:, 0].any()
+        assert free.weights[:, 1].all()
+
+
+def test_deep_layer_is_left_with_the_modes_that_matter() -> None:
+    material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
+    body = LayeredHalfspace(1.0, 0.3, 2.0)
+    deep = relaxation_spectrum(body, material, np.array([25.0, 30.0, 1e3]))
+    assert deep.weights.shape == (2, 3)
+    # A wavenumber that does feel the base brings its modes back, with no weight at the others.
+    mixed = relaxation_spectrum(body, material, np.array([1.0, 30.0, 1e3]))
+    assert mixed.weights.shape == (6, 3)
+    assert np.count_nonzero(mixed.weights[:, 1:].any(axis=1)) == 2
+
+
+def test_modes_left_out_weigh_no_more_than_stated() -> None:
+    body, q = LayeredHalfspace(1.0, 0.5, 1.0), np.linspace(10, 25, 61)
+    spectrum = relaxation_spectrum(body, Zener(1.0, 10.0, 1.0), q)
+    kept = spectrum.weights[spectrum.weights > 0]
+    assert kept.size < spectrum.weights.size
+    assert (spectrum.weights / spectrum.relaxed)[spectrum.weights > 0].min() > NEGLIGIBLE / 3
+    for index in range(0, q.size, 6):
+        exact = exact_stiffness(float(q[index]), 1e30, body, Zener(1.0, 10.0, 1.0))
+        assert abs(mpf(float(spectrum.glassy[index])) / exact - 1) < ROUNDING
+
+
+@pytest.mark.parametrize("bulk", [1e12, 1e16, 1e18, 1e25, 1e30])
+def test_a_halfspace_that_is_all_but_rigid_is_none_the_less_one(bulk: float) -> None:
+    q = np.geomspace(0.1, 1e3, 9)
+    material = Prony(1.0, ((3.0, 0.1), (6.0, 1.0), (2.0, 50.0)))
+    assert_exact(LayeredHalfspace(0.05, 0.5, bulk), material, q, [0, 0.1 + 0.03j, 30j])
+
+
+def test_wavenumbers_may_have_any_shape() -> None:
+    body, material = LayeredHalfspace(0.05, 0.5, 1.0), Zener(1.0, 10.0, 1.0)
+    q = np.linspace(0.0, 100.0, 12)
+    flat, shaped = (relaxation_spectrum(body, material, x) for x in (q, q.reshape(3, 4)))
+    assert shaped.weights.shape == shaped.times.shape == (3, 3, 4)
+    np.testing.assert_array_equal(shaped.weights.reshape(3, 12), flat.weights)
+    np.testing.assert_array_equal(shaped.stiffness(1j).ravel(), flat.stiffness(1j))
+    assert relaxation_spectrum(body, material, 6.0).weights.shape == (3,)
+
+
+@settings(max_examples=100, deadline=None)
+@given(series(), st.lists(st.floats(-6, 6).map(lambda k: 10**k), min_size=1, max_size=5))
+def test_retardation_times_interlace_and_compliances_add_up(material: Prony, relaxed: list[float]) -> None:
+    taus, position = np.unique(material.branch_times, return_inverse=True)
+    moduli, A = np.bincount(position, material.branch_moduli).astype(float), np.array(relaxed)
+    compliances, times = retardation_spectrum(moduli, taus, A)
+    assert (compliances > 0).all()
+    assert (times >= taus[:, np.newaxis]).all()
+    assert (times[:-1] <= taus[1:, np.newaxis]).all()
+    creep = moduli.sum() / (A * (A + moduli.sum()))
+    np.testing.assert_allclose(compliances.sum(axis=0), creep, rtol=1e-13)

@@ -1,0 +1,422 @@
+"""The command line: what it answers, how fast, with which exit status, and what a signal does to it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gfmdlayer.cli import VERBS
+
+ROOT = Path(__file__).parents[2]
+HEAVY = ("numba", "pyfftw", "h5py", "matplotlib", "xarray", "mpi4py", "numpy", "scipy")
+TINY = """\
+name: tiny
+grid: {points: 32}
+time: {end: 0.03, step: 0.01}
+trajectory: {ramp_time: 0.03}
+sweep: {layer.thickness: [0.02, 0.1, .inf]}
+"""
+SURFACE = """\
+name: surface
+grid: {points: [32, 16]}
+time: {end: 0.4, step: 0.1}
+trajectory: {ramp_time: 0.2}
+output: {snapshots: [0.2, 0.4], patches: true, histograms: {pressure: {max: 1.0}, gap: {max: 0.1}}}
+"""
+TERMINAL = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120"}
+LAST_FAILS = TINY.replace(
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {solver.max_iterations: [20000, 1]}"
+)
+# The first case is complete at once; the second takes seconds, long enough to be caught at work.
+SECOND_TAKES_LONG = TINY.replace(
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 150]}"
+)
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text(TINY)
+
+
+def gfmdlayer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line and send it a signal while case 1 is at work."""
+    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 60
+        while not Path("out/cases/0000.h5").exists() or not Path("out/cases/0001.running").exists():
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(signum)
+        output, errors = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def assert_same_bits(one: Path, other: Path) -> None:
+    names = sorted(path.relative_to(one) for path in one.rglob("*.h5"))
+    assert names == sorted(path.relative_to(other) for path in other.rglob("*.h5"))
+    for name in names:
+        with h5py.File(one / name) as a, h5py.File(other / name) as b:
+            assert set(a) == set(b)
+            for key in a:
+                assert np.asarray(a[key]).tobytes() == np.asarray(b[key]).tobytes(), f"{name}: {key}"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["check", "configs/figure2.yaml"]])
+def test_help_and_check_import_nothing_heavy(arguments: list[str]) -> None:
+    script = f"""
+import contextlib, sys
+from gfmdlayer.cli import main
+with contextlib.suppress(SystemExit):
+    assert main({arguments!r}) == 0
+print([name for name in {HEAVY!r} if name in sys.modules])
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert process.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "most"), [(["--help"], 40_000), (["check", "configs/figure2.yaml"], 500_000)]
+)
+def test_help_and_check_answer_at_once(arguments: list[str], most: int) -> None:
+    """In function calls, imports included, of which two million take about a second: as many on any machine.
+
+    Measured: 28 000 and 367 000, in 0.06 and 0.2 s.
+    """
+    script = f"""
+import cProfile, io, pstats
+with cProfile.Profile() as profile:
+    from gfmdlayer.cli import main
+    try:
+        status = main({arguments!r})
+    except SystemExit as end:
+        status = end.code
+assert not status
+print(pstats.Stats(profile, stream=io.StringIO()).total_calls)
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert 1_000 < int(process.stdout.splitlines()[-1]) < most
+
+
+def test_version_is_that_of_the_distribution() -> None:
+    assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the configurations, where the example of `gfmdlayer --help` was run."""
+    folder = tmp_path_factory.mktemp("clone")
+    (folder / "configs").symlink_to(ROOT / "configs")
+    paste(example(), folder)
+    return folder
+
+
+def example(*verb: str) -> str:
+    """Return the example in a verb's help."""
+    return gfmdlayer(*verb, "--help").stdout.partition("example:\n")[2].splitlines()[0].strip()
+
+
+def paste(command: str, folder: Path) -> None:
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    pasted = subprocess.run(
+        ["bash", "-c", command],
+        capture_output=True, text=True, check=False, cwd=folder, env=os.environ | {"PATH": path},
+    )  # fmt: skip
+    assert pasted.returncode == 0, pasted.stderr
+
+
+@pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2].replace("_", "-") for verb in VERBS])
+def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path) -> None:
+    command = example(verb)
+    assert f"gfmdlayer {verb}" in command
+    paste(command, clone)
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["rum", "tiny.yaml"], ["run"], ["run", "tiny.yaml", "--jobs", "x"]]
+)
+def test_bad_usage_is_explained(arguments: list[str]) -> None:
+    process = gfmdlayer(*arguments)
+    assert process.returncode == 2
+    assert process.stderr.startswith("usage: gfmdlayer")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "absent.yaml"], "absent.yaml"),
+        (["check", "absent.yaml"], "absent.yaml"),
+        (["run", "tiny.yaml", "--set", "time.ende=2"], "time.ende"),
+        (["run", "tiny.yaml", "--jobs", "0"], "--jobs 0: must be 1 or more"),
+        (["run", "tiny.yaml", "--out", "tiny.yaml"], "is a file"),
+        (["status", "absent"], "absent: no such folder"),
+        (["status", "."], "not a results folder"),
+        (["clean", "."], "not a results folder"),
+        (["run", "tiny.yaml", "--only-failed"], "results/tiny: no such folder"),
+        (["plot", "absent"], "absent: no such folder"),
+        (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: means nothing to this figure"),
+        (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
+    ],
+)
+def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str], message: str) -> None:
+    process = gfmdlayer(*arguments)
+    assert process.returncode == 2
+    assert message in process.stderr
+    assert process.stderr.startswith("gfmdlayer: ")
+    assert len(process.stderr.splitlines()) == 1
+    assert not Path("results").exists()
+
+
+def test_check_tells_cases_and_work_and_runs_nothing() -> None:
+    shown = gfmdlayer("check", "tiny.yaml").stdout
+    assert "tiny: 3 cases" in shown
+    assert "0002  thickness = inf" in shown
+    assert re.search(r"steps +9\n", shown)
+    assert [path.name for path in Path().iterdir()] == ["tiny.yaml"]
+
+
+def test_run_status_and_plot_follow_each_other() -> None:
+    process = gfmdlayer("run", "tiny.yaml")
+    assert (process.returncode, process.stdout) == (0, "complete: results/tiny/sweep.h5\n")
+    assert (
+        gfmdlayer("status", "results/tiny").stdout == "3 cases: 3 complete, 0 running, 0 failed, 0 waiting\n"
+    )
+    process = gfmdlayer("plot", "results/tiny", "--out", "tiny.png")
+    assert process.returncode == 0, process.stderr
+    assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart() -> None:
+    Path("surface.yaml").write_text(SURFACE)
+    assert gfmdlayer("run", "surface.yaml").returncode == 0
+    described = Path("results/surface/cases/0000.xdmf")
+    assert "0000.h5:/gap" in described.read_text()
+    process = gfmdlayer("plot", "results/surface/cases/0000.h5", "--kind", "snapshots", "--out", "maps.svg")
+    assert (process.returncode, process.stdout) == (0, "maps.svg\n"), process.stderr
+    process = gfmdlayer("plot", "results/surface", "--movie", "--out", "surface.gif")
+    assert (process.returncode, process.stdout) == (0, "surface.gif\n"), process.stderr
+    process = gfmdlayer("run", "surface.yaml", "--restart", "--set", "output.snapshots=[]")
+    assert process.returncode == 0
+    assert not described.exists()
+
+
+def test_processes_give_the_same_bits_as_one() -> None:
+    assert gfmdlayer("run", "tiny.yaml", "--out", "serial").returncode == 0
+    assert gfmdlayer("run", "tiny.yaml", "--out", "jobs", "--jobs", "2").returncode == 0
+    assert_same_bits(Path("serial"), Path("jobs"))
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_failing_case_makes_the_status_1_and_is_told(jobs: str) -> None:
+    Path("tiny.yaml").write_text(LAST_FAILS)
+    process = gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
+    assert process.returncode == 1
+    assert "1 of 2 cases failed" in process.stdout
+    assert "0001: ConvergenceError" in process.stdout
+    shown = gfmdlayer("status", "out").stdout
+    assert "1 complete, 0 running, 1 failed, 0 waiting" in shown
+    assert "0001 failed: ConvergenceError" in shown
+
+
+@pytest.mark.parametrize(
+    ("signum", "jobs"),
+    [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1"), (signal.SIGUSR1, "2")],
+)
+def test_a_signal_stops_a_run_that_the_next_takes_up(signum: signal.Signals, jobs: str) -> None:
+    Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
+    command = ("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
+    process = interrupted(signum, *command)
+    assert process.returncode == 75, process.stderr
+    assert "Traceback" not in process.stderr
+    left = {path.name for path in Path("out/cases").iterdir()}
+    assert left == {".lock", "0000.h5", "0001.checkpoint", "0001.journal0"}
+    assert "1 complete, 0 running, 0 failed, 1 waiting" in gfmdlayer("status", "out").stdout
+    before = Path("out/cases/0000.h5").read_bytes()
+    process = gfmdlayer(*command)
+    assert process.returncode == 0, process.stderr
+    assert "1 complete already" in process.stderr
+    assert "case 0001 goes on from time" in process.stderr
+    assert Path("out/cases/0000.h5").read_bytes() == before
+    assert {path.name for path in Path("out/cases").iterdir()} == {".lock", "0000.h5", "0001.h5"}
+    assert gfmdlayer("run", "tiny.yaml", "--out", "whole").returncode == 0
+    assert_same_bits(Path("out"), Path("whole"))
+
+
+def test_a_case_runs_again_from_its_file() -> None:
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    process = gfmdlayer("run", "out/cases/0001.h5")
+    assert (process.returncode, process.stdout) == (0, "complete: results/tiny-0001/sweep.h5\n")
+    Path("results/tiny-0001/sweep.h5").unlink()
+    Path("results/tiny-0001/cases/0000.h5").rename("results/tiny-0001/cases/0001.h5")
+    for index in (0, 2):
+        Path(f"out/cases/000{index}.h5").unlink()
+    Path("out/sweep.h5").unlink()
+    assert_same_bits(Path("out"), Path("results/tiny-0001"))
+
+
+@pytest.mark.parametrize(("name", "reason"), [
+    ("out/sweep.h5", "out/sweep.h5: holds no configuration; must be YAML, or the file of a case"),
+    ("half.h5", "half.h5: not a complete result file"),
+])  # fmt: skip
+def test_a_file_without_a_configuration_is_refused(name: str, reason: str) -> None:
+    gfmdlayer("run", "tiny.yaml", "--out", "out")
+    Path("half.h5").write_bytes(Path("out/cases/0000.h5").read_bytes()[:5000])
+    process = gfmdlayer("run", name)
+    assert (process.returncode, process.stderr) == (2, f"gfmdlayer: {reason}\n")
+
+
+def test_a_case_whose_input_file_has_changed_is_not_run_again() -> None:
+    Path("path.txt").write_text("0 0\n1 0.001\n")
+    Path("tiny.yaml").write_text(TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}"))
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    assert gfmdlayer("check", "out/cases/0000.h5").returncode == 0
+    Path("path.txt").write_text("0 0\n1 0.002\n")
+    process = gfmdlayer("run", "out/cases/0000.h5")
+    assert process.returncode == 2
+    assert "path.txt has changed since this case was computed from it" in process.stderr
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "often"])
+def test_an_impossible_interval_is_refused(seconds: str) -> None:
+    process = gfmdlayer("run", "tiny.yaml", "--checkpoint-every", seconds)
+    assert process.returncode == 2
+    assert f"got {seconds}; must be a number of seconds >= 0, or inf" in process.stderr
+
+
+def test_status_needs_no_file_but_the_results() -> None:
+    Path("path.txt").write_text("0 0\n1 0.001\n")
+    table = TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}")
+    Path("tiny.yaml").write_text(table)
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
+    Path("path.txt").unlink()
+    assert "3 complete, 0 running, 0 failed, 0 waiting" in gfmdlayer("status", "out").stdout
+
+
+def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
+    Path("tiny.yaml").write_text(
+        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "60")
+    )
+    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    deadline, begun = time.monotonic() + 60, Path("out/cases/0001.running")
+    while not begun.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.kill(json.loads(begun.read_text())["pid"], signal.SIGKILL)
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 1
+    # The pool takes its other worker down too: at most the two cases at work are lost. The other worker may
+    # just have removed the record of an earlier failure when it ends: then its case waits.
+    lost = int(re.search(r"(\d) of 5 cases failed", output)[1])
+    failed = len(list(Path("out/cases").glob("*.failed")))
+    assert 1 <= lost <= 2
+    assert 1 <= failed <= lost
+    status = gfmdlayer("status", "out").stdout
+    assert f"{5 - lost} complete, 0 running, {failed} failed, {lost - failed} waiting" in status
+
+
+def test_workers_do_not_outlive_a_killed_run() -> None:
+    Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
+    interrupted(signal.SIGKILL, "run", "tiny.yaml", "--out", "out", "--jobs", "2")
+    deadline = time.monotonic() + 10
+    while "0 running" not in gfmdlayer("status", "out").stdout:
+        assert time.monotonic() < deadline
+    assert gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", "2").returncode == 0
+
+
+def read_terminal(keyboard: int) -> str:
+    """Read what a closed terminal still holds; the system ends it with an error where there is no more."""
+    found = b""
+    with contextlib.suppress(OSError):
+        while part := os.read(keyboard, 65536):
+            found += part
+    os.close(keyboard)
+    return found.decode()
+
+
+def test_a_terminal_shows_cases_at_work_and_a_log_does_not_load_what_draws_them() -> None:
+    script = "import sys; from gfmdlayer.cli import main; main(sys.argv[1:]); print('rich' in sys.modules)"
+    command = [sys.executable, "-c", script, "run", "tiny.yaml", "--out"]
+    process = subprocess.run([*command, "log"], capture_output=True, text=True, check=True)
+    assert process.stdout.splitlines()[-1] == "False"
+    keyboard, screen = pty.openpty()
+    with ThreadPoolExecutor() as reader:
+        shown = reader.submit(read_terminal, keyboard)  # a terminal that nobody reads fills up
+        process = subprocess.run(
+            [*command, "bar"], stdout=subprocess.PIPE, stderr=screen, text=True, check=False, env=TERMINAL
+        )
+        os.close(screen)
+    assert process.returncode == 0
+    assert process.stdout.splitlines()[-1] == "True"
+    assert "100%" in shown.result()
+    assert "3 of 3 complete" in shown.result()
+    assert re.search(r"3 cases ended in .* s; slowest 000\d in \d", shown.result())
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = f"{shlex.quote(sys.executable)} -m gfmdlayer check tiny.yaml; echo $? >&2"
+    process = subprocess.run(
+        ["bash", "-c", f"({command}) | true"], capture_output=True, text=True, check=True
+    )
+    assert process.stderr == "0\n"
+
+
+def test_what_is_done_to_a_measured_surface_is_told_by_check_by_the_log_and_by_the_file() -> None:
+    heights = np.cos(2 * np.pi * np.arange(32) / 32) + 0.1 * np.arange(32)
+    heights[5] = np.nan
+    np.save("measured.npy", heights)
+    punch = "punch: {shape: topography, file: measured.npy, unit: 0.1, detrend: plane"
+    Path("refused.yaml").write_text(TINY + punch + "}\n")
+    refused = gfmdlayer("check", "refused.yaml")
+    assert refused.returncode == 2
+    assert "refused.yaml:6:34: punch.file:" in refused.stderr
+    assert "1 of 32 points have no height, the first at index [5]" in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+    Path("rough.yaml").write_text(TINY + punch + ", fill: membrane, taper: 0.2}\n")
+    told, ran = gfmdlayer("check", "rough.yaml"), gfmdlayer("run", "rough.yaml", "--out", "out")
+    assert (told.returncode, ran.returncode) == (0, 0)
+    done = [
+        "1 of 32 points have no height; a membrane between their neighbours fills them in",
+        "the plane of least squares was subtracted; rms height from",
+        "heights fade out over 0.2 of the cell; rms height from",
+    ]
+    with h5py.File("out/cases/0001.h5") as file:
+        kept = str(file.attrs["warnings"])
+    for text in done:
+        assert f"warning: {Path('measured.npy').absolute()}: {text}" in told.stdout
+        assert ran.stderr.count(text) == 1
+        assert text in kept
+
+
+def test_threads_are_told_and_fewer_than_one_refused() -> None:
+    ran = gfmdlayer("run", "tiny.yaml", "--out", "out", "--threads", "2")
+    assert ran.returncode == 0
+    assert "1 process, 2 threads each" in ran.stderr
+    refused = gfmdlayer("run", "tiny.yaml", "--out", "other", "--threads", "0")
+    assert refused.returncode == 2
+    assert "--threads 0: must be 1 or more" in refused.stderr

@@ -1,0 +1,79 @@
+"""Configurations to start from: they explain every key, load, and run as they are."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gfmdlayer.cli import main, new
+from gfmdlayer.config import load
+from gfmdlayer.config.templates import STARTS, commented
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_command_line_offers_all_of_them() -> None:
+    assert list(new.LIKE) == list(STARTS)
+
+
+@pytest.mark.parametrize("like", new.LIKE)
+def test_each_runs_as_it_is_written(like: str) -> None:
+    assert main(["new", "--like", like]) == 0
+    command = [sys.executable, "-m", "gfmdlayer", "run", f"{like}.yaml"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout) == (0, f"complete: results/{like}/sweep.h5\n"), ran.stderr
+
+
+@pytest.mark.parametrize("like", new.LIKE)
+def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
+    lines = commented("name", like).splitlines()
+    assert max(map(len, lines)) <= 110
+    keys = [line for line in lines if line.strip(" #").partition("  ")[0].endswith(":") or ": " in line]
+    body = keys[keys.index(next(line for line in keys if line.startswith("name:"))) :]
+    bare = {line.strip() for line in body if "  # " not in line and not line.strip().startswith("- ")}
+    # The values of a sweep, or the sweep that is offered, need no words.
+    assert all("sweep:" in line or "." in line.partition(":")[0] for line in bare)
+
+
+@pytest.mark.parametrize("like", new.LIKE)
+def test_what_is_commented_out_has_no_default(like: str) -> None:
+    """So that the file says all, and nothing but, what is computed."""
+    Path("case.yaml").write_text(commented("case", like))
+    config = load("case.yaml")
+    assert load_text(config.dump()) == config
+    written = Path("case.yaml").read_text()
+    for key in ("# depth:", "# load:"):
+        given = config.trajectory.depth if "depth" in key else config.trajectory.load
+        assert (key in written) == (given is None)
+
+
+def load_text(content: str) -> object:
+    Path("again.yaml").write_text(content)
+    return load("again.yaml")
+
+
+def test_the_file_names_the_results(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "first.yaml"]) == 0
+    assert load("first.yaml").name == "first"
+    assert main(["new", "not a name.yaml"]) == 2
+    assert (
+        "not a name.yaml: name: got the text 'not a name'; must be text of at most" in capsys.readouterr().err
+    )
+    assert not Path("not a name.yaml").exists()
+
+
+def test_nothing_is_overwritten_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.yaml").write_text("mine")
+    assert main(["new", "mine.yaml"]) == 2
+    assert "mine.yaml: is there already" in capsys.readouterr().err
+    assert Path("mine.yaml").read_text() == "mine"
+    assert main(["new", "mine.yaml", "--force"]) == 0
+    assert load("mine.yaml").name == "mine"
+    assert main(["new", "absent/mine.yaml"]) == 2
+    assert "absent/mine.yaml: cannot be written (No such file or directory)" in capsys.readouterr().err

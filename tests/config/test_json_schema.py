@@ -1,0 +1,243 @@
+"""The schema for editors against the loader: what one takes and refuses, the other does too."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
+from gfmdlayer.cli import main
+from gfmdlayer.config import load, text
+from gfmdlayer.config.input_errors import Problem
+from gfmdlayer.config.json_schema import json_schema
+from gfmdlayer.config.model import problems
+from gfmdlayer.config.sweeps import unswept
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = json_schema()
+VALIDATOR = Draft202012Validator(SCHEMA)
+LINE = "name: line\ngrid: {points: 64, period: 2.0}\n"
+SURFACE = "name: surface\ngrid: {points: [64, 32], period: [2.0, 1.0]}\n"
+# Sound configurations that have every key between them.
+SOUND = [
+    LINE
+    + """\
+layer: {thickness: .inf, poisson: 0.3, material: {model: zener, G0: 1, Ginf: 10.0, tau: 2.0}}
+halfspace: {shear_modulus: 0, poisson: -0.2}
+punch: {shape: parabola, radius: 0.25}
+trajectory: {control: depth, kind: ramp_hold, depth: 0.01, ramp_time: 1.0}
+time: {end: 2.0, step: 0.25, integrator: backward_euler}
+solver: {method: fire, tolerance: 1.0e-5, inertia: uniform, max_iterations: 100}
+output:
+  snapshots: [0.5, 1.0]
+  patches: true
+  histograms:
+    pressure: {max: 1.0, bins: 5, scale: log, min: 0.1}
+    gap: {max: 1.0, bins: 5, scale: log, min: 0.1}
+sweep: {layer.thickness: [0.1, .inf], layer.material.Ginf: [2, 3]}
+""",
+    LINE
+    + """\
+layer: {material: {model: prony, G0: 1.0, branches: [{G: 1.0, tau: 1.0}, {G: 2.0, tau: 0.1}]}}
+punch: {shape: cylinder, radius: 3.0, along: y}
+trajectory: {control: load, load: 0.1, velocity: 0.1}
+time: {step: adaptive, tolerance: 1.0e-3, steady: 0.1}
+output: {times: 0.1}
+""",
+    LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
+    LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
+    LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
+    LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
+    SURFACE + "punch: {radius: [0.5, .inf]}\n",
+    LINE + "sweep: {zip: {layer.thickness: [0.1, 0.1], punch.radius: [0.2, 0.3]}, solver.method: [fire]}\n",
+    LINE
+    + "sweep: {latin_hypercube: {samples: 4, seed: 7, layer.thickness: {from: 0.1, to: 1, scale: log}}}\n",
+    LINE + "sweep: {latin_hypercube: {samples: 2, layer.poisson: {from: -1, to: 0.5}}}\n",
+    LINE + "sweep: {sobol: {samples: 4, layer.material.Ginf: {from: 2, to: 3}}}\n",
+    LINE + "sweep: {punch: [{shape: wedge, slope: 0.1}, {radius: 0.1}], output.snapshots: [[1], [1, 2]]}\n",
+    SURFACE + "punch: {shape: sphere, radius: 3}\n",
+    SURFACE + "punch: {shape: pyramid, angle: 70.3, faces: 4}\nsweep: {punch.faces: [3, 4]}\n",
+    SURFACE + "punch: {shape: flat, width: [0.1, 0.2], edge_radius: 0.1}\n",
+    SURFACE + "punch: {shape: sinusoid, amplitude: [0.1, 0], wavelength: [1.0, .inf]}\n",
+    SURFACE + "punch: {shape: array, counts: [2, 1], element: {shape: flat, width: 0.1, edge_radius: 0.1}}\n",
+    SURFACE + "punch: {shape: array, counts: 1, element: {radius: 0.1}}\n",
+    *(
+        SURFACE + f"punch: {{shape: array, counts: 1, element: {{shape: {element}}}}}\n"
+        for element in ("cylinder, radius: 3, along: x", "wedge, slope: 0.1", "pyramid, angle: 70, faces: 3")
+    ),
+    SURFACE
+    + """\
+punch:
+  {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, roll_off: 0.4, long_cutoff: 1, rms_slope: 0.1, seed: 1}
+""",
+    SURFACE + "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, rms_height: 0.1, seed: 0}\n",
+    SURFACE
+    + """\
+punch:
+  {shape: topography, file: heights.txt, dataset: a, unit: 2.0, fill: membrane, detrend: plane, taper: 0.1,
+   resample: fourier}
+""",
+]
+# Types and ranges that most keys refuse. What a problem rests on besides its own key, the schema cannot know.
+ODD = (None, True, "adaptif", {}, [[]], -1, math.inf)
+
+
+def plain(content: str) -> Any:
+    return text.read(content, "").data
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("heights.txt").write_text("0 0\n1 1\n")
+
+
+def is_refused(data: Any) -> bool:
+    """Whether the loader refuses data, asked without the detour over a file."""
+    return data.get("sweep") == {} or bool(problems(data))
+
+
+def is_of_one_value(problem: Problem) -> bool:
+    """Whether no other value, key or file has a part in a problem."""
+    own = unswept(problem.key)
+    related = ("does not exist", "> from", "log from", "lists of the same length")
+    return (
+        all(f"{other}.".startswith(f"{own}.") for other in problem.others)
+        and not problem.at_key
+        and not any(words in problem.message for words in related)
+    )
+
+
+def places(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the way to each value."""
+    inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in inner:
+        yield (*at, key)
+        yield from places(value, (*at, key))
+
+
+def changed(data: Any, at: tuple[Any, ...], value: Any) -> Any:
+    result = copy.deepcopy(data)
+    inner = result
+    for key in at[:-1]:
+        inner = inner[key]
+    inner[at[-1]] = value
+    return result
+
+
+def test_it_is_a_schema_of_the_latest_draft() -> None:
+    assert SCHEMA["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    Draft202012Validator.check_schema(SCHEMA)
+
+
+def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == SCHEMA
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_configurations_that_come_along_are_valid(path: Path) -> None:
+    assert not list(VALIDATOR.iter_errors(plain(path.read_text())))
+
+
+@pytest.mark.parametrize("content", SOUND)
+def test_both_take_what_is_sound(content: str) -> None:
+    Path("case.yaml").write_text(content)
+    load("case.yaml")
+    assert not list(VALIDATOR.iter_errors(plain(content)))
+
+
+def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
+    used = {
+        ".".join(key for key in place if isinstance(key, str))
+        for content in SOUND
+        for place in places(plain(content))
+    }
+    swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
+    known = SCHEMA["properties"].keys() | swept
+    assert known <= used
+    for section in (SCHEMA, *SCHEMA["$defs"].values()):
+        for key, value in section["properties"].items():
+            assert "." in key or key == "punch" or value.get("description"), key
+
+
+@pytest.mark.parametrize("content", SOUND)
+def test_both_refuse_the_same_types_and_ranges(content: str) -> None:
+    data = plain(content)
+    for place in places(data):
+        for value in ODD:
+            mutated = changed(data, place, value)
+            found = problems(mutated)
+            refused = any(map(is_of_one_value, found)) or mutated.get("sweep") == {}
+            assert VALIDATOR.is_valid(mutated) == (not refused), (place, value, found)
+
+
+@pytest.mark.parametrize("content", SOUND)
+def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(
+    content: str,
+) -> None:
+    data = plain(content)
+    sections = {place[:-1] for place in places(data) if isinstance(place[-1], str)}
+    for section in sections:
+        mutated = changed(data, (*section, "colour"), 1)
+        assert is_refused(mutated)
+        assert not VALIDATOR.is_valid(mutated)
+    assert not VALIDATOR.is_valid({key: value for key, value in data.items() if key != "name"})
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        "null",
+        "{layer.thickness: null}",
+        "{layer.thickness: [0.1, 0.1]}",
+        "{punch: [{shape: star}]}",
+        "{zip: null}",
+        "{zip: {}}",
+        "{zip: {layer.thickness: null}}",
+        "{zip: {layer.thickness: 0.1}}",
+        "{zip: {layer.thickness: [0.1]}, sobol: {samples: 2, punch.radius: {from: 0.1, to: 0.2}}}",
+        "{sobol: null}",
+        "{sobol: {samples: 6, punch.radius: {from: 0.1, to: 0.2}}}",
+        "{sobol: {samples: 8, seed: 1}}",
+        "{sobol: {samples: 8, punch.radius: null}}",
+        "{sobol: {samples: 8, punch.radius: {from: 0.1}}}",
+        "{latin_hypercube: {punch.radius: {from: 0.1, to: 0.2}}}",
+        "{latin_hypercube: {samples: 4, solver.method: {from: 0.1, to: 0.2}}}",
+        "{latin_hypercube: {samples: 4, grid.points: {from: 16, to: 64}}}",
+    ],
+)
+def test_both_refuse_sweeps_of_no_known_form(sweep: str) -> None:
+    data = plain(f"{LINE}sweep: {sweep}\n")
+    assert is_refused(data)
+    assert not VALIDATOR.is_valid(data)
+
+
+_values = st.recursive(
+    st.one_of(
+        st.none(), st.booleans(), st.integers(), st.floats(allow_nan=False), st.text("abc.xy", max_size=4),
+        st.sampled_from(["fire", "adaptive", "prony", "sphere", "y", "log", "heights.txt", "layer.poisson"]),
+    ),
+    lambda inner: st.lists(inner, max_size=3)
+    | st.dictionaries(st.sampled_from(["shape", "radius", "slope", "model", "max", "G"]), inner, max_size=3),
+    max_leaves=5,
+)  # fmt: skip
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(draws=st.data())
+def test_what_the_schema_refuses_the_loader_refuses(draws: st.DataObject) -> None:
+    data = plain(draws.draw(st.sampled_from(SOUND)))
+    for _ in range(draws.draw(st.integers(1, 3))):
+        place = draws.draw(st.sampled_from(list(places(data))))
+        data = changed(data, place, draws.draw(_values))
+    if not VALIDATOR.is_valid(data):
+        assert is_refused(data)

@@ -1,0 +1,261 @@
+"""Windows around the contact: their operator against the whole surface's, and solves with and without."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from math import prod
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.contact.active_set import windows
+from gfmdlayer.contact.active_set.loop import evaluate
+from gfmdlayer.contact.active_set.solver import ActiveSet
+from gfmdlayer.contact.active_set.windows import Windows
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.grid import Grid, parts
+from gfmdlayer.grid.periodic_extent import NOWHERE, periodic_extent
+from gfmdlayer.grid.transforms import Transforms
+
+Floats = NDArray[np.float64]
+
+TOLERANCE = 1e-10
+SHAPES = [(1024,), (1000,), (243 * 4,), (512, 256), (390, 780)]
+CONDITIONS = ["fixed mean", "free mean", "load"]
+each_shape = pytest.mark.parametrize("shape", SHAPES)
+each_condition = pytest.mark.parametrize("condition", CONDITIONS)
+
+
+def problem_of(shape: tuple[int, ...], condition: str, centre: float = 0.0, seed: int = 0) -> Problem:
+    """A parabola pressed at some centre, in parts of the period, into a layer with a history."""
+    grid = Grid(shape, (1.0,) * len(shape))
+    yields = condition == "free mean"
+    layer = LayeredHalfspace(0.05, 0.4, np.inf) if yields else LayeredHalfspace(0.05, 0.5, 1.0)
+    kappa = np.ravel(layer.stiffness(grid.wavenumbers, 1.0))
+    if not yields:
+        kappa[0] = 0.0
+    apart = [(x - centre + 0.5) % 1.0 - 0.5 for x in grid.coordinates]
+    height = sum(np.square(x) for x in np.meshgrid(*apart, indexing="ij"))
+    random = np.random.default_rng(seed)
+    # What remains of an earlier contact: smooth, and small beside the depth.
+    b = (
+        np.ravel(np.fft.rfftn(1e-3 * random.standard_normal(shape)))
+        * kappa
+        * np.exp(-np.ravel(grid.wavenumbers) / 10)
+    )
+    b[0] = 0.0
+    if condition == "load":
+        return Problem(kappa, b, 2 * np.ravel(height), 2e-3)
+    return Problem(kappa, b, 2 * np.ravel(height) - 0.005)
+
+
+@pytest.fixture
+def attempts(monkeypatch: pytest.MonkeyPatch) -> list[windows.Attempt]:
+    """What windows give."""
+    given: list[windows.Attempt] = []
+    solve = Windows.solve
+
+    def recorded(self: Windows, *arguments: object) -> windows.Attempt:
+        given.append(solve(self, *arguments))  # type: ignore[arg-type]
+        return given[-1]
+
+    monkeypatch.setattr(Windows, "solve", recorded)
+    return given
+
+
+def without_windows(problem: Problem, shape: tuple[int, ...], tolerance: float = TOLERANCE) -> Solution:
+    solver = ActiveSet(Transforms(shape), tolerance)
+    solver._windows._parts = ()
+    return solver.solve(problem, np.zeros(prod(shape)))
+
+
+def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance: float = TOLERANCE) -> None:
+    """Both have gaps in the contact within the tolerance: pressures differ by what such gaps are worth."""
+    depth = (problem.obstacle - problem.obstacle.min() - found.gap).max()
+    bound = 2 * tolerance * depth * np.abs(problem.stiffness).max()
+    assert found.converged
+    assert np.abs(found.pressure - expected.pressure).max() <= bound
+    assert found.mean_pressure == pytest.approx(expected.mean_pressure, rel=20 * tolerance)
+    assert found.mean_gap == pytest.approx(expected.mean_gap, rel=20 * tolerance)
+    assert found.contact_area == pytest.approx(expected.contact_area, abs=2 / problem.obstacle.size)
+
+
+@each_shape
+def test_what_pressure_does_in_a_window_is_what_it_does_on_the_surface(shape: tuple[int, ...]) -> None:
+    problem, random = problem_of(shape, "free mean"), np.random.default_rng(1)
+    solver = ActiveSet(Transforms(shape))
+    solver._take_stiffness(problem.stiffness, problem.least)
+    part = solver._windows._parts[0]
+    solver._windows._window(part)
+    _, window = solver._windows._made[part]
+    pressed = (slice(0, window.width[0]),) if len(shape) > 1 else ()
+    pressed = (*pressed, slice(0, window.width[1]))
+    p = np.zeros(shape)
+    p[pressed] = random.random(p[pressed].shape)
+    whole = np.fft.irfftn(
+        np.fft.rfftn(p) * prod(shape) * solver._compliance.reshape(Transforms(shape).spectral_shape),
+        s=shape, axes=range(len(shape)),
+    )  # fmt: skip
+    window.system.gap0[:] = 0.0
+    window.at.p[:] = np.ravel(p[tuple(slice(0, n // part) for n in shape)])
+    evaluate(window.plans, window.system, window.at, window.work)
+    gap = window.at.gap.reshape(tuple(n // part for n in shape))[pressed]
+    np.testing.assert_allclose(gap, whole[pressed], atol=1e-13 * np.abs(whole).max())
+
+
+@each_shape
+@each_condition
+@pytest.mark.parametrize("centre", [0.0, 0.31, -0.5, 0.4999])
+def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre, attempts) -> None:  # type: ignore[no-untyped-def]
+    problem = problem_of(shape, condition, centre)
+    expected = without_windows(problem, shape)
+    attempts.clear()
+    # A guess that is shifted by a point, too large, and has what no guess should have.
+    start = 1.5 * np.roll(expected.pressure, 1)
+    start[np.argmin(start)] = np.nan
+    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, start)
+    assert [attempt.within for attempt in attempts] == [True]
+    assert_same(found, expected, problem)
+
+
+@each_shape
+def test_without_a_guess_the_overlap_shows_where_the_window_belongs(shape, attempts) -> None:  # type: ignore[no-untyped-def]
+    problem = problem_of(shape, "fixed mean", 0.25)
+    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, np.zeros(prod(shape)))
+    assert [attempt.within for attempt in attempts] == [True]
+    assert_same(found, without_windows(problem, shape), problem)
+
+
+@each_condition
+def test_a_contact_that_outgrows_its_window_gets_a_larger_one(condition: str, attempts) -> None:  # type: ignore[no-untyped-def]
+    shape, start = (4096,), np.zeros(4096)
+    problem = problem_of(shape, condition)
+    start[2048] = 1.0
+    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, start)
+    # The shortest window has 32 points.
+    assert found.contact_area > 40 / 4096
+    assert attempts[0].within
+    assert_same(found, without_windows(problem, shape), problem)
+
+
+@each_condition
+def test_a_contact_beyond_the_window_is_found(condition: str) -> None:
+    """Of two bumps the guess knows one; the other is as large, or a single point."""
+    shape = (2048,)
+    for other in (-0.2, -0.195):
+        problem = problem_of(shape, condition, 0.2)
+        bump = problem_of(shape, condition, other).obstacle + 2 * 0.005 * (other == -0.195)
+        both = Problem(
+            problem.stiffness, problem.intercept, np.minimum(problem.obstacle, bump), problem.mean_pressure
+        )
+        expected = without_windows(both, shape)
+        start = np.where(Grid(shape, (1.0,)).coordinates[0] > 0, expected.pressure, 0.0)
+        found = ActiveSet(Transforms(shape), TOLERANCE).solve(both, start)
+        assert_same(found, expected, both)
+
+
+def test_a_contact_as_wide_as_the_surface_has_no_window(attempts) -> None:  # type: ignore[no-untyped-def]
+    shape = (1024,)
+    problem = problem_of(shape, "load")
+    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, np.ones(1024))
+    assert attempts == [windows.Attempt()]
+    assert_same(found, without_windows(problem, shape), problem)
+
+
+@pytest.mark.parametrize(("kept", "lost"), [(1, 0), (0, 1)])
+def test_what_a_solver_remembers_has_no_part_in_a_window(kept: int, lost: int) -> None:
+    """A window's solve depends on the problem and the guess alone, to the last bit."""
+    shape = (1024,)
+    transforms = Transforms(shape)
+    problems = [problem_of(shape, "fixed mean", centre) for centre in (0.1, 0.3)]
+    starts = [without_windows(problem, shape).pressure for problem in problems]
+    used, new = ActiveSet(transforms), ActiveSet(transforms)
+    used.solve(problems[lost], starts[lost])
+    again = used.solve(problems[kept], starts[kept])
+    first = new.solve(problems[kept], starts[kept])
+    np.testing.assert_array_equal(again.pressure, first.pressure)
+    np.testing.assert_array_equal(again.spectrum, first.spectrum)
+
+
+def test_a_window_costs_a_part_of_the_surface(attempts) -> None:  # type: ignore[no-untyped-def]
+    """Three transforms of the whole surface and one for the kernel; the others count by their points."""
+    shape = (1 << 14,)
+    problem = problem_of(shape, "fixed mean")
+    expected = without_windows(problem, shape)
+    solver = ActiveSet(Transforms(shape))
+    first = solver.solve(problem, expected.pressure)
+    again = solver.solve(problem, expected.pressure)
+    (one, two) = (attempt.transforms for attempt in attempts[-2:])
+    assert one == pytest.approx(two + 1)
+    assert 3 < two < 4
+    # Half transforms are carried on.
+    assert first.transforms + again.transforms == int((one + two) / 2)
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        ((1024,), (2, 4, 8, 16)),
+        ((1000,), (2, 4, 8)),
+        ((127,), ()),
+        ((509,), ()),
+        ((256, 128), (2,)),
+        ((130, 390), (2,)),
+        ((195, 390), (3,)),
+    ],
+)
+def test_windows_divide_all_axes(shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+    assert parts(shape) == expected
+
+
+def test_one_contact_is_not_evaluated_in_the_window_at_the_end(attempts) -> None:  # type: ignore[no-untyped-def]
+    """A multiple of the solution is scaled without a transform; what is found is checked on the surface."""
+    shape = (1 << 14,)
+    one = problem_of(shape, "fixed mean")
+    two = replace(one, obstacle=np.minimum(one.obstacle, problem_of(shape, "fixed mean", 0.06).obstacle))
+    for problem, in_window in ((one, 2), (two, 4)):
+        expected = without_windows(problem, shape)
+        solver = ActiveSet(Transforms(shape))
+        for _ in range(2):  # the first makes the kernel
+            found = solver.solve(problem, 1.001 * expected.pressure)
+        part = solver._windows._fitting(periodic_extent(expected.pressure, (1, *shape)), 0)
+        assert attempts[-1].transforms == pytest.approx(3 + in_window / part)
+        assert_same(found, expected, problem, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "points", "expected"),
+    [
+        ([], [], NOWHERE),
+        ([0], [5], ((0, 1), (5, 1))),
+        ([0, 0], [0, 15], ((0, 1), (15, 2))),
+        ([0, 0, 0], [3, 4, 11], ((0, 1), (3, 9))),
+        ([1, 6], [14, 2], ((6, 4), (14, 5))),
+    ],
+)
+def test_spans_go_on_at_the_beginning(rows, points, expected) -> None:  # type: ignore[no-untyped-def]
+    pressure = np.full((8, 16), -1.0)
+    pressure[rows, points] = 1.0
+    assert periodic_extent(pressure.ravel(), (8, 16)) == expected
+
+
+@pytest.mark.parametrize("control", ["depth", "load"])
+def test_warming_up_comes_to_a_window(control: str) -> None:
+    """What it leaves is compiled by all ranks at once."""
+    program = f"""
+from pathlib import Path
+from gfmdlayer.config import load
+from gfmdlayer.contact.active_set import window
+from gfmdlayer.simulation import warm_up
+config = load(Path("configs/indentation.yaml"))
+trajectory = {{"control": "{control}", "{control}": 0.01, "ramp_time": 1.0}}
+assert not window.solve.overloads
+warm_up(config.with_values({{"solver": {{"method": "active_set"}}, "trajectory": trajectory}}))
+assert window.solve.overloads
+"""
+    subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[2], check=True)

@@ -1,0 +1,348 @@
+"""What is kept of an unfinished case: used where it gives the same bits, refused with a reason elsewhere."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from gfmdlayer.config import Config
+from gfmdlayer.execution import case_run as cases
+from gfmdlayer.execution import checkpoints, interrupts, status_file
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.sweep import Case
+from gfmdlayer.results import journal
+from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
+from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.reader import attributes
+
+MADE_BY = {"format": "1", "digest": "abc", "numpy_version": "2.4"}
+STATE = {"solver.age": np.arange(3), "steps.time": np.asarray(0.25)}
+CONFIG = Config(name="tiny").with_values(
+    {
+        "grid.points": 32,
+        "time.end": 1.0,
+        "time.step": 0.1,
+        "time.integrator": "backward_euler",
+        "output.snapshots": [0.2, 0.8],
+        "output.histograms": {"gap": {"max": 0.1, "bins": 3}},
+        "output.patches": True,
+    }
+)
+CASE = Case(7, CONFIG, {})
+
+
+class Heard:
+    """A recorder that keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self.snapshots: list[tuple[float | bytes, ...]] = []
+
+    def row(self, **values: Any) -> None:
+        self.rows.append({name: np.asarray(value).tolist() for name, value in values.items()})
+
+    def snapshot(self, time: float, *fields: Any) -> None:
+        self.snapshots.append((time, *(field.tobytes() for field in fields)))
+
+    def note(self, **attributes: float) -> None:
+        self.rows.append(attributes)
+
+
+def record(into: Journal, steps: Iterator[int] | range) -> None:
+    for step in steps:
+        into.row(time=step / 3, transforms=step, gap_histogram=np.array([step, 1 / 3]))
+        if step % 3 == 0:
+            into.snapshot(step / 3, *(np.full((4, 2), step / part) for part in (7, 9, 11)))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    found = Folder(tmp_path)
+    found.cases.mkdir()
+    return found
+
+
+@pytest.mark.parametrize("held", [0, 1000, 1 << 24])
+def test_a_journal_repeats_what_it_heard_up_to_a_position(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
+    monkeypatch.setattr(journal, "HELD", held)
+    first, heard = Heard(), Heard()
+    one = Journal(tmp_path / "0", first)
+    record(one, range(20))
+    position = one.kept()
+    expected = list(first.rows), list(first.snapshots)
+    record(one, range(20, 40))  # whatever comes later
+    one.kept()
+    again = Journal(tmp_path / "1", heard)
+    again.replay(Position.of(json.loads(json.dumps(position.plain()))))
+    assert (heard.rows, heard.snapshots) == expected
+    third = Heard()
+    Journal(tmp_path / "2", third).replay(again.kept())
+    assert (third.rows, third.snapshots) == expected
+
+
+def test_a_journal_holds_no_more_than_it_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal, "HELD", 500)
+    one = Journal(tmp_path / "0", Heard())
+    record(one, range(200))
+    assert one._size <= 500
+
+
+def test_a_journal_without_anything_has_no_file(tmp_path: Path) -> None:
+    one = Journal(tmp_path / "0", Heard())
+    Journal(tmp_path / "1", heard := Heard()).replay(one.kept())
+    assert heard.rows == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("harm", ["gone", "truncated", "changed"])
+def test_a_harmed_journal_is_refused_before_anything_is_repeated(tmp_path: Path, harm: str) -> None:
+    one = Journal(tmp_path / "0", Heard())
+    record(one, range(20))
+    position = one.kept()
+    content = bytearray((tmp_path / "0").read_bytes())
+    if harm == "gone":
+        (tmp_path / "0").unlink()
+    elif harm == "truncated":
+        (tmp_path / "0").write_bytes(content[:-1])
+    else:
+        content[-1] ^= 1
+        (tmp_path / "0").write_bytes(content)
+    heard = Heard()
+    with pytest.raises(ValueError, match="which belongs to it"):
+        Journal(tmp_path / "1", heard).replay(position)
+    assert heard.rows == []
+
+
+def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
+    Checkpoint(MADE_BY, {"time": 0.25}, STATE).write(tmp_path / "c")
+    read = read_checkpoint(tmp_path / "c", MADE_BY)
+    assert read.about == {"time": 0.25}
+    assert {name: array.tolist() for name, array in read.state.items()} == {
+        name: array.tolist() for name, array in STATE.items()
+    }
+    assert list(tmp_path.iterdir()) == [tmp_path / "c"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"numpy_version": "2.5"}, r"numpy_version 2\.4 -> 2\.5$"),
+        ({"format": "2"}, r"format 1 -> 2$"),
+        ({"digest": "abd"}, r"digest abc -> abd$"),
+        ({"processor": "other"}, r"processor \(none\) -> other$"),
+    ],
+)
+def test_a_checkpoint_made_by_something_else_is_refused(
+    tmp_path: Path, changed: dict[str, str], reason: str
+) -> None:
+    Checkpoint(MADE_BY, {}, STATE).write(tmp_path / "c")
+    with pytest.raises(CheckpointError, match=f"would not give the same bits: {reason}"):
+        read_checkpoint(tmp_path / "c", MADE_BY | changed)
+
+
+def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused_or_read_right(tmp_path: Path) -> None:
+    # Some bytes of the archive say nothing about the arrays, such as times; the rest is under a checksum.
+    Checkpoint(MADE_BY, {}, STATE).write(tmp_path / "c")
+    content = (tmp_path / "c").read_bytes()
+    for size in range(0, len(content), 7):
+        (tmp_path / "cut").write_bytes(content[:size])
+        with pytest.raises(CheckpointError, match="cannot be read"):
+            read_checkpoint(tmp_path / "cut", MADE_BY)
+    refused = 0
+    for place in range(0, len(content), 7):
+        (tmp_path / "bad").write_bytes(content[:place] + bytes([content[place] ^ 255]) + content[place + 1 :])
+        try:
+            read = read_checkpoint(tmp_path / "bad", MADE_BY)
+        except CheckpointError:
+            refused += 1
+        else:
+            assert {name: array.tobytes() for name, array in read.state.items()} == {
+                name: array.tobytes() for name, array in STATE.items()
+            }
+    assert refused > len(content) / 7 / 2
+
+
+def run(folder: Folder, every: float = 0.0) -> str:
+    return cases.run_case(CASE, folder, checkpoint_every=every).state
+
+
+def arrays(folder: Folder) -> dict[str, bytes]:
+    with h5py.File(folder.case(7)) as h5:
+        return {name: np.asarray(h5[name]).tobytes() for name in h5}
+
+
+@pytest.fixture
+def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Have the next run stop after so many steps, as a signal does; never, for 0."""
+    advance = status_file.StatusFile.advance
+
+    def stop_after(steps: int) -> None:
+        calls = iter(range(steps + 1))  # the first call comes before the first step
+
+        def told(self: status_file.StatusFile, time: float) -> None:
+            advance(self, time)
+            if next(calls, None) == steps and steps:
+                raise Stopped
+
+        monkeypatch.setattr(status_file.StatusFile, "advance", told)
+
+    return stop_after
+
+
+def test_a_case_stopped_twice_has_the_bits_of_one_that_was_not(
+    folder: Folder, tmp_path: Path, stop_after: Callable[[int], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = Folder(tmp_path / "whole")
+    whole.cases.mkdir(parents=True)
+    assert run(whole) == "complete"
+    for steps in (4, 3):
+        stop_after(steps)
+        assert run(folder, every=np.inf) == "stopped"
+        assert not folder.case(7).exists()
+    stop_after(0)
+    assert run(folder) == "complete"
+    assert arrays(folder) == arrays(whole)
+    told = capsys.readouterr().err
+    assert "case 0007 goes on from time 0.3" in told
+    assert "case 0007 goes on from time 0.6" in told
+    assert sorted(path.name for path in folder.cases.iterdir()) == ["0007.h5"]
+
+
+def test_time_and_start_of_all_parts_are_in_the_file(
+    folder: Folder, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gfmdlayer.results import provenance
+
+    monkeypatch.setattr(provenance, "now", lambda: "2026-01-01T00:00:00+00:00")
+    stop_after(4)
+    begun = time.monotonic()
+    run(folder)
+    first = time.monotonic() - begun
+    monkeypatch.undo()
+    time.sleep(0.2)  # which is nobody's
+    begun = time.monotonic()
+    assert run(folder) == "complete"
+    second = time.monotonic() - begun
+    known = attributes(folder.case(7))
+    assert known["started"] == "2026-01-01T00:00:00+00:00"
+    assert str(known["finished"]) > "2026-01-01T00:00:00+00:00"
+    assert 0 < float(str(known["wall_seconds"])) <= first + second
+
+
+@pytest.mark.parametrize("version", ["gfmdlayer_version", "git_commit", "processor", "format"])
+def test_another_version_is_told_and_the_case_begins_anew(
+    folder: Folder,
+    stop_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    version: str,
+) -> None:
+    stop_after(4)
+    run(folder)
+    stop_after(0)
+    made_by = checkpoints.made_by
+    monkeypatch.setattr(checkpoints, "made_by", lambda digest: made_by(digest) | {version: "other"})
+    assert run(folder) == "complete"
+    told = capsys.readouterr().err
+    assert "case 0007 begins anew, its checkpoint is set aside: it would not give the same bits" in told
+    assert f"{version} " in told
+    assert folder.case(7, "checkpoint.aside").exists()
+    assert "goes on" not in told
+
+
+def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(
+    folder: Folder, stop_after: Callable[[int], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stop_after(4)
+    run(folder)
+    stop_after(0)
+    path = folder.case(7, "checkpoint")
+    with np.load(path) as file:
+        content = dict(file)
+    content["transforms.plans"] = np.asarray("(of another FFTW)")
+    with path.open("wb") as changed:
+        np.savez(changed, **content)  # type: ignore[arg-type]
+    assert run(folder) == "complete"
+    assert "same bits: FFTW plans the transforms in another way here" in capsys.readouterr().err
+
+
+def test_states_are_kept_at_the_interval_and_cost_little(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[float] = []
+    clock = iter(i / 8 for i in range(10**6))
+
+    def write(_checkpoint: Checkpoint, _path: Path) -> None:
+        written.append(next(clock))
+
+    monkeypatch.setattr(Checkpoint, "write", write)
+    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: next(clock))
+    kept = checkpoints.Checkpoints(folder, 7, "abc", 1.0, lambda _: None)
+    kept.recorder(HeardFor(3.0))
+    kept.resume(Nothing())
+    for step in range(1000):
+        kept.advance(step)
+    # Each look at the clock takes 1/8, and keeping a state two of them: no more than 2 % of the time.
+    assert len(written) > 2
+    assert np.diff(written).min() >= 0.25 / 0.02
+
+
+class HeardFor(Heard):
+    """A writer that has been at work for so long."""
+
+    def __init__(self, elapsed: float) -> None:
+        super().__init__()
+        self.elapsed = elapsed
+
+
+class Nothing:
+    """Has no memory."""
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, _state: Any) -> None:
+        raise AssertionError
+
+
+def test_a_request_to_stop_is_forgotten_by_no_signal() -> None:
+    import signal
+
+    assert set(interrupts.STOP_SIGNALS) == {signal.SIGINT, signal.SIGTERM, signal.SIGUSR1}
+
+
+def test_restart_and_completion_leave_no_checkpoint(
+    folder: Folder, stop_after: Callable[[int], None]
+) -> None:
+    stop_after(4)
+    run(folder)
+    folder.set_aside(folder.case(7, "checkpoint"))
+    run(folder)
+    folder.case(7, "h5.aside").write_text("damaged")
+    with folder.claimed(CONFIG, restart=True):
+        assert sorted(path.name for path in folder.cases.iterdir()) == [".lock"]
+
+
+def test_a_checkpoint_that_outlived_its_case_is_removed(
+    folder: Folder, stop_after: Callable[[int], None]
+) -> None:
+    with folder.claimed(CONFIG):
+        stop_after(4)
+        run(folder)
+        state = folder.case(7, "checkpoint").read_bytes()
+        stop_after(0)
+        run(folder)
+    folder.case(7, "checkpoint").write_bytes(state)  # as if the run had been killed before it removed it
+    folder.case(8, "checkpoint").write_bytes(state)  # of a case that is not complete
+    with folder.claimed(CONFIG):
+        assert {path.name for path in folder.cases.iterdir()} == {".lock", "0007.h5", "0008.checkpoint"}

@@ -1,0 +1,59 @@
+"""What a run tells while it runs: enough on a terminal, little in a log, whatever the number of cases."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from gfmdlayer.execution import progress as reports
+from gfmdlayer.execution import status_file
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.progress import Reporter
+from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.screen import Screen
+
+
+def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str]:
+    stream = io.StringIO()
+    with Reporter(folder, range(len(outcomes) + complete), complete, lambda: reports.Log(stream)) as reporter:
+        for outcome in outcomes:
+            reporter.ended(outcome)
+    return [line.partition("  ")[2] for line in stream.getvalue().splitlines()]
+
+
+def test_ten_thousand_cases_do_not_flood_a_log(tmp_path: Path) -> None:
+    """Each kind of end is told for the first ones, and that there are more; one line sums up."""
+    folder = Folder(tmp_path)
+    outcomes = [Outcome(i, "failed" if i % 2 else "complete", "why", 0.01) for i in range(10_000)]
+    outcomes[77] = Outcome(77, "failed", "why", 3.0)
+    lines = told(folder, outcomes)
+    assert len(lines) == 2 * (reports.TOLD + 1) + 1
+    assert "case 0001 FAILED (2 of 10000): why" in lines
+    assert re.fullmatch(r"10000 cases ended in .+, 5000 of them FAILED; slowest 0077 in 3\.0 s", lines[-1])
+
+
+def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path: Path) -> None:
+    assert told(Folder(tmp_path), [], complete=3) == []
+
+
+def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> None:
+    case = status_file.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
+    at_work = (case, *(replace(case, index=i, simulated_time=6.0) for i in range(8, 40)))
+    progress = reports.Progress(40, 3, 1, at_work, True, 90.0, Outcome(2, "complete", seconds=30.0))
+    console = Console(width=120, height=10, file=io.StringIO())
+    screen = Screen(console)
+    screen.advance(progress)
+    screen.close()
+    lines = console.file.getvalue().splitlines()
+    assert len(lines) == 10 - 6 + 2  # room for four cases, how many more, all of them
+    assert re.fullmatch(r"0007  \S+ +25%  time 2 of 8 +18 s left +thickness = 0\.1 *", lines[0])
+    assert lines[4].strip() == "and 29 more at work"
+    assert "3 of 40 complete, 33 running, 1 failed, 1 min 30 s left, slowest 0002 in 30 s" in lines[5]
+
+
+def test_the_time_in_which_kernels_compile_is_told_as_such() -> None:
+    assert "compiled" in reports.Progress(total=3, complete=1, begun=False).words

@@ -1,0 +1,173 @@
+"""A run that is stopped and resumed gives the bits of one that never was."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer import simulation
+from gfmdlayer.config import Config
+from gfmdlayer.grid.transforms import Transforms, forget
+from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.simulation import simulate
+
+SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
+STEPS: dict[str, dict[str, object]] = {
+    "paper": {"time.integrator": "backward_euler", "time.step": 0.1},
+    "exponential": {"time.integrator": "exponential", "time.step": 0.1},
+    "adaptive": {"time.step": "adaptive", "time.tolerance": 1e-3},
+}
+PRONY = {"model": "prony", "G0": 1.0, "branches": [{"G": 6.0, "tau": 0.1}, {"G": 3.0, "tau": 1.0}]}
+BODIES: dict[str, dict[str, object]] = {
+    "depth": {},
+    "load": {"trajectory": {"control": "load", "load": 0.05, "ramp_time": 0.8}},
+    "prony": {"layer.material": PRONY},
+    "compressible": {"layer.poisson": 0.3, "halfspace.shear_modulus": float("inf")},
+    "sliding": {"trajectory.velocity": 0.3},
+    "steady": {"trajectory.velocity": 2.0, "time.steady": 1e-2, "time.end": 4.0},
+    "surface": {"grid.points": [16, 8], "grid.period": [1.0, 0.5]},
+}
+METHODS = ("fire", "active_set", "conjugate_gradient")
+RUNS = [
+    (body, steps, method)
+    for body, steps, method in product(BODIES, STEPS, METHODS)
+    if steps != "paper" or "trajectory.velocity" not in BODIES[body]  # which does not follow a moving punch
+]
+
+
+class Bits:
+    """A recorder that keeps the bits."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, str]] = []
+        self.snapshots: list[tuple[float | bytes, ...]] = []
+
+    def row(self, **values: float) -> None:
+        self.rows.append({name: float(value).hex() for name, value in values.items()})
+
+    def snapshot(self, time: float, *fields: NDArray[np.float64]) -> None:
+        self.snapshots.append((time, *(field.tobytes() for field in fields)))
+
+    def note(self, **attributes: float) -> None:
+        self.rows.append({name: float(value).hex() for name, value in attributes.items()})
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Bits) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+class Stop(Exception):  # noqa: N818 - asked for
+    """Ends a part of a run."""
+
+
+class InParts:
+    """Runs a case with stops after the given numbers of attempts at a step; its state goes through a file."""
+
+    def __init__(self, config: Config, lengths: Iterator[int]) -> None:
+        self._lengths, self._left, self._kept = lengths, 0, None
+        self.recording, self.parts = Bits(), 0
+        while not self._ended(config):
+            self.parts += 1
+
+    def _ended(self, config: Config) -> bool:
+        self._left = next(self._lengths)
+        try:
+            simulate(config, self.recording, self._advance, resume=self._resume)
+        except Stop:
+            return False
+        return True
+
+    def _resume(self, memory: Resumable) -> None:
+        self._memory = memory
+        if self._kept is not None:
+            memory.restore(self._kept)
+
+    def _advance(self, _time: float) -> None:
+        self._left -= 1
+        if self._left == 0:
+            self._kept = through_a_file(self._memory.state())
+            raise Stop
+
+
+def through_a_file(state: State) -> State:
+    file = io.BytesIO()
+    np.savez(file, **state)
+    file.seek(0)
+    with np.load(file) as loaded:
+        return dict(loaded)
+
+
+@pytest.mark.parametrize(("body", "steps", "method"), RUNS)
+def test_a_run_in_parts_has_the_bits_of_one_without_a_stop(body: str, steps: str, method: str) -> None:
+    config = Config(name="parts").with_values(SMALL | {"solver.method": method} | STEPS[steps] | BODIES[body])
+    whole = Bits()
+    simulate(config, whole)
+    rng = np.random.default_rng([ord(letter) for letter in body + steps + method])
+    parts = InParts(config, iter(lambda: int(rng.integers(1, 7)), None))
+    assert parts.parts > 1
+    assert parts.recording == whole
+
+
+@pytest.mark.parametrize(("steps", "method"), [("adaptive", "fire"), *((s, "active_set") for s in STEPS)])
+def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, method: str) -> None:
+    # Between a rejected attempt and the next one there is more to remember than between accepted steps.
+    config = Config(name="parts").with_values(
+        SMALL | STEPS[steps] | {"solver.method": method, "layer.material.tau": 0.05}
+    )
+    whole = Bits()
+    simulate(config, whole)
+    assert any(row["rejected"] != (0.0).hex() for row in whole.rows) == (steps == "adaptive")
+    assert InParts(config, iter(lambda: 1, None)).recording == whole
+
+
+def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
+    shape = (15015,)
+    hasty = Transforms(shape, time_limit=0.0)  # which settles for the first plan, and not the best
+    state = through_a_file({name: np.asarray(value) for name, value in hasty.state().items()})
+    forget()
+    careful = Transforms(shape)
+    assert careful.description != hasty.description
+    again = Transforms(shape, careful.wisdom, time_limit=0.0)
+    assert again.description == careful.description
+    again.restore(state)
+    assert again.description == hasty.description
+    with pytest.raises(ValueError, match="FFTW plans the transforms in another way"):
+        again.restore(state | {"plans": np.asarray("(none such)")})
+
+
+@pytest.mark.parametrize("body", ["depth", "load"])
+def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
+    body: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel of a window among it, when the machine has other plans by now."""
+    settings = SMALL | STEPS["exponential"] | BODIES[body]
+    config = Config(name="parts").with_values(
+        settings | {"grid.points": 15015, "solver.method": "active_set"}
+    )
+    forget()
+    careful = Transforms((15015,)).wisdom
+    monkeypatch.setattr(simulation, "Transforms", partial(Transforms, time_limit=0.0))
+    forget()
+    whole, parts = Bits(), Bits()
+    memory: list[Resumable] = []
+    kept: list[State] = []
+    simulate(config, whole)
+
+    def stop(time: float) -> None:
+        if time > 1.0:
+            kept.append(through_a_file(memory[0].state()))
+            raise Stop
+
+    forget()
+    with pytest.raises(Stop):
+        simulate(config, parts, stop, resume=memory.append)
+    assert bool(kept[0]["solver.kernel"])
+    simulate(config, parts, wisdom=careful, resume=lambda everything: everything.restore(kept[0]))
+    assert parts == whole

@@ -1,0 +1,228 @@
+"""One sweep in several runs over one folder: every case once, nobody in another's way, dead or alive."""
+
+from __future__ import annotations
+
+import errno
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gfmdlayer.config import Config, load
+from gfmdlayer.execution import locks
+from gfmdlayer.execution.cost import estimate
+from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.run import Summary, run_sweep
+from gfmdlayer.execution.shards import Shard
+from gfmdlayer.execution.sweep import Case, cases
+from gfmdlayer.execution.workers import assemble
+from gfmdlayer.results.reader import open_results
+
+TINY = """\
+name: tiny
+grid: {points: 32}
+time: {end: 0.03, step: 0.01}
+trajectory: {ramp_time: 0.03}
+"""
+SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 2]}\n"
+# The first case of each of two shards takes long enough to be caught at work.
+LONG = "sweep: {time.end: [600, 599, 0.03, 0.04]}\n"
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text(TINY + SWEEP)
+
+
+def run(shard: Shard | None = None, out: str = "out", *overrides: str) -> Summary:
+    with assemble() as pool:
+        assert pool is not None
+        return run_sweep(load(Path("tiny.yaml"), overrides), out, pool, shard=shard)
+
+
+@contextmanager
+def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subprocess.Popen[str]]:
+    """Run a shard, or everything, in another process; begins when it is at a case."""
+    arguments = ["run", "tiny.yaml", "--out", out, *(["--shard", shard] if shard else [])]
+    command = [sys.executable, "-m", "gfmdlayer", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 60
+        unfinished = f"{case:04d}.h5.*-{process.pid}-*.part"
+        while not list(Path(f"{out}/cases").glob(unfinished)):
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def of_length(*steps: int) -> list[Case]:
+    """Return cases with these numbers of steps, hence of work."""
+    return [
+        Case(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
+        for index, number in enumerate(steps)
+    ]
+
+
+@settings(max_examples=30, deadline=None)
+@given(steps=st.lists(st.integers(1, 500), min_size=1, max_size=12), count=st.integers(1, 6))
+def test_shards_cover_the_sweep_once_and_share_the_work(steps: list[int], count: int) -> None:
+    every = of_length(*steps)
+    shares = [Shard(number, count).share(every) for number in range(1, count + 1)]
+    assert sorted(case.index for share in shares for case in share) == list(range(len(every)))
+    work = [sum(estimate(case.config).work for case in share) for share in shares]
+    # Who got the last case had least to do before: the spread is at most that of one case (and of rounding).
+    longest = max(estimate(case.config).work for case in every)
+    assert max(work) - min(work) <= longest + len(every)
+
+
+@pytest.mark.parametrize("text", ["", "3", "0/4", "5/4", "1/0", "-1/4", "1/4/2", "a/b", "1.0/2", "²/3"])
+def test_what_is_no_shard_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="must be I/N"):
+        Shard.parse(text)
+    process = subprocess.run(
+        [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", f"--shard={text}"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert process.returncode == 2
+    assert "must be I/N, two whole numbers with 1 <= I <= N" in process.stderr
+    assert not Path("results").exists()
+
+
+def test_restart_is_not_for_one_shard_to_decide() -> None:
+    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--shard", "1/2", "--restart"]
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert process.returncode == 2
+    assert "--shard and --restart exclude each other" in process.stderr
+
+
+def test_whoever_ends_last_collects_and_the_bits_are_those_of_one_run() -> None:
+    assert run(out="whole").collected
+    summaries = [run(Shard(number, 3)) for number in (2, 3, 1)]
+    assert [summary.collected for summary in summaries] == [False, False, True]
+    assert [summary.count("complete") for summary in summaries] == [2, 2, 2]
+    for path in sorted(Path("whole").rglob("*.h5")):
+        with h5py.File(path) as one, h5py.File("out" / path.relative_to("whole")) as other:
+            assert set(one) == set(other)
+            assert all(np.asarray(one[key]).tobytes() == np.asarray(other[key]).tobytes() for key in one)
+
+
+def test_more_shards_than_cases_do_no_harm() -> None:
+    collected = [run(Shard(number, 9)).collected for number in range(1, 10)]
+    # Six cases in nine shards: it is collected as soon as the sixth is there, and by those who find it so.
+    assert collected == [False] * 5 + [True] * 4
+
+
+def test_a_case_that_failed_in_one_shard_is_named_in_what_another_collects() -> None:
+    Path("tiny.yaml").write_text(TINY + "sweep: {solver.max_iterations: [1, 20000]}\n")
+    failing = next(n for n in (1, 2) if [c.index for c in share(n, 2)] == [0])
+    assert not run(Shard(failing, 2)).collected
+    assert run(Shard(3 - failing, 2)).collected
+    with open_results("out") as results:
+        assert "0000: ConvergenceError" in results.attrs["failed"]
+
+
+def share(number: int, count: int) -> list[Case]:
+    return Shard(number, count).share(cases(load(Path("tiny.yaml"))))
+
+
+def test_live_runs_keep_out_those_who_would_do_the_same_cases_and_no_others() -> None:
+    Path("tiny.yaml").write_text(TINY + LONG)
+    mine, other = (share(number, 2)[0].index for number in (1, 2))
+    with at_work("1/2", mine):
+        with pytest.raises(FolderError, match="another run of shard 1/2 is writing here"):
+            run(Shard(1, 2))
+        with pytest.raises(FolderError, match="a sweep split in 2 and not in 3"):
+            run(Shard(1, 3))
+        with pytest.raises(FolderError, match="another run is writing here"):
+            run()
+        with at_work("2/2", other):
+            assert Path(f"out/cases/{mine:04d}.running").exists()
+    with at_work(None, 0), pytest.raises(FolderError, match="of all the cases"):
+        run(Shard(2, 2))
+
+
+def test_what_a_killed_shard_left_is_not_in_the_way_and_what_a_live_one_has_stays() -> None:
+    Path("tiny.yaml").write_text(TINY + LONG)
+    mine, other = (share(number, 2)[0].index for number in (1, 2))
+    with at_work("2/2", other) as alive:
+        with at_work("1/2", mine) as process:
+            process.kill()
+            process.wait()
+        (left,) = Path("out/cases").glob(f"{mine:04d}.h5.*.part")
+        (busy,) = Path("out/cases").glob(f"{other:04d}.h5.*.part")
+        with at_work("1/2", mine):  # it is let in again at once
+            assert not left.exists()
+            assert busy.exists()
+            assert json.loads(Path(f"out/cases/{other:04d}.running").read_text())["pid"] == alive.pid
+
+
+@pytest.mark.parametrize("signum", [signal.SIGUSR1, signal.SIGTERM])
+def test_a_signal_to_one_shard_stops_that_one_alone(signum: signal.Signals) -> None:
+    Path("tiny.yaml").write_text(TINY + LONG)
+    mine, other = (share(number, 2)[0].index for number in (1, 2))
+    with at_work("2/2", other) as alive, at_work("1/2", mine) as process:
+        process.send_signal(signum)
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == 75, errors
+        assert alive.poll() is None
+        assert not list(Path("out/cases").glob("stop*"))
+
+
+def test_shards_that_begin_at_the_same_instant_agree() -> None:
+    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--shard"]
+    started = [
+        subprocess.Popen([*command, f"{n}/4"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for n in range(1, 5)
+    ]
+    told = [process.communicate(timeout=120) for process in started]
+    assert [process.returncode for process in started] == [0] * 4, told
+    assert any("complete: out/sweep.h5" in output for output, _ in told)
+    assert sorted(path.name for path in Path("out/cases").glob("*.h5")) == [f"{i:04d}.h5" for i in range(6)]
+    assert not list(Path("out").rglob("*.part"))
+
+
+def test_a_turn_is_waited_for_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "turn"
+    script = f"""
+import time
+from pathlib import Path
+from gfmdlayer.execution import locks
+count = Path({str(tmp_path / "count")!r})
+for _ in range(50):
+    with locks.turn(Path({str(path)!r})):
+        number = int(count.read_text())
+        time.sleep(0.0005)
+        count.write_text(str(number + 1))
+"""
+    (tmp_path / "count").write_text("0")
+    workers = [subprocess.Popen([sys.executable, "-c", script]) for _ in range(3)]
+    assert [worker.wait(timeout=60) for worker in workers] == [0, 0, 0]
+    assert (tmp_path / "count").read_text() == "150"  # nobody counted beside another
+    assert not path.exists()
+
+
+def test_a_file_system_without_locks_lets_everybody_in_and_cleans_up_after_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(locks.fcntl, "flock", flock)
+    with locks.held(tmp_path, Shard(1, 2)) as alone, locks.held(tmp_path, Shard(2, 2)) as also:
+        assert not alone
+        assert not also
+    assert Folder(tmp_path, Shard(1, 2)).stop.name == "stop-1-of-2"

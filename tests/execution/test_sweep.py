@@ -1,0 +1,326 @@
+"""A sweep's cases are run once, their results kept apart, and nothing of anybody else's is touched."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gfmdlayer import simulation
+from gfmdlayer.config import Config, ConfigError, load
+from gfmdlayer.execution import progress as reports
+from gfmdlayer.execution import status_file
+from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.run import Summary, run_sweep
+from gfmdlayer.execution.sweep import cases
+from gfmdlayer.execution.workers import assemble
+from gfmdlayer.results.reader import open_results
+
+TINY = """\
+name: tiny
+grid: {points: 32}
+time: {end: 0.03, step: 0.01}
+trajectory: {ramp_time: 0.03}
+"""
+SWEEP = "sweep: {layer.thickness: [0.02, 0.1], halfspace.shear_modulus: [1, 2, .inf]}\n"
+
+Configure = Callable[..., Config]
+
+
+@pytest.fixture
+def configure(tmp_path: Path) -> Configure:
+    def write(text: str = TINY + SWEEP, *overrides: str) -> Config:
+        path = tmp_path / "tiny.yaml"
+        path.write_text(text)
+        return load(path, overrides)
+
+    return write
+
+
+def run(config: Config, directory: Path, restart: bool = False, only_failed: bool = False) -> Summary:
+    with assemble() as pool:
+        assert pool is not None
+        return run_sweep(config, directory, pool, restart, only_failed=only_failed)
+
+
+def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
+    def simulate(*_: Any) -> None:
+        raise AssertionError("this case was complete")
+
+    monkeypatch.setattr(simulation, "simulate", simulate)
+
+
+def fail_where(condition: Callable[[Config], bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    simulate = simulation.simulate
+
+    def failing(config: Config, *rest: Any) -> None:
+        if condition(config):
+            raise simulation.ConvergenceError("the residual stays at 1")
+        simulate(config, *rest)
+
+    monkeypatch.setattr(simulation, "simulate", failing)
+
+
+def test_cases_are_the_product_with_the_last_key_fastest(configure: Configure) -> None:
+    values = [case.values for case in cases(configure())]
+    assert [tuple(value.values()) for value in values] == [
+        (0.02, 1), (0.02, 2), (0.02, float("inf")), (0.1, 1), (0.1, 2), (0.1, float("inf")),
+    ]  # fmt: skip
+    assert list(values[0]) == ["layer.thickness", "halfspace.shear_modulus"]
+
+
+def test_a_case_has_its_values_and_no_sweep(configure: Configure) -> None:
+    case = cases(configure())[4]
+    assert (case.index, case.config.layer.thickness, case.config.halfspace.shear_modulus) == (4, 0.1, 2)
+    assert not case.config.sweep
+
+
+def test_without_a_sweep_there_is_one_case(configure: Configure) -> None:
+    (case,) = cases(configure(TINY))
+    assert (case.index, case.values) == (0, {})
+
+
+def test_a_run_leaves_config_cases_and_sweep(configure: Configure, tmp_path: Path) -> None:
+    config = configure()
+    summary = run(config, tmp_path / "out")
+    assert summary.count("complete") == 6
+    assert load(tmp_path / "out" / "config.yaml") == config
+    assert sorted(path.name for path in (tmp_path / "out/cases").glob("[0-9]*")) == [
+        f"{index:04d}.h5" for index in range(6)
+    ]
+    with open_results(tmp_path / "out") as results:
+        assert results["mean_pressure"].sizes == {"thickness": 2, "shear_modulus": 3, "time": 4}
+        assert not results["mean_pressure"].isnull().any()
+
+
+def test_a_single_case_has_a_sweep_file_too(configure: Configure, tmp_path: Path) -> None:
+    run(configure(TINY), tmp_path / "out")
+    assert (tmp_path / "out/sweep.h5").exists()
+
+
+def test_complete_cases_are_not_run_again(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(configure(), tmp_path / "out")
+    before = {path: path.read_bytes() for path in (tmp_path / "out/cases").glob("*.h5")}
+    forbid_simulating(monkeypatch)
+    assert run(configure(), tmp_path / "out").count("complete") == 6
+    assert before == {path: path.read_bytes() for path in before}
+
+
+def test_a_damaged_case_is_run_again(configure: Configure, tmp_path: Path) -> None:
+    run(configure(), tmp_path / "out")
+    damaged = tmp_path / "out/cases/0003.h5"
+    whole = damaged.stat().st_size
+    damaged.write_bytes(damaged.read_bytes()[: whole // 2])
+    assert run(configure(), tmp_path / "out").count("complete") == 6
+    assert damaged.stat().st_size > whole // 2
+
+
+def test_a_name_may_change(configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(configure(TINY), tmp_path / "out")
+    forbid_simulating(monkeypatch)
+    assert run(configure(TINY, "name=other"), tmp_path / "out").count("complete") == 1
+
+
+def test_another_configuration_is_refused_with_the_keys_that_differ(
+    configure: Configure, tmp_path: Path
+) -> None:
+    run(configure(TINY), tmp_path / "out")
+    before = (tmp_path / "out/config.yaml").read_bytes()
+    with pytest.raises(FolderError) as caught:
+        run(configure(TINY, "layer.thickness=0.2", "punch.radius=0.5"), tmp_path / "out")
+    message = str(caught.value)
+    assert "layer.thickness: 0.05 -> 0.2; punch.radius: 0.25 -> 0.5" in message
+    assert "--out" in message
+    assert "--restart" in message
+    assert (tmp_path / "out/config.yaml").read_bytes() == before
+
+
+def test_a_changed_sweep_is_another_configuration(configure: Configure, tmp_path: Path) -> None:
+    run(configure(), tmp_path / "out")
+    with pytest.raises(FolderError, match=r"sweep\.layer\.thickness"):
+        run(configure(TINY + SWEEP.replace("[0.02, 0.1]", "[0.02, 0.2]")), tmp_path / "out")
+
+
+def test_another_content_of_an_input_file_is_refused(configure: Configure, tmp_path: Path) -> None:
+    profile = tmp_path / "profile.txt"
+    text = TINY + "punch: {shape: profile, file: profile.txt}\n"
+
+    def write(curvature: float) -> None:
+        points = [(j / 32 - 0.5, curvature * (j / 32 - 0.5) ** 2) for j in range(32)]
+        profile.write_text("\n".join(f"{x} {z}" for x, z in points))
+
+    write(2.0)
+    run(configure(text), tmp_path / "out")
+    write(3.0)
+    with pytest.raises(FolderError, match="computed from other input"):
+        run(configure(text), tmp_path / "out")
+
+
+def test_restart_removes_earlier_results_and_nothing_else(configure: Configure, tmp_path: Path) -> None:
+    run(configure(), tmp_path / "out")
+    notes = [tmp_path / "out/notes.txt", tmp_path / "out/figure.png", tmp_path / "out/cases/notes.txt"]
+    for note in notes:
+        note.write_text("mine")
+    run(configure(TINY), tmp_path / "out", restart=True)
+    assert [note.read_text() for note in notes] == ["mine"] * 3
+    assert [path.name for path in (tmp_path / "out/cases").glob("*.h5")] == ["0000.h5"]
+
+
+@pytest.mark.parametrize("restart", [False, True])
+@pytest.mark.parametrize("name", ["thesis.tex", "config.yaml", "sweep.h5"])
+def test_a_folder_of_something_else_is_refused(
+    configure: Configure, tmp_path: Path, name: str, restart: bool
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / name).write_text("name: mine\n")
+    with pytest.raises(FolderError, match="not a results folder"):
+        run(configure(), tmp_path / "mine", restart)
+    assert [path.read_text() for path in (tmp_path / "mine").iterdir()] == ["name: mine\n"]
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/gfmdlayer"])
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    forbid_simulating(monkeypatch)
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(FolderError, match=r"is a file|cannot be written"):
+        run(configure(), tmp_path / place)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_two_runs_at_once_in_one_folder_are_refused(configure: Configure, tmp_path: Path) -> None:
+    run(configure(TINY), tmp_path / "out")
+    with (tmp_path / "out/cases/.lock").open() as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(FolderError, match="another run"):
+            run(configure(TINY), tmp_path / "out")
+
+
+def test_what_a_killed_run_left_is_removed(configure: Configure, tmp_path: Path) -> None:
+    remains = [tmp_path / "out/cases" / name for name in ("0000.running", "0000.h5.host-1-a.part", "stop")]
+    run(configure(TINY), tmp_path / "out")
+    for path in remains:
+        path.write_text("{}")
+    run(configure(TINY), tmp_path / "out")
+    assert not any(path.exists() for path in remains)
+
+
+def test_a_run_killed_in_its_first_instant_is_no_obstacle(configure: Configure, tmp_path: Path) -> None:
+    (tmp_path / "out/cases").mkdir(parents=True)
+    (tmp_path / "out/config.yaml.part").write_text("na")
+    assert run(configure(TINY), tmp_path / "out").count("complete") == 1
+
+
+def test_a_failing_case_is_recorded_and_the_others_go_on(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fail_where(lambda config: config.halfspace.shear_modulus == 2, monkeypatch)
+    summary = run(configure(), tmp_path / "out")
+    assert [outcome.index for outcome in summary.failures] == [1, 4]
+    assert summary.count("complete") == 4
+    record = json.loads((tmp_path / "out/cases/0001.failed").read_text())
+    assert record["reason"] == "ConvergenceError: the residual stays at 1"
+    assert "Traceback" in record["traceback"]
+    assert record["values"]["halfspace.shear_modulus"] == 2
+    assert record["time"]
+    with open_results(tmp_path / "out") as results:
+        assert results["mean_pressure"].isnull().any("time").values.tolist() == [[False, True, False]] * 2
+        assert "0001: ConvergenceError: the residual stays at 1" in results.attrs["failed"]
+
+
+def test_a_failed_case_is_tried_again_and_alone(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as once:
+        fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
+        run(configure(), tmp_path / "out")
+    fail_where(lambda config: config.halfspace.shear_modulus != 2, monkeypatch)
+    assert run(configure(), tmp_path / "out").count("complete") == 6
+    assert not list((tmp_path / "out/cases").glob("*.failed"))
+    with open_results(tmp_path / "out") as results:
+        assert results.attrs["failed"] == ""
+
+
+def test_only_failed_runs_what_failed_and_leaves_what_waits(
+    configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as once:
+        fail_where(lambda config: config.halfspace.shear_modulus == 2, once)
+        run(configure(), tmp_path / "out")
+    for waiting in (tmp_path / "out/cases/0003.h5", tmp_path / "out/sweep.h5"):
+        waiting.unlink()
+    summary = run(configure(), tmp_path / "out", only_failed=True)
+    assert (summary.count("complete"), summary.count("waiting")) == (5, 1)
+    assert sorted(path.name for path in (tmp_path / "out/cases").glob("*.h5")) == [
+        f"{index:04d}.h5" for index in (0, 1, 2, 4, 5)
+    ]
+    assert not (tmp_path / "out/sweep.h5").exists()  # a case is still to come
+    forbid_simulating(monkeypatch)
+    assert run(configure(), tmp_path / "out", only_failed=True).count("waiting") == 1
+
+
+def test_values_that_exclude_each_other_are_refused(configure: Configure) -> None:
+    with pytest.raises(ConfigError, match="Ginf"):
+        configure(TINY + "sweep: {layer.material.Ginf: [0.5, 2]}\n")
+
+
+def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    with status_file.StatusFile(folder, 7, end=2.0) as status:
+        folder.stop.touch()
+        status._written -= status_file.WRITE_INTERVAL
+        with pytest.raises(Stopped):
+            status.advance(1.0)
+    assert not folder.case(7, "running").exists()
+
+
+def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    here = {"host": socket.gethostname(), "pid": os.getpid()}
+    times = {"simulated_time": 1.0, "end": 4.0, "started": time.time(), "updated": time.time()}
+    gone = {"updated": time.time() - 2 * status_file.SILENCE}
+    for index, content in enumerate((
+        here | times,
+        here | times | {"pid": 2**22 + 1},  # above the kernel's largest process number
+        {"host": "elsewhere", "pid": 1} | times,
+        {"host": "elsewhere", "pid": 1} | times | gone,
+    )):  # fmt: skip
+        folder.case(index, "running").write_text(json.dumps(content))
+    folder.case(4, "running").write_text("{")
+    assert [(case.index, case.fraction) for case in status_file.running(folder)] == [(0, 0.25), (2, 0.25)]
+
+
+def test_a_log_has_few_lines_with_the_time() -> None:
+    stream = io.StringIO()
+    log = reports.Log(stream)
+    progress = reports.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
+    for _ in range(1000):
+        log.advance(progress)
+    assert stream.getvalue() == ""
+    log._last -= reports.LOG_INTERVAL
+    log.advance(progress)
+    stamp, _, text = stream.getvalue().partition("  ")
+    assert time.strptime(stamp, "%Y-%m-%d %H:%M:%S")
+    assert text == "50%: 1 of 4 complete, 1 failed, 1 min 1 s left\n"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 0 s"), (3599, "59 min 59 s"), (90000, "1 d 1 h")],
+)
+def test_durations_are_written_for_people(seconds: float, text: str) -> None:
+    assert reports.duration(seconds) == text

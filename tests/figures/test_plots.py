@@ -1,0 +1,377 @@
+"""Figures: labelled by symbols, one curve a case, written in the format asked for."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.inset import Inset
+from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.movie import animated, default_suffix
+from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours, value_labels
+from gfmdlayer.figures.plots import plot_results
+from gfmdlayer.figures.snapshot_plots import snapshots_figure
+from gfmdlayer.figures.waterfall import OVERLAP, waterfall_figure
+from gfmdlayer.results.reader import case_path, open_case, open_results
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.results.writer import CaseWriter
+
+X = np.linspace(-0.5, 0.5, 64, endpoint=False)
+THICKNESSES = [0, 1 / 32, 1 / 16, float("inf")]
+
+
+def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float] | None = None) -> None:
+    with CaseWriter(path, {"x": X}, {"name": "demo", **({"tau": 2.0} if about is None else about)}) as case:
+        for time in (0.0, 1.0, 4.0):
+            case.row(time=time, contact_area=0.1 * time, mean_pressure=0.2 * time)
+            if snapshots and time > 0:
+                pressed = np.maximum(0, 0.01 - X**2)
+                case.snapshot(time, -pressed, time * pressed, np.maximum(0, X**2 - 0.01))
+
+
+def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
+    records = []
+    for index, values in enumerate(itertools.product(*swept.values())):
+        write_case(case_path(folder, index))
+        records.append(CaseRecord(index, case_path(folder, index), dict(zip(swept, values, strict=True))))
+    collect(folder, records, list(swept))
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns: Columns) -> None:
+    friction = [np.nan, -0.1, 0.3]
+    with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
+        for time, each in enumerate(friction):
+            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2, friction=each)
+    with open_case(case_path(tmp_path, 0)) as data:
+        figure = curves_figure(data, columns)
+    area, _, drawn = figure.axes
+    assert (drawn.get_ylabel(), drawn.get_xlabel()) == (r"$\mu$", r"$t/\tau$")
+    assert drawn.get_title(loc="left") == "(c)"
+    np.testing.assert_array_equal(drawn.lines[0].get_ydata(), friction)
+    assert drawn.get_ylim()[0] < -0.1
+    assert area.get_ylim()[0] == 0
+    assert bool(area.get_xlabel()) == (columns == 2)  # in one column the lowest panel has it
+
+
+def test_curves_are_labelled_by_symbols(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with open_results(tmp_path) as data:
+        figure = curves_figure(data)
+    area, pressure = figure.axes
+    assert (area.get_xlabel(), area.get_ylabel()) == (r"$t/\tau$", r"$\tilde{a}$")
+    assert (pressure.get_xlabel(), pressure.get_ylabel()) == (r"$t/\tau$", r"$\tilde{p}$")
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["(a)", "(b)"]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["$d$ = 0", "$d$ = 1/32", "$d$ = 1/16", r"$d$ = $\infty$"]
+    for axes, scale in ((area, 0.1), (pressure, 0.2)):
+        assert len(axes.lines) == 4
+        np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.0, 0.5, 2.0])
+        np.testing.assert_array_equal(axes.lines[0].get_ydata(), scale * np.array([0.0, 1.0, 4.0]))
+
+
+def test_two_keys_are_told_by_colour_and_line_style(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": [0.1, 0.2], "halfspace.shear_modulus": [0.1, 10.0, 1e5]})
+    with open_results(tmp_path) as data:
+        figure = curves_figure(data, columns=1)
+    lines = figure.axes[0].lines
+    assert [line.get_color() for line in lines] == [c for c in colours(2) for _ in range(3)]
+    assert [line.get_linestyle() for line in lines[:3]] == [line.get_linestyle() for line in lines[3:]]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    bulk = [r"$G_\mathrm{bulk}$ = 0.1", r"$G_\mathrm{bulk}$ = 10", r"$G_\mathrm{bulk}$ = $10^{5}$"]
+    assert labels == ["$d$ = 0.1", "$d$ = 0.2", *bulk]
+
+
+def test_three_keys_are_refused(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"a.b": [1, 2], "a.c": [1, 2], "a.d": [1]})
+    with pytest.raises(ResultsError, match=r"3 keys \(b, c, d\): at most 2"):
+        plot_results(tmp_path)
+    assert list(tmp_path.glob("*.png")) == []
+
+
+def test_list_of_combinations_names_every_value_in_the_order_swept(tmp_path: Path) -> None:
+    keys = ["layer.thickness", "layer.material.Ginf"]
+    pairs = [(0.1, 10.0), (0.2, 5.0)]
+    for index in range(2):
+        write_case(case_path(tmp_path, index))
+    records = [
+        CaseRecord(i, case_path(tmp_path, i), dict(zip(keys, p, strict=True))) for i, p in enumerate(pairs)
+    ]
+    collect(tmp_path, records, keys)
+    with open_results(tmp_path) as data:
+        labels = [text.get_text() for text in curves_figure(data).legends[0].get_texts()]
+    assert labels == [r"$d$ = 0.1, $G_\infty$ = 10", r"$d$ = 0.2, $G_\infty$ = 5"]
+
+
+def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5", about={})
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = curves_figure(data)
+    assert figure.axes[0].get_xlabel() == "$t$"
+    assert figure.axes[0].get_xlim() == (0.0, 4.0)
+    assert figure.legends == []
+
+
+def test_pictures_are_named_after_the_results(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    assert plot_results(tmp_path) == [tmp_path / "demo.png", tmp_path / "demo-snapshots.png"]
+    assert {path.name for path in tmp_path.glob("*.png")} == {"demo.png", "demo-snapshots.png"}
+    one = case_path(tmp_path, 2)
+    assert plot_results(one, kind="curves") == [one.with_suffix(".png")]
+    assert plot_results(one, kind="waterfall") == [one.with_name("0002-waterfall.png")]
+
+
+@pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")])
+def test_suffix_chooses_the_format(tmp_path: Path, suffix: str, start: bytes) -> None:
+    write_case(case_path(tmp_path, 0), snapshots=False)
+    (picture,) = plot_results(tmp_path, tmp_path / f"figure.{suffix}")
+    assert picture.read_bytes().startswith(start)
+    assert not (tmp_path / f"figure-snapshots.{suffix}").exists()
+
+
+def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    write_case(case_path(tmp_path, 0))
+    with pytest.raises(ResultsError, match=r"'\.bmp'; use \.png, \.pdf, \.svg"):
+        plot_results(tmp_path, tmp_path / "figure.bmp")
+    with pytest.raises(ResultsError, match="cannot be written"):
+        plot_results(tmp_path, tmp_path / "nowhere" / "figure.png")
+    with pytest.raises(ResultsError, match="no such folder"):
+        plot_results(tmp_path / "nowhere")
+
+
+def test_snapshots_show_the_contact_zoomed(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = snapshots_figure({"$d$ = 0": data})
+    surface, pressure = figure.axes
+    assert [axes.get_ylabel() for axes in figure.axes] == ["$u$", "$p$"]
+    assert surface.get_title(loc="left") == "$d$ = 0"
+    assert len(surface.lines) == len(pressure.lines) == 2
+    # The contact is |x| < 0.1; half its width on either side and a few cells make less than 0.3.
+    assert -0.3 < surface.get_xlim()[0] < -0.1
+    assert 0.1 < surface.get_xlim()[1] < 0.3
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == [r"$t/\tau$ = 0.5", r"$t/\tau$ = 2"]
+
+
+def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
+    field = np.maximum(0, 0.04 - X[:, None] ** 2 - (X[None, ::2]) ** 2)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[::2]}, {"tau": 1.0}) as case:
+        case.snapshot(1.0, -field, field)
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = snapshots_figure({"": data})
+    assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("$x$", "$y$")
+    (image,) = figure.axes[0].images
+    np.testing.assert_array_equal(np.asarray(image.get_array()), field.T)
+
+
+def test_one_case_of_a_sweep_can_be_chosen(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    plot_results(tmp_path, case=3)
+    with pytest.raises(ResultsError, match="no complete case 0007"):
+        plot_results(tmp_path, case=7)
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        ([0, 0.03125, float("inf")], ["0", "1/32", r"$\infty$"]),
+        ([0.25, 0.5], ["0.25", "0.5"]),
+        ([0.05, 0.03125], ["0.05", "0.03125"]),
+        ([1 / 3, 2 / 3], ["1/3", "2/3"]),
+        ([16384, 65536], ["16384", "65536"]),
+        ([1e-3, 1e5, 2.5e6], ["0.001", "$10^{5}$", r"$2.5\times 10^{6}$"]),
+        (["fire", "active_set"], ["fire", "active_set"]),
+    ],
+)
+def test_values_are_written_as_a_reader_would(values: list[object], labels: list[str]) -> None:
+    assert value_labels(values) == labels
+
+
+def test_colours_lighten_when_printed_grey() -> None:
+    grey = [np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) for colour in colours(6)]
+    # Six steps over a range of 0.6, none less than half the mean step; the lightest is dark enough on white.
+    assert np.diff(grey).min() > 0.05
+    assert grey[-1] < 0.75
+
+
+def test_settings_of_matplotlib_are_left_as_they_were(tmp_path: Path) -> None:
+    write_case(case_path(tmp_path, 0))
+    before = dict(mpl.rcParams)
+    plot_results(tmp_path)
+    assert dict(mpl.rcParams) == before
+
+
+def test_logarithmic_time_begins_after_zero(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = curves_figure(data, log_time=True)
+    for axes in figure.axes:
+        assert axes.get_xscale() == "log"
+        assert axes.get_xlim() == (0.5, 2.0)
+        np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.5, 2.0])
+
+
+def test_inset_shows_punch_and_surface_and_where_on_the_curve(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with open_results(tmp_path) as data, open_case(case_path(tmp_path, 2)) as case:
+        case.coords["case"] = 2
+        figure = curves_figure(data, inset=Inset.of(case, [4.0, 1.0]))
+    area = figure.axes[0]
+    dots = [(*line.get_xdata(), *line.get_ydata()) for line in area.lines if line.get_marker() == "o"]
+    assert dots == [(2.0, 0.4), (0.5, 0.1)]  # t/tau with tau = 2, and the area 0.1 t
+    (inset,) = area.child_axes
+    assert len(inset.lines) == 4
+    surface, punch = (line.get_ydata() for line in inset.lines[:2])
+    np.testing.assert_array_equal(surface, -np.maximum(0, 0.01 - X**2))
+    np.testing.assert_allclose(punch, X**2 - 0.01, atol=1e-17)
+
+
+def test_inset_keeps_clear_of_the_curves(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = curves_figure(data, inset=Inset.of(data, [1.0]))
+        (inset,) = figure.axes[0].child_axes
+        with pytest.raises(ResultsError, match="no snapshot at time 3; there are 1, 4"):
+            Inset.of(data, [3.0])
+    # The curve is the diagonal of the panel: a corner beside it is free.
+    box = inset.get_position()
+    panel = figure.axes[0].get_position()
+    left, bottom = (box.x0 - panel.x0) / panel.width, (box.y1 - panel.y0) / panel.height
+    assert left > bottom
+
+
+def test_waterfall_has_a_profile_for_each_time(tmp_path: Path) -> None:
+    write_case(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        (axes,) = waterfall_figure(data, "$d$ = 0").axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["0.5", "2"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", r"$t/\tau$")
+    early, late = (np.asarray(line.get_ydata()) for line in axes.lines[:2])
+    # The highest pressure, that of t = 4, is drawn OVERLAP high; that of t = 1 is a quarter of it.
+    assert late.max() == 1 + OVERLAP
+    np.testing.assert_allclose(early, (late - 1) / 4, atol=1e-14)
+    assert axes.texts[0].get_text() == "$p$ = 0.02"
+
+
+def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": [0, 0.5, float("inf")], "halfspace.shear_modulus": [1, 2]})
+    with open_results(tmp_path) as data:
+        data["contact_area"][2, 1] = np.nan
+        figure = map_figure(data, time=0.9)
+    area, pressure = (axes for axes in figure.axes if axes.images)
+    expected = np.full((2, 3), 0.1)
+    expected[1, 2] = np.nan
+    np.testing.assert_array_equal(np.ma.filled(area.images[0].get_array(), np.nan), expected)
+    assert [label.get_text() for label in area.get_xticklabels()] == ["0", "0.5", r"$\infty$"]
+    assert (area.get_xlabel(), area.get_ylabel()) == ("$d$", r"$G_\mathrm{bulk}$")
+    assert area.get_title(loc="left") == r"(a)  $t/\tau$ = 0.5"
+    assert {text.get_text() for text in pressure.texts} == {"0.200"}
+    assert len(area.texts) == 5
+
+
+def test_map_needs_two_keys(tmp_path: Path) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with pytest.raises(ResultsError, match=r"2 keys, this is one over 1 \(thickness\)"):
+        plot_results(tmp_path, kind="map")
+
+
+def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(tmp_path: Path) -> None:
+    y = X[::2]
+    pressure = np.maximum(0, 0.04 - X[:, None] ** 2 - (y - 0.25) ** 2)
+    gap = np.maximum(0, X[:, None] ** 2 + (y - 0.25) ** 2 - 0.04)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": y}, {"tau": 1.0}) as case:
+        case.snapshot(1.0, -pressure, pressure, gap)
+        case.snapshot(2.0, -2 * pressure, 3 * pressure, gap)
+    with open_case(tmp_path / "0000.h5") as data:
+        figure = snapshots_figure({"": data})
+    panels = np.reshape([axes for axes in figure.axes if axes.get_label() != "<colorbar>"], (4, 2))
+    for column, factor in zip(panels.T, (1, 3), strict=True):
+        np.testing.assert_array_equal(column[0].images[0].get_array(), factor * pressure.T)
+        seen = np.ma.filled(column[1].images[0].get_array(), np.nan)
+        np.testing.assert_array_equal(seen, np.where(pressure > 0, np.nan, gap).T)
+        row = int(np.argmin(np.abs(y - 0.25)))
+        surface, punch = (line.get_ydata() for line in column[2].lines)
+        np.testing.assert_array_equal(punch - surface, gap[:, row])
+        np.testing.assert_array_equal(column[3].lines[0].get_ydata(), factor * pressure[:, row])
+        assert column[0].lines[0].get_ydata()[0] == y[row]
+    assert [axes.get_title(loc="right") for axes in panels[0]] == [r"$t/\tau$ = 1", r"$t/\tau$ = 2"]
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_screen_is_the_same_figure_larger(tmp_path: Path, columns: Columns) -> None:
+    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+    with open_results(tmp_path) as data:
+        paper, screen = (curves_figure(data, columns, style=style) for style in (PAPER, SCREEN))
+    np.testing.assert_allclose(screen.get_size_inches(), SCREEN.scale * paper.get_size_inches())
+    for small, large in zip(paper.axes, screen.axes, strict=True):
+        assert large.xaxis.label.get_size() > 1.5 * small.xaxis.label.get_size()
+        assert large.lines[0].get_linewidth() > 1.5 * small.lines[0].get_linewidth()
+        assert [line.get_color() for line in large.lines] == [line.get_color() for line in small.lines]
+
+
+@pytest.mark.parametrize("shape", [(64,), (64, 32)])
+def test_movie_has_a_frame_for_each_snapshot(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    fields = np.random.default_rng(1).random((3, 3, *shape))
+    axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
+    with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
+        for time, three in enumerate(fields):
+            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2)
+            case.snapshot(float(time), *three)
+    assert plot_results(tmp_path, tmp_path / "demo.gif", kind="movie") == [tmp_path / "demo.gif"]
+    with Image.open(tmp_path / "demo.gif") as movie:
+        assert movie.n_frames == 3
+    with open_case(case_path(tmp_path, 0)) as data:
+        figure, show = animated(data, "case")
+        show(2)
+        assert figure.get_suptitle() == r"case    $t/\tau$ = 1"
+        for axes_, field in zip(figure.axes, fields[2, :2], strict=False):
+            drawn = axes_.images[0].get_array().T if len(shape) == 2 else axes_.lines[0].get_ydata()
+            np.testing.assert_array_equal(drawn, field)
+
+
+@pytest.mark.parametrize("reads", ["", "cat > /dev/null; "])
+def test_movie_that_ffmpeg_cannot_write_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
+) -> None:
+    # As one that was built without H.264, at once; and one whose disk is full, when all has been read.
+    write_case(case_path(tmp_path, 0))
+    ffmpeg, movie = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
+    movie.write_text("an earlier one")
+    begins = 'for last; do :; done; echo some > "$last"'
+    ffmpeg.write_text(f"#!/bin/sh\n{reads}{begins}; echo no such encoder >&2; exit 3\n")
+    ffmpeg.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(ResultsError, match=r"movie\.mp4: ffmpeg could not write it .*3.*no such encoder"):
+        plot_results(tmp_path, movie, kind="movie")
+    assert movie.read_text() == "an earlier one"
+    assert list(tmp_path.glob("*.part*")) == []
+
+
+def test_movie_without_ffmpeg_is_a_gif(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(case_path(tmp_path, 0))
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(ResultsError, match="needs ffmpeg, which is not found"):
+        plot_results(tmp_path, tmp_path / "demo.mp4", kind="movie")
+    with pytest.raises(ResultsError, match=r"'\.png'; use \.mp4, \.gif"):
+        plot_results(tmp_path, tmp_path / "demo.png", kind="movie")
+    assert plot_results(tmp_path, kind="movie") == [tmp_path / "demo.gif"]
+    monkeypatch.setattr("shutil.which", lambda _: "/somewhere/ffmpeg")
+    assert default_suffix() == ".mp4"
+
+
+def test_results_without_snapshots_cannot_be_shown_as_such(tmp_path: Path) -> None:
+    write_case(case_path(tmp_path, 0), snapshots=False)
+    for kind in ("snapshots", "waterfall", "movie"):
+        with pytest.raises(ResultsError, match=r"no snapshots; set output\.snapshots"):
+            plot_results(tmp_path, kind=kind)
+    assert list(tmp_path.glob("*.*")) == []

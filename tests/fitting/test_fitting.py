@@ -1,0 +1,485 @@
+"""Prony series from measured curves: how closely, with how few branches, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from gfmdlayer import cli
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.case import make_material
+from gfmdlayer.config import load
+from gfmdlayer.config import sections as config
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.fitting import (
+    WLF,
+    Fit,
+    FitError,
+    MasterCurve,
+    Measurement,
+    RelaxationCurve,
+    fit,
+    fit_material,
+    read,
+)
+from gfmdlayer.fitting.figure import fit_figure
+from gfmdlayer.fitting.prony import ACCURACY, MARGIN
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.simulation import simulate
+
+Kind = type[Measurement]
+
+KNOWN = Prony(1.0, ((3.0, 1e-3), (2.0, 3e-2), (4.0, 1.0), (1.0, 30.0)))
+RANGE: dict[Kind, tuple[float, float]] = {MasterCurve: (1e-3, 1e4), RelaxationCurve: (1e-4, 1e3)}
+KINDS = pytest.mark.parametrize("kind", [MasterCurve, RelaxationCurve])
+
+
+def measured(
+    kind: Kind, material: Material, rows: int = 120, noise: float = 0.0, seed: int = 0
+) -> Measurement:
+    abscissa = np.geomspace(*RANGE[kind], rows)
+    moduli = kind("", abscissa, np.empty(0)).predicted(material, abscissa)
+    errors = noise * np.random.default_rng(seed).standard_normal(moduli.shape)
+    return kind("measured.csv", abscissa, moduli * (1 + errors))
+
+
+def deviation(fitted: Fit, truth: Material) -> FloatArray:
+    """Fitted curve over the true one, minus one."""
+    curve = fitted.measurement
+    return curve.predicted(fitted.material, curve.abscissa) / curve.predicted(truth, curve.abscissa) - 1
+
+
+def rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def fractional_zener_modulus(omega: FloatArray, alpha: float, Ginf: float = 100.0) -> MasterCurve:
+    """Cole-Cole form of the fractional Zener solid, G0 = tau = 1."""
+    power = (1j * omega) ** alpha
+    modulus = 1 + (Ginf - 1) * power / (1 + power)
+    return MasterCurve("cole-cole", omega, np.stack([modulus.real, modulus.imag]))
+
+
+def fractional_zener_relaxation(t: FloatArray, alpha: float, Ginf: float = 100.0) -> RelaxationCurve:
+    """Mittag-Leffler relaxation of the same solid, by quadrature over its known continuous spectrum.
+
+    E_alpha(-t^alpha) is the integral of exp(-t r) over r with the density
+    sin(pi alpha)/pi r^(alpha-1)/(r^(2 alpha) + 2 r^alpha cos(pi alpha) + 1).
+    """
+
+    def mittag_leffler(time: float) -> float:
+        def integrand(x: float) -> float:
+            density = np.sin(np.pi * alpha) / (2 * np.pi) / (np.cosh(alpha * x) + np.cos(np.pi * alpha))
+            return float(density * np.exp(-time * np.exp(x)))
+
+        # Below x = -60 the density has fallen to exp(-18) at alpha = 0.3; above, exp(-t r) ends it.
+        end = np.log(40 / time)
+        return sum(
+            float(quad(integrand, *part, epsabs=1e-12)[0]) for part in [(-60, -10), (-10, 0), (0, end)]
+        )
+
+    return RelaxationCurve("mittag-leffler", t, np.array([[1 + (Ginf - 1) * mittag_leffler(x) for x in t]]))
+
+
+@KINDS
+@pytest.mark.parametrize("seed", range(5))
+def test_a_known_series_is_found_again_within_the_noise(kind: Kind, seed: int) -> None:
+    noise = 0.02
+    fitted = fit(measured(kind, KNOWN, noise=noise, seed=seed))
+    count = fitted.measurement.moduli.size
+    assert len(fitted.material.branches) in {4, 5}
+    # The error against the data is the noise, its rms known to 1/sqrt(2 count), and the margin; four of them.
+    assert abs(fitted.rms / noise - 1) < 4 / np.sqrt(2 * count) + (MARGIN - 1)
+    # The fit errs by noise sqrt(parameters/count), and by what the margin lets pass, a third of the noise.
+    found = 2 * len(fitted.material.branches) + 1
+    allowed = noise * (2 * np.sqrt(found / count) + np.sqrt(MARGIN**2 - 1))
+    assert rms(deviation(fitted, KNOWN)) < allowed < noise
+
+
+@KINDS
+def test_a_known_series_is_found_exactly_where_there_is_no_noise(kind: Kind) -> None:
+    fitted = fit(measured(kind, KNOWN), branches=4).material
+    # The search ends where a step changes logarithms of times by 1e-6 or the error's square by 1e-8.
+    np.testing.assert_allclose(fitted.branch_times, KNOWN.branch_times, rtol=1e-4)
+    np.testing.assert_allclose(fitted.branch_moduli, KNOWN.branch_moduli, rtol=1e-4)
+    np.testing.assert_allclose(fitted.G0, 1, rtol=1e-4)
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 0.7])
+def test_a_fractional_zener_solid_over_eight_decades_is_fitted_to_a_percent(alpha: float) -> None:
+    omega = np.geomspace(1e-4, 1e4, 81)
+    fitted = fit(fractional_zener_modulus(omega, alpha))
+    assert len(fitted.material.branches) <= 20
+    assert fitted.largest < 0.01
+    between = fractional_zener_modulus(np.sqrt(omega[1:] * omega[:-1]), alpha)
+    assert Fit(between, fitted.material, 0).largest < 0.01
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 0.7])
+def test_a_relaxing_fractional_zener_solid_is_fitted_to_a_percent(alpha: float) -> None:
+    fitted = fit(fractional_zener_relaxation(np.geomspace(1e-4, 1e4, 81), alpha))
+    assert len(fitted.material.branches) <= 20
+    assert fitted.largest < 0.01
+
+
+def test_both_kinds_of_curve_tell_of_the_same_solid() -> None:
+    """The master curve's series relaxes as the Mittag-Leffler function, away from the ends of its range."""
+    series = fit(fractional_zener_modulus(np.geomspace(1e-4, 1e4, 81), 0.5)).material
+    relaxing = fractional_zener_relaxation(np.geomspace(1e-3, 1e3, 31), 0.5)
+    assert Fit(relaxing, series, 0).largest < 0.01
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@KINDS
+def test_branches_are_the_fewest_that_are_enough(kind: Kind, noise: float) -> None:
+    curve = measured(kind, KNOWN, noise=noise)
+    chosen = fit(curve)
+    count = len(chosen.material.branches)
+    enough = max(MARGIN * chosen.least, ACCURACY)
+    assert chosen.rms <= enough
+    assert fit(curve, branches=count - 1).rms > enough
+    assert not noise or chosen.rms > chosen.least / MARGIN  # nothing lies far below what any series reaches
+
+
+@pytest.mark.parametrize("branches", [1, 2, 3, 7])
+def test_as_many_branches_as_asked(branches: int) -> None:
+    curve = fractional_zener_modulus(np.geomspace(1e-4, 1e4, 41), 0.5)
+    found = fit(curve, branches=branches).material
+    assert len(found.branches) == branches
+    assert (np.diff(found.branch_times) > 0).all()
+
+
+def test_each_branch_lessens_the_error() -> None:
+    curve = fractional_zener_modulus(np.geomspace(1e-4, 1e4, 41), 0.5)
+    errors = [fit(curve, branches=count).rms for count in (2, 4, 6, 8, 10)]
+    assert all(after < before / 2 for before, after in pairwise(errors))
+
+
+def test_branches_of_no_use_are_left_out() -> None:
+    assert len(fit(measured(MasterCurve, KNOWN), branches=12).material.branches) == 4
+
+
+@KINDS
+def test_the_unit_of_moduli_and_times_does_not_matter(kind: Kind) -> None:
+    curve = measured(kind, KNOWN, noise=0.02)
+    here = fit(curve).material
+    there = fit(curve.slowed(1e-7).in_units_of(1e-6)).material
+    # Both searches end within their tolerance of the same minimum, which noise makes as flat as it is.
+    np.testing.assert_allclose(there.branch_times, 1e-7 * here.branch_times, rtol=1e-3)
+    np.testing.assert_allclose(there.branch_moduli, 1e6 * here.branch_moduli, rtol=1e-3)
+
+
+@KINDS
+def test_the_response_of_a_branch_is_that_of_the_material_and_its_slope(kind: Kind) -> None:
+    curve, times, step = measured(kind, KNOWN, rows=9), KNOWN.branch_times, 1e-5
+    total = curve.constant() * KNOWN.G0 + curve.response(times) @ KNOWN.branch_moduli
+    np.testing.assert_allclose(total.reshape(curve.moduli.shape), curve.moduli, rtol=1e-14)
+    slope = (curve.response(times * np.exp(step)) - curve.response(times * np.exp(-step))) / (2 * step)
+    # Central differences: step^2 of truncation and ulp/step of rounding.
+    np.testing.assert_allclose(curve.sensitivity(times), slope, atol=1e-10)
+
+
+@KINDS
+def test_a_liquid_is_refused(kind: Kind) -> None:
+    liquid = Prony(1e-9, KNOWN.branches[:3])
+    curve = measured(kind, liquid, rows=60, noise=0.02)
+    if kind is RelaxationCurve:
+        seen = curve.abscissa < 8.0  # what it relaxes to is not measured
+        curve = replace(curve, abscissa=curve.abscissa[seen], moduli=curve.moduli[:, seen])
+    with pytest.raises(FitError, match=rf"flows like a liquid.* must reach {kind.slower}"):
+        fit(curve)
+    assert fit(curve, relaxed=1e-6).material.G0 == 1e-6
+
+
+def test_an_elastic_solid_is_refused() -> None:
+    rigid = RelaxationCurve("", np.geomspace(1e-3, 1e3, 20), np.full((1, 20), 3.0))
+    with pytest.raises(FitError, match="nothing relaxes"):
+        fit(rigid)
+
+
+@pytest.mark.parametrize("branches", [-1, 0, 8])
+def test_an_impossible_number_of_branches_is_refused(branches: int) -> None:
+    # 16 numbers determine 7 branches of two parameters, and G0.
+    with pytest.raises(FitError, match=f"{branches} branches: must be 1 to 7 for 8 rows"):
+        fit(measured(MasterCurve, KNOWN, rows=8), branches=branches)
+
+
+@pytest.mark.parametrize("relaxed", [-1.0, 0.0, 12.0, float("nan")])
+def test_an_impossible_relaxed_modulus_is_refused(relaxed: float) -> None:
+    with pytest.raises(FitError, match="must be > 0 and below the highest measured modulus, "):
+        fit(measured(MasterCurve, KNOWN, rows=8), relaxed=relaxed)
+
+
+ROWS = [(10.0**i, 1.0 + i, 2.0) for i in range(8)]
+
+
+def table(rows: Sequence[tuple[float, ...]], separator: str = ",", head: str = "") -> str:
+    return head + "".join(separator.join(map(str, row)) + "\n" for row in rows)
+
+
+def changed(row: int, *numbers: float) -> str:
+    return table([*ROWS[:row], numbers, *ROWS[row + 1 :]])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        table(ROWS),
+        table(ROWS, ";"),
+        table(ROWS, "\t"),
+        table(ROWS, ", ", "# from the laboratory\n\nomega, G', G''\n"),
+        table(ROWS, " ", "omega [rad/s] G' [Pa] G'' [Pa]\n"),
+        table(ROWS, ";", "ω;G';G''\nrad/s;Pa;Pa\n"),
+        "\ufeff" + table(ROWS).replace("\n", "  # good\r\n"),
+    ],
+)
+def test_a_master_curve_is_read_in_every_notation(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(content, encoding="utf-8")
+    curve = read(path)
+    assert isinstance(curve, MasterCurve)
+    np.testing.assert_array_equal(np.vstack([curve.abscissa, curve.moduli]), np.transpose(ROWS))
+
+
+def test_two_columns_are_a_relaxation_curve(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(table([row[:2] for row in ROWS], head="time,G\n"))
+    curve = read(path)
+    assert isinstance(curve, RelaxationCurve)
+    assert curve.source == "data.csv"
+    np.testing.assert_array_equal(curve.moduli, [[row[1] for row in ROWS]])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (changed(0, 0, 1, 2), "1: omega = 0; must be > 0"),
+        (changed(0, -1, 1, 2), "1: omega = -1; must be > 0"),
+        (changed(4, 1e4, -1, 2), "5: G' = -1; must be > 0"),
+        (changed(4, 1e4, 1, -2), "5: G'' = -2; must be > 0"),
+        (changed(4, 1e4, 0, 0), "5: G' = 0, G'' = 0; must be > 0"),
+        (changed(4, 1e4, 1, float("nan")), "5: '10000.0,1,nan' is not finite"),
+        (changed(4, 1e3, 1, 2), "5: omega = 1000 after 1000; must increase from row to row"),
+        (changed(4, 1e2, 1, 2), "5: omega = 100 after 1000; must increase from row to row"),
+        (changed(4, 1e4, 1), "5: holds 2 numbers; must be 3 numbers (omega, G', G'')"),
+        (table([(t, 1.0) for t in (1, 2, 3, 3)]), "4: t = 3 after 3; must increase"),
+        (table([(t, 1.0 - t) for t in (0.5, 2)]), "2: G = -1; must be > 0"),
+        (table([(0, 1.0), (1, 1.0)]), "1: t = 0; must be > 0"),
+        (table(ROWS[:7], head="# seven\n"), "8: holds 7 rows of numbers; must be at least 8"),
+        (
+            table([(*row, 1.0) for row in ROWS]),
+            "1: '1.0,1.0,2.0,1.0' is 4 words; must be numbers, 3 (omega, ",
+        ),
+        ("", "1: holds no numbers; must be 8 rows or more of 3 (omega, G', G'') or 2 (t, G)"),
+        ("omega G' G''\n", "1: holds 0 rows of numbers; must be at least 8"),
+        ("1;0,5\n2;0,4\n", "1: '1;0,5' has decimal commas; must be decimal points"),
+        ("0,5 2\n", "1: '0,5 2' has decimal commas"),
+        (
+            table(ROWS, head="f [Hz], G', G''\n"),
+            "1: the first column is 'f [Hz]'; must be the angular frequency",
+        ),
+        (table(ROWS, head="t, G, spread\n"), "1: the first column is 't', but 3 columns make a master curve"),
+        (table(ROWS) + "end\n", "9: cannot read 'end'"),
+    ],
+)
+def test_bad_data_are_refused_with_file_and_line(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(TableError) as refused:
+        read(path)
+    assert str(refused.value).startswith(f"{path}:{message}")
+
+
+def test_a_shift_of_temperature_multiplies_times_by_the_wlf_factor() -> None:
+    shift = WLF(temperature=60.0, reference=25.0, C1=17.44, C2=51.6)
+    assert shift.factor == pytest.approx(10 ** (-17.44 * 35 / 86.6), rel=1e-14)
+    assert WLF(25.0, 25.0, 17.44, 51.6).factor == 1
+    slowed = [measured(kind, KNOWN, rows=20).slowed(shift.factor) for kind in RANGE]
+    faster = Prony(1.0, tuple((G, tau * shift.factor) for G, tau in KNOWN.branches))
+    for curve in slowed:
+        np.testing.assert_allclose(curve.predicted(faster, curve.abscissa), curve.moduli, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((-30.0, 25.0, 17.44, 51.6), "is 55 below the reference 25; must be less than C2 = 51.6 below"),
+        ((-26.6, 25.0, 17.44, 51.6), "is 51.6 below"),
+        ((-26.5, 25.0, 17.44, 51.6), "shifts by 8.98e[+]03 decades"),
+        ((60.0, 25.0, -17.44, 51.6), "must both be > 0"),
+        ((60.0, 25.0, 17.44, 0.0), "must both be > 0"),
+        ((float("nan"), 25.0, 17.44, 51.6), "must be finite"),
+    ],
+)
+def test_a_shift_that_the_wlf_equation_cannot_make_is_refused(
+    numbers: tuple[float, float, float, float], message: str
+) -> None:
+    with pytest.raises(FitError, match=message):
+        WLF(*numbers)
+
+
+class Rows:
+    """Records the pressure alone."""
+
+    def __init__(self) -> None:
+        self.pressures: list[float] = []
+
+    def row(self, **values: float) -> None:
+        self.pressures.append(values["mean_pressure"])
+
+    def snapshot(self, *_: Any) -> None:
+        """Nothing is asked for."""
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file with a master curve in units of 2e6, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    curve = measured(MasterCurve, KNOWN, rows=40).in_units_of(0.5e-6)
+    np.savetxt("rubber 1.csv", np.column_stack([curve.abscissa, *curve.moduli]), header="omega G' G''")
+    return Path("rubber 1.csv")
+
+
+def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
+    shift = WLF(30.0, 25.0, 17.44, 51.6)
+    report = fit_material(data, normalise=True, wlf=shift)
+    read_back = load("rubber 1.yaml", ["grid.points=32", "time.end=0.03", "time.step=0.01"])
+    assert read_back.name == "rubber-1"
+    assert isinstance(read_back.layer.material, config.Prony)
+    material = make_material(read_back)
+    assert material.relaxed == 1
+    # The search's tolerance as above, and seven digits.
+    np.testing.assert_allclose(material.branch_times, KNOWN.branch_times * shift.factor, rtol=1e-4)
+    np.testing.assert_allclose(material.branch_moduli, KNOWN.branch_moduli, rtol=1e-4)
+    rows = Rows()
+    simulate(read_back, rows)
+    assert len(rows.pressures) == 4
+    assert rows.pressures[-1] > 0
+    notes = [line for line in Path("rubber 1.yaml").read_text().splitlines() if line.startswith("#")]
+    assert notes[0] == "# Prony series of 4 branches, fitted to the master curve 'rubber 1.csv' of 40 rows."
+    assert "from reference 25 with C1 = 17.44, C2 = 51.6; times multiplied by aT = 0.02879" in notes[2]
+    assert notes[3] == "# Moduli are in units of G0 = 2e+06 of the data, times in the unit of the data."
+    assert all(note[2:] in report for note in notes)
+    assert "warning" not in report
+    assert Path("rubber 1.png").read_bytes().startswith(b"\x89PNG")
+
+
+@KINDS
+def test_the_figure_shows_the_data_the_fit_and_the_error(kind: Kind) -> None:
+    fitted = fit(measured(kind, KNOWN, noise=0.02))
+    curve = fitted.measurement
+    above, below = fit_figure(fitted).axes
+    shown = [np.asarray(line.get_ydata()) for line in above.lines]
+    smooth = np.log(np.asarray(above.lines[1].get_xdata()))
+    for i, modulus in enumerate(curve.moduli):
+        np.testing.assert_array_equal(shown[2 * i], modulus)
+        line = np.interp(np.log(curve.abscissa), smooth, shown[2 * i + 1])
+        # The line is drawn through 500 points, 0.032 apart in the logarithm, whose square bounds the sag.
+        np.testing.assert_allclose(line, curve.predicted(fitted.material, curve.abscissa)[i], rtol=2e-3)
+        np.testing.assert_allclose(np.asarray(below.lines[i].get_ydata()), 100 * fitted.errors[i])
+    assert above.get_xscale() == above.get_yscale() == below.get_xscale() == "log"
+
+
+def test_moduli_in_other_units_than_G0_are_pointed_out(data: Path) -> None:
+    assert "warning: G0 = 2e+06 is not 1: halfspace.shear_modulus must be in the same unit" in fit_material(
+        data
+    )
+
+
+def test_what_is_extrapolated_is_pointed_out(tmp_path: Path, data: Path) -> None:
+    curve = fractional_zener_modulus(np.geomspace(0.03, 3, 41), 0.5)
+    lowest, highest = curve.moduli[0, [0, -1]]
+    np.savetxt(data, np.column_stack([curve.abscissa, *curve.moduli]))
+    report = fit_material(data, tmp_path)
+    assert f"is extrapolated: the lowest measured modulus is {lowest:.4g}" in report
+    assert f"is extrapolated: the highest measured modulus is {highest:.4g}" in report
+
+
+def test_rows_crowded_at_one_end_are_pointed_out(data: Path) -> None:
+    t = np.linspace(1e-3, 100, 1000)
+    np.savetxt(data, np.column_stack([t, KNOWN.relaxation_modulus(t)]))
+    assert "the fit follows these" in fit_material(data)
+
+
+@pytest.mark.parametrize("existing", ["rubber 1.yaml", "rubber 1.png"])
+def test_nothing_is_overwritten_unless_forced(data: Path, existing: str) -> None:
+    Path(existing).write_text("precious")
+    with pytest.raises(ResultsError, match=f"{existing}: exists; .*--force"):
+        fit_material(data)
+    assert sorted(path.name for path in Path().iterdir()) == sorted([data.name, existing])
+    assert Path(existing).read_text() == "precious"
+    fit_material(data, force=True)
+    assert not Path(existing).read_bytes().startswith(b"precious")
+
+
+def test_the_data_are_never_overwritten(data: Path) -> None:
+    data = data.rename("rubber.yaml")
+    with pytest.raises(ResultsError, match=r"rubber.yaml: holds the data; must be another file"):
+        fit_material(data, force=True)
+
+
+@pytest.mark.parametrize(
+    ("out", "material"),
+    [
+        ("new/folder", "new/folder/rubber 1.yaml"),
+        ("new/soft.yml", "new/soft.yml"),
+        ("v1.2", "v1.2/rubber 1.yaml"),
+    ],
+)
+def test_the_material_goes_to_the_file_or_folder_that_is_asked_for(
+    data: Path, out: str, material: str
+) -> None:
+    report = fit_material(data, Path(out))
+    assert report.splitlines()[-2:] == [
+        f"material: {material}",
+        f"figure: {Path(material).with_suffix('.png')}",
+    ]
+    assert load(material).layer.material.model == "prony"
+
+
+def test_the_command_line_fits_with_its_options(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shift = ["--temperature", "30", "--reference", "25", "--wlf", "17.44", "51.6"]
+    arguments = [
+        *("fit-material", str(data), "--out", "out.yaml", "--branches", "2", "--normalise"),
+        *("--relaxed-modulus", "1.9e6", "--force", *shift),
+    ]
+    assert cli.main(arguments) == 0
+    assert "in units of G0 = 1.9e+06" in capsys.readouterr().out
+    written = load("out.yaml").layer.material
+    assert isinstance(written, config.Prony)
+    assert (written.G0, len(written.branches)) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (lambda _: ["absent.csv"], "absent.csv: cannot be read"),
+        (lambda data: [data, "--branches", "0"], "0 branches: must be 1 to 39 for 40 rows"),
+        (
+            lambda data: [data, "--wlf", "17", "51"],
+            "--temperature, --reference and --wlf: must be given together",
+        ),
+        (lambda data: [data, "--out", data], "cannot be written"),
+        (
+            lambda data: [data, "--temperature", "0", "--reference", "60", "--wlf", "17", "51"],
+            "must be less than C2 = 51",
+        ),
+    ],
+)
+def test_the_command_line_refuses_in_a_line(
+    data: Path, arguments: Callable[[str], list[str]], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["fit-material", *arguments(str(data))]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("gfmdlayer: ")
+    assert message in error
+    assert error.count("\n") == 1
+    assert list(Path().iterdir()) == [data]

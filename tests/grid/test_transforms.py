@@ -1,0 +1,135 @@
+"""The transforms against numpy's, and plans that come out the same every time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gfmdlayer.grid import wisdom
+from gfmdlayer.grid.transforms import Transforms, forget
+
+SHAPES = [(8,), (9,), (1024,), (1155,), (6, 8), (5, 9), (6, 9), (7, 8), (32, 64)]
+
+
+def rounding(shape: tuple[int, ...]) -> float:
+    """Relative 2-norm error of a fast transform: a few roundings for each of its log2 n levels."""
+    return float(4 * np.finfo(float).eps * np.log2(np.prod(shape)))
+
+
+def fields(shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(3).standard_normal(shape)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_forward_is_the_unnormalised_real_transform(shape: tuple[int, ...]) -> None:
+    u = fields(shape)
+    exact = np.fft.rfftn(u)
+    error = Transforms(shape).forward(u) - exact.ravel()
+    assert np.linalg.norm(error) <= rounding(shape) * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_there_and_back_multiplies_by_the_number_of_points(shape: tuple[int, ...]) -> None:
+    transforms, u = Transforms(shape), fields(shape)
+    back = transforms.backward(transforms.forward(u))
+    n = u.size
+    assert np.linalg.norm(back / n - u.ravel()) <= 2 * rounding(shape) * np.linalg.norm(u)
+
+
+@pytest.mark.parametrize("shape", [(512,), (24, 40)])
+def test_backward_leaves_the_callers_spectrum_alone(shape: tuple[int, ...]) -> None:
+    transforms = Transforms(shape)
+    spectrum = transforms.forward(fields(shape))
+    before = spectrum.copy()
+    transforms.backward(spectrum)
+    np.testing.assert_array_equal(spectrum, before)
+
+
+def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_held() -> None:
+    shape, u = (48,), fields((48,))
+    forget()
+    first = Transforms(shape)
+    assert Transforms(shape).plans == first.plans
+    known, expected = first.wisdom, first.forward(u)
+    told = Transforms(shape, known)
+    assert Transforms(shape, known).plans == told.plans
+    assert Transforms((96,), known).shorter(2).plans == told.plans
+    forget()
+    for _ in range(3):  # new plans, which would take the place of old ones that are gone
+        Transforms(shape)
+        forget()
+    np.testing.assert_array_equal(first.forward(u), expected)
+    np.testing.assert_array_equal(told.forward(u), expected)
+
+
+@pytest.mark.parametrize("shape", [(4096,), (2187,), (48, 64)])
+def test_the_same_wisdom_gives_the_same_bits(shape: tuple[int, ...]) -> None:
+    u = fields(shape)
+    forget()
+    first = Transforms(shape)
+    known, forward = first.wisdom, first.forward(u)
+    backward = first.backward(forward)
+    for _ in range(3):
+        forget()
+        again = Transforms(shape, known)
+        np.testing.assert_array_equal(again.forward(u), forward)
+        np.testing.assert_array_equal(again.backward(forward), backward)
+        # Nothing was measured anew.
+        assert sorted(again.wisdom.splitlines()) == sorted(known.splitlines())
+
+
+@pytest.mark.parametrize("shape", [(512, 512), (513, 511)])
+def test_threads_change_a_transform_by_rounding_only(shape: tuple[int, ...]) -> None:
+    u = fields(shape)
+    one, two = Transforms(shape, time_limit=0.1), Transforms(shape, time_limit=0.1, threads=2)
+    spectrum = one.forward(u)
+    # log2(n) butterflies of a rounding each, on values that add up to n^(1/2).
+    bound = 20 * np.finfo(float).eps
+    np.testing.assert_allclose(two.forward(u), spectrum, atol=bound * np.abs(spectrum).max())
+    np.testing.assert_allclose(two.backward(spectrum) / u.size, u.ravel(), atol=bound * np.abs(u).max())
+
+
+def test_plans_for_threads_are_kept_apart(tmp_path: Path) -> None:
+    wisdom.planned((64,), tmp_path)
+    wisdom.planned((64,), tmp_path, threads=2)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert len(names) == 2
+    assert names[0].replace("-2threads", "") == names[1]
+
+
+def test_wisdom_of_another_fftw_is_passed_over() -> None:
+    u = fields((16,))
+    np.testing.assert_allclose(Transforms((16,), "(no such thing)").forward(u), np.fft.rfft(u), atol=1e-14)
+
+
+def test_plans_are_kept_and_found_again(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "cache"
+    first = wisdom.planned((64,), folder)
+    assert first.startswith("(fftw")
+    assert wisdom.planned((64,), folder) == first
+    assert [path.read_text() for path in folder.iterdir()] == [first]
+
+
+def test_of_two_runs_that_measure_at_once_both_use_the_plans_of_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wisdom.planned((64,), tmp_path)
+    (kept,) = tmp_path.iterdir()
+    kept.unlink()
+
+    class MeasuresWhileAnotherFinishes(Transforms):
+        def __init__(self, shape: tuple[int, ...], threads: int) -> None:
+            super().__init__(shape, threads=threads)
+            kept.write_text("the other's")
+
+    monkeypatch.setattr(wisdom, "Transforms", MeasuresWhileAnotherFinishes)
+    assert wisdom.planned((64,), tmp_path) == "the other's"
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["the other's"]
+
+
+def test_a_folder_that_cannot_be_written_leaves_a_run_its_own_plans(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")  # no folder can be made below a file, whoever runs the test
+    assert wisdom.planned((64,), tmp_path / "file" / "cache").startswith("(fftw")

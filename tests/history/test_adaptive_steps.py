@@ -1,0 +1,238 @@
+"""Adaptive steps: as accurate as asked, few, and where they have to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from gfmdlayer import simulation
+from gfmdlayer.config import Config
+from gfmdlayer.history.adaptive_steps import AdaptiveSteps
+
+Floats = NDArray[np.float64]
+Run = Callable[[dict[str, object]], Any]
+
+ADAPTIVE: dict[str, object] = {
+    "grid.points": 1024,
+    "time.step": "adaptive",
+    "solver.tolerance": 1e-7,
+}
+
+
+def prony(*branches: tuple[float, float]) -> dict[str, object]:
+    return {"layer.material": {"model": "prony", "branches": [{"G": G, "tau": tau} for G, tau in branches]}}
+
+
+BODIES: dict[str, dict[str, object]] = {
+    "Ginf 2": {"layer.material.Ginf": 2.0},
+    "default": {},
+    "Ginf 100": {"layer.material.Ginf": 100.0},
+    "bulk 10": {"halfspace.shear_modulus": 10.0},
+    "rigid base": {"halfspace.shear_modulus": math.inf},
+    "three branches": prony((3.0, 0.1), (3.0, 1.0), (3.0, 10.0)),
+    "eight branches": prony(*((2.0, 10.0**k) for k in np.linspace(-2, 3, 8))),
+}
+
+
+@pytest.fixture(scope="module")
+def reference(run: Run) -> Callable[[str], Callable[[Floats], Floats]]:
+    """Mean pressure of a body up to 8 tau by fixed steps, whose error is below 2e-6 of the largest."""
+
+    @cache
+    def of(body: str) -> Callable[[Floats], Floats]:
+        fine = run(BODIES[body] | {"grid.points": 1024, "time.step": 0.005, "solver.tolerance": 1e-7})
+        time, pressure = fine["time"], fine["mean_pressure"]
+        ramp = CubicSpline(time[time <= 1], pressure[time <= 1])
+        hold = CubicSpline(time[time >= 1], pressure[time >= 1])
+        return lambda t: np.where(t <= 1, ramp(np.minimum(t, 1)), hold(np.maximum(t, 1)))
+
+    return of
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
+def test_the_error_is_what_was_asked(run: Run, reference: Any, body: str, tolerance: float) -> None:
+    recording = run(ADAPTIVE | BODIES[body] | {"time.tolerance": tolerance})
+    known = recording["time"] > 0.01  # where the steps of the reference resolve the first touch
+    time, pressure = recording["time"][known], recording["mean_pressure"][known]
+    error = np.abs(pressure - reference(body)(time)).max() / pressure.max()
+    assert error < 2 * tolerance
+    if tolerance < 1e-3:  # at a wide one the growth of so few steps, not their error, decides their length
+        assert error > tolerance / 3
+    assert np.abs(recording["energy_residual"]).max() < 5 * tolerance * recording["work"].max()
+
+
+def test_a_ramp_and_a_thousand_relaxation_times_of_hold_take_few_steps(run: Run, reference: Any) -> None:
+    recording = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-4})
+    close = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-6, "output.times": (10.0, 30.0, 100.0)})
+    there = run(ADAPTIVE | {"time.end": 1000.0, "time.tolerance": 1e-4, "output.times": (10.0, 30.0, 100.0)})
+    largest = recording["mean_pressure"].max()
+    time = recording["time"]
+    known = (time > 0.01) & (time <= 8)
+    early = np.abs(recording["mean_pressure"] - reference("default")(time))[known].max()
+    times = [10.0, 30.0, 100.0, 1000.0]
+    late = np.abs(there.at("mean_pressure", times) - close.at("mean_pressure", times)).max()
+    assert max(early, late) <= 1e-4 * largest
+    assert time.size - 1 <= 60
+
+
+def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "jump.txt").write_text("time depth\n0 0.01\n1000 0.01\n")
+    jump = ADAPTIVE | {
+        "time.end": 1000.0,
+        "trajectory": {"kind": "table", "file": str(tmp_path / "jump.txt")},
+    }
+    times = (1e-3, 1e-2, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0)
+    recording = run(jump | {"time.tolerance": 1e-4})
+    assert 0 < recording["time"][1] <= 1e-6
+    assert recording["time"].size - 1 <= 80
+    coarse = run(jump | {"time.tolerance": 1e-4, "output.times": times}).at("mean_pressure", times)
+    close = run(jump | {"time.tolerance": 1e-6, "output.times": times}).at("mean_pressure", times)
+    assert np.abs(coarse - close).max() <= 1e-4 * recording["mean_pressure"].max()
+
+
+def test_rows_fall_on_every_asked_time_and_snapshot_and_kink(run: Run) -> None:
+    asked = {"time.end": 3.0, "output.times": 0.3, "output.snapshots": [0.0, 0.7, 3.0]}
+    recording = run(ADAPTIVE | {"grid.points": 256, "trajectory.ramp_time": 0.95} | asked)
+    for time in [0.0, *(0.3 * np.arange(1, 11)), 0.7, 0.95, 3.0]:
+        assert np.abs(recording["time"] - time).min() < 1e-9
+    assert [time for time, _, _ in recording.snapshots] == [0.0, 0.7, 3.0]
+    assert (np.diff(recording["time"]) > 1e-6).all()  # 0.3 * 10 and 3.0 are one
+
+
+def test_the_displacement_is_within_the_tolerance_too(run: Run) -> None:
+    shown = {"time.end": 4.0, "output.snapshots": [0.5, 2.0, 4.0], "layer.material.Ginf": 100.0}
+    close = run({"grid.points": 1024, "time.step": 0.005, "solver.tolerance": 1e-7} | shown)
+    for tolerance in (1e-3, 1e-4):
+        recording = run(ADAPTIVE | shown | {"time.tolerance": tolerance})
+        for (_, u, _), (_, exact, _) in zip(recording.snapshots, close.snapshots, strict=True):
+            assert math.sqrt(np.mean((u - exact) ** 2)) < 1.5 * tolerance * 0.01
+
+
+def test_what_a_rejected_attempt_took_is_in_the_next_row(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
+    solutions, seen = [], []
+    make_solver = simulation.make_solver
+
+    def counting(config: Config, transforms: Any) -> Any:
+        solver = make_solver(config, transforms)
+        solve = solver.solve
+        solver.solve = lambda *given: solutions.append(solve(*given)) or solutions[-1]
+        return solver
+
+    monkeypatch.setattr(simulation, "make_solver", counting)
+    # An abrupt load on a body that creeps: too long a step is tried.
+    recording = run(ADAPTIVE | {"layer.material.Ginf": 100.0, "time.end": 20.0, "grid.points": 512})
+    assert recording["rejected"].sum() > 0
+    assert len(solutions) == len(recording.rows) + recording["rejected"].sum()
+    assert recording["transforms"].sum() == sum(solution.transforms for solution in solutions)
+    assert recording["iterations"].sum() == sum(solution.iterations for solution in solutions)
+    calls = Config(name="progress").with_values(ADAPTIVE | {"grid.points": 64, "time.end": 2.0})
+    simulation.simulate(calls, recording, seen.append)
+    assert len(seen) >= 5
+
+
+class Grading:
+    """An integrator whose error is a power of the step."""
+
+    fastest = 1.0
+
+    def __init__(self, steps: list[float], size: float) -> None:
+        self.steps, self.size, self.turns = steps, size, 0
+
+    def error(self, _spectrum: Any, **_moving: bool) -> tuple[float, float]:
+        return self.size * self.steps[-1] ** 3, 0.0
+
+    def turn(self) -> None:
+        self.turns += 1
+
+
+def walk(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, Grading]:
+    """Accepted time points, number of attempts, and the integrator."""
+    tried: list[float] = []
+    integrator = Grading(tried, size)
+    given = {"snapshots": [], "kinks": []} | stops
+    steps: Any = AdaptiveSteps(integrator, 1e-4, end, **given)  # type: ignore[arg-type]
+    accepted = []
+    for instant in steps:
+        tried.append(instant.step)
+        if steps.accepts(np.zeros(1, dtype=complex), 1.0, 0.0):
+            accepted.append(instant)
+    return accepted, len(tried), integrator
+
+
+def test_steps_settle_just_below_the_tolerance() -> None:
+    accepted, attempts, _ = walk(size=1.0, end=100.0)
+    longest = (1e-4) ** (1 / 3)
+    assert 0.9 * longest < np.median([instant.step for instant in accepted]) < longest
+    assert attempts - len(accepted) <= 2
+
+
+def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts() -> None:
+    accepted, _, integrator = walk(size=1e-12, end=1e4, kinks=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7])
+    growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
+    assert max(growth[:3]) <= 4 * (1 + 1e-9)
+    assert {0.5, 77.7} <= {instant.time for instant in accepted if instant.snapshot}
+    assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is none
+    assert integrator.turns == 2
+    assert len(accepted) < 50
+
+
+def test_a_punch_that_rests_between_points_of_the_grid_is_not_taken_for_pressed(run) -> None:  # type: ignore[no-untyped-def]
+    # Its depth at rest is not zero. A first step as short as after a jump had so small a load that heights of
+    # the punch could not be told apart beside it.
+    recording = run(
+        {
+            "grid.points": 14,
+            "layer": {"thickness": 1.0, "poisson": 0.5},
+            "halfspace.shear_modulus": math.inf,
+            "punch": {"shape": "array", "counts": 2, "element": {"shape": "parabola", "radius": 0.1}},
+            "time": {"end": 1000.0, "integrator": "exponential", "step": "adaptive", "tolerance": 0.1},
+            "trajectory": {"control": "load", "load": 0.01, "ramp_time": 500.0},
+            "solver.method": "active_set",
+        }
+    )
+    assert recording["time"][1] > 1e-3
+    np.testing.assert_allclose(recording["mean_pressure"][-1], 0.005, rtol=1e-12)
+
+
+def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path: Path) -> None:
+    # Drawn back to depth zero the punch does no work on the surface that comes back to it: the displacement
+    # is no measure of how the surface follows.
+    (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n400 0\n")
+    times = (3.0, 5.0, 10.0, 20.0, 40.0, 100.0, 400.0)
+    values = ADAPTIVE | {
+        "time.end": 400.0,
+        "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
+        "trajectory": {"kind": "table", "file": str(tmp_path / "back.txt")},
+        "output.times": times,
+    }
+    coarse = run(values | {"time.tolerance": 1e-3})
+    assert coarse["time"].size <= 40
+    close = run(values | {"time.tolerance": 1e-5})
+    difference = np.abs(coarse.at("mean_pressure", times) - close.at("mean_pressure", times)).max()
+    assert difference <= 1e-3 * coarse["mean_pressure"].max()
+    assert abs(coarse["mean_pressure"][-1]) < 1e-8
+
+
+def test_a_height_above_the_surface_is_no_depth() -> None:
+    seen: list[bool] = []
+
+    class Watching(Grading):
+        def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
+            seen.append(known["deep"])
+            return 0.0, 0.0
+
+    steps: Any = AdaptiveSteps(Watching([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
+    depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
+    for _, depth in zip(steps, depths, strict=False):
+        assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)
+    assert seen == [True, True, False, False]

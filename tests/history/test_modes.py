@@ -1,0 +1,166 @@
+"""Integrators on a single sinusoidal mode in full contact, whose stress is a sum of exponentials.
+
+With K(q, s) = K_0 + sum_j w_j s theta_j/(1 + s theta_j) the stress -sigma of a displacement u = t is
+K_0 t + sum_j w_j theta_j (1 - exp(-t/theta_j)), and that of any other follows by superposition.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony, Zener
+from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.verification.third_order import ThirdOrder
+
+Floats = NDArray[np.float64]
+
+EPS = np.finfo(float).eps
+BODY = LayeredHalfspace(0.05, 0.5, 1.0)
+ZENER = Zener(1.0, 10.0, 1.0)
+PRONY = Prony(1.0, ((2.0, 0.01), (3.0, 1.0), (5.0, 300.0)))
+Q = 2 * np.pi * np.array([1.0, 3.0, 10.0, 100.0])
+
+materials = pytest.mark.parametrize("material", [ZENER, PRONY], ids=["Zener", "Prony"])
+
+
+def ramp_hold(time: float) -> float:
+    return min(time, 1.0)
+
+
+def ramp_hold_stress(spectrum: Spectrum, time: float) -> Floats:
+    """Stress -sigma of u = min(t, 1): each mode relaxes what it gathered in the ramp."""
+    theta, ramp = spectrum.times, min(time, 1.0)
+    gathered = theta * -np.expm1(-ramp / theta) * np.exp(-(time - ramp) / theta)
+    return np.asarray(spectrum.relaxed * ramp + (spectrum.weights * gathered).sum(axis=0))
+
+
+def stresses(
+    integrator: Modes | ThirdOrder, times: Sequence[float], u: Callable[[float], float], modes: int = Q.size
+) -> Floats:
+    """-sigma at the times, the first being 0, of the same displacement in every mode."""
+    found, last = [], 0.0
+    for time in times:
+        kappa, b = integrator.terms(time - last)
+        last, spectrum = time, np.full(modes, complex(u(time)))
+        stress = kappa * spectrum - b
+        np.testing.assert_allclose(stress.imag, 0, atol=1e-300)
+        found.append(stress.real)
+        integrator.advance(spectrum)
+    return np.array(found)
+
+
+@materials
+def test_the_exponential_step_is_exact_while_the_displacement_is_linear_in_time(material: Material) -> None:
+    spectrum = relaxation_spectrum(BODY, material, Q)
+    # Steps of very different length that land on the kink at t = 1.
+    times = [0.0, 1e-9, 1e-6, 0.001, 0.25, 0.5, 0.75, 1.0, 1.0 + 1e-7, 1.01, 2.0, 30.0, 1e3, 1e6]
+    found = stresses(Modes(spectrum, SCHEMES["exponential"]), times, ramp_hold)
+    # Each step rounds the state of a mode a few times, at the scale of the glassy stress.
+    off = 10 * len(times) * EPS * spectrum.glassy
+    for time, stress in zip(times, found, strict=True):
+        error = np.abs(stress - ramp_hold_stress(spectrum, time))
+        assert (error <= off * ramp_hold(time)).all(), time
+
+
+@materials
+def test_a_first_step_without_length_is_the_glassy_response(material: Material) -> None:
+    spectrum = relaxation_spectrum(BODY, material, Q)
+    kappa, b = Modes(spectrum, SCHEMES["exponential"]).terms(0.0)
+    np.testing.assert_allclose(kappa, spectrum.glassy, rtol=4 * EPS)
+    np.testing.assert_array_equal(b, 0)
+
+
+@materials
+def test_a_sudden_displacement_relaxes_by_the_sum_of_exponentials(material: Material) -> None:
+    spectrum = relaxation_spectrum(BODY, material, Q)
+    modes = Modes(spectrum, SCHEMES["exponential"])
+    stresses(modes, [0.0], lambda _: 1.0)
+    for k, step in enumerate([1e-3] * 5 + [0.1] * 5 + [10.0] * 5):
+        kappa, b = modes.terms(step)
+        time = sum(([1e-3] * 5 + [0.1] * 5 + [10.0] * 5)[: k + 1])
+        exact = spectrum.relaxed + (spectrum.weights * np.exp(-time / spectrum.times)).sum(axis=0)
+        np.testing.assert_allclose((kappa - b).real, exact, rtol=100 * EPS)
+        modes.advance(np.ones(Q.size, dtype=complex))
+
+
+def order(errors: Sequence[float], steps: Sequence[float]) -> float:
+    """Slope of a straight line through the errors in a plot with logarithmic axes."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def sine_stress(spectrum: Spectrum, time: float) -> Floats:
+    """Stress of u = sin t from t = 0 on: the oscillation and what its beginning leaves."""
+    theta = spectrum.times
+    forced = theta * (theta * math.sin(time) + math.cos(time) - np.exp(-time / theta)) / (1 + theta**2)
+    return np.asarray(spectrum.relaxed * math.sin(time) + (spectrum.weights * forced).sum(axis=0))
+
+
+@materials
+@pytest.mark.parametrize(("name", "expected"), [("backward_euler", 1), ("exponential", 2)])
+def test_orders_of_the_schemes(name: str, expected: int, material: Material) -> None:
+    spectrum = relaxation_spectrum(BODY, material, Q)
+    exact = sine_stress(spectrum, 2.0)
+    # Between the material's times, where dt/theta is small for all that counts; 0.01 is the shortest of them.
+    counts = np.array([400, 800, 1600, 3200] if material is PRONY else [25, 50, 100, 200])
+    errors = []
+    for count in counts:
+        times = [2.0 * i / count for i in range(count + 1)]
+        found = stresses(Modes(spectrum, SCHEMES[name]), times, math.sin)[-1]
+        errors.append(np.abs(found / exact - 1).max())
+    assert order(errors, 2 / counts) == pytest.approx(expected, abs=0.1)
+
+
+def test_the_papers_integrator_is_of_first_order() -> None:
+    spectrum = relaxation_spectrum(BODY, ZENER, Q)
+    exact, errors, counts = sine_stress(spectrum, 2.0), [], np.array([50, 100, 200, 400])
+    for count in counts:
+        # The first step is one from rest, to t = 0.
+        paper = ThirdOrder(BODY, ZENER, Q, 2 / count)
+        for i in range(count + 1):
+            kappa, b = paper.terms(2 / count)
+            u = np.full(Q.size, complex(math.sin(2 * i / count)))
+            stress = (kappa * u - b).real
+            paper.advance(u)
+        errors.append(np.abs(stress / exact - 1).max())
+    assert order(errors, 2 / counts) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_an_elastic_body_is_a_spring(name: str) -> None:
+    for body, material in (
+        (LayeredHalfspace(0.0, 0.5, 2.0), ZENER),
+        (LayeredHalfspace(math.inf, 0.5, 2.0), Zener(2.0, 2.0, 1.0)),
+    ):
+        modes = Modes(relaxation_spectrum(body, material, Q), SCHEMES[name])
+        for step in (0.0, 0.1, 1e3):
+            kappa, b = modes.terms(step)
+            np.testing.assert_allclose(kappa, 4 * Q, rtol=10 * EPS)
+            np.testing.assert_array_equal(b, 0)
+            modes.advance(np.full(Q.size, 1 + 2j))
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_compressible_layer_on_a_rigid_base_relaxes_in_the_mean_too(name: str) -> None:
+    body = LayeredHalfspace(0.1, 0.3, math.inf)
+    spectrum = relaxation_spectrum(body, ZENER, np.array([0.0, 1e-6]))
+    found = stresses(Modes(spectrum, SCHEMES[name]), [0.0, *np.linspace(10, 60, 6)], lambda _: 1.0, modes=2)
+    # P-wave modulus over thickness, relaxed: what is left of the rest is nine times exp(-60) or (1 + 10)^-6.
+    np.testing.assert_allclose(found[-1], 2 * 0.7 / (0.4 * 0.1), rtol=10 * 11.0**-6)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_history_is_linear_in_the_displacement(name: str) -> None:
+    spectrum = relaxation_spectrum(BODY, ZENER, Q)
+    times = np.linspace(0, 2, 21).tolist()
+    one, other, both = (
+        stresses(Modes(spectrum, SCHEMES[name]), times, u)
+        for u in (math.sin, lambda t: t * t, lambda t: 3 * math.sin(t) - 2 * t * t)
+    )
+    np.testing.assert_allclose(both, 3 * one - 2 * other, atol=200 * EPS * 11 * spectrum.glassy.max())

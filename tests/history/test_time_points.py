@@ -1,0 +1,126 @@
+"""The time points of a run, and what is told at each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from gfmdlayer.config import Config
+from gfmdlayer.config.checks import whole_steps
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history.time_points import Instant, equal_steps, landing_steps
+from gfmdlayer.punch.shapes import parabola
+from gfmdlayer.simulation import ConvergenceError, simulate
+
+times = st.floats(1e-3, 10.0)
+
+
+def test_equal_steps_begin_with_a_step_from_rest_to_zero_and_end_at_the_end() -> None:
+    steps = list(equal_steps(1.0, 0.1, [], []))
+    assert [round(instant.time / 0.1, 9) for instant in steps] == list(range(11))
+    assert {instant.step for instant in steps} == {0.1}
+    assert not any(instant.snapshot or instant.kink for instant in steps)
+
+
+def test_equal_steps_mark_the_asked_times_and_the_last_step_before_each_kink() -> None:
+    steps = list(equal_steps(2.0, 0.05, [0.0, 0.3, 2.0], [0.15, 1.02]))
+    assert [i.time for i in steps if i.snapshot] == pytest.approx([0.0, 0.3, 2.0], rel=1e-12, abs=0)
+    assert [i.time for i in steps if i.kink] == pytest.approx([0.15, 1.0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("time", "whole"), [(0.3, True), (0.0, True), (0.33, False), (0.1 * 3, True)])
+def test_whole_steps_forgive_rounding_and_no_more(time: float, whole: bool) -> None:
+    assert whole_steps(time, 0.1) is whole
+    assert whole_steps(time + 1e-6, 0.1) is False
+
+
+@given(
+    end=times,
+    step=st.floats(0.02, 20.0),
+    snapshots=st.lists(st.floats(0.0, 1.0), max_size=5),
+    kinks=st.lists(times, max_size=5),
+)
+@example(end=1.0, step=0.05, snapshots=[0.1 * 3 / 1.0], kinks=[0.3])
+@example(end=8.0, step=0.005, snapshots=[0.125 * (1 + 1e-12)], kinks=[1.0])
+@example(end=0.1, step=0.1, snapshots=[0.0, 1.0], kinks=[0.1])
+def test_steps_land_on_every_asked_time_and_on_every_kink(
+    end: float, step: float, snapshots: list[float], kinks: list[float]
+) -> None:
+    asked = [fraction * end for fraction in snapshots]
+    steps = list(landing_steps(end, step, asked, kinks))
+    assert steps[0] == Instant(0.0, 0.0, snapshot=0.0 in asked)
+    assert steps[-1].time == pytest.approx(end, rel=1e-12)
+    for before, after in pairwise(steps):
+        assert after.time > before.time
+        assert after.step == pytest.approx(after.time - before.time, rel=1e-6, abs=1e-14 * end)
+        assert after.step <= step * (1 + 2e-6)
+    # Times closer than a millionth of a step may share one; nothing that was asked for is lost.
+    for marked, wanted in (("snapshot", asked), ("kink", [t for t in kinks if t < end])):
+        found = [instant.time for instant in steps if getattr(instant, marked)]
+        assert len(found) <= len(set(wanted))
+        for time in wanted:
+            assert any(math.isclose(time, t, rel_tol=1e-9, abs_tol=2e-6 * step) for t in found)
+
+
+Floats = NDArray[np.float64]
+Run = Callable[[dict[str, object]], Any]
+SMALL: dict[str, object] = {"grid.points": 256, "time.end": 1.5, "time.step": 0.125}
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+def test_there_is_a_row_for_every_step_from_rest_on(integrator: str, run: Run) -> None:
+    found = run(SMALL | {"time.integrator": integrator, "output.snapshots": [0.0, 0.5, 1.5]})
+    np.testing.assert_allclose(found["time"], np.arange(13) * 0.125, rtol=1e-12)
+    np.testing.assert_allclose(found["depth"], 0.01 * np.minimum(found["time"], 1), rtol=1e-12)
+    assert found["mean_pressure"][0] == pytest.approx(0, abs=1e-12)
+    assert found["contact_area"][0] <= 1 / 256  # the apex
+    assert (found["residual"] <= 1e-6).all()
+    assert (found["transforms"] >= found["iterations"]).all()
+    assert [time for time, _, _ in found.snapshots] == pytest.approx([0.0, 0.5, 1.5])
+    heights = parabola(0.25)(Grid((256,), (1.0,)))
+    for time, u, p in found.snapshots:
+        assert u.shape == p.shape == (256,)
+        assert (u <= heights - 0.01 * min(time, 1.0)).all()
+        assert abs(u.mean()) <= 1e-15
+
+
+def test_a_step_that_does_not_converge_ends_the_run() -> None:
+    class Nothing:
+        def row(self, **_values: float) -> None: ...
+        def snapshot(self, time: float, displacement: Floats, pressure: Floats) -> None: ...
+
+    config = Config(name="hopeless").with_values(SMALL | {"solver.max_iterations": 3})
+    with pytest.raises(
+        ConvergenceError, match=r"t = 0\.125: residual .* after 3 iterations of active_set; the tolerance"
+    ):
+        simulate(config, Nothing())
+
+
+def test_progress_is_told_of_every_step_and_may_stop_the_run() -> None:
+    class Counting:
+        rows = 0
+
+        def row(self, **_values: float) -> None:
+            self.rows += 1
+
+        def snapshot(self, time: float, displacement: Floats, pressure: Floats) -> None: ...
+
+    told: list[float] = []
+
+    def stop(time: float) -> None:
+        told.append(time)
+        if time >= 0.5:
+            raise KeyboardInterrupt
+
+    recorder = Counting()
+    with pytest.raises(KeyboardInterrupt):
+        simulate(Config(name="stopped").with_values(SMALL), recorder, stop)
+    assert recorder.rows == len(told) == 5

@@ -1,0 +1,152 @@
+"""The energy ledger: work = stored + dissipated, and what each of them must do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gfmdlayer.history.mode_kernels import exponential
+from gfmdlayer.history.modes import SCHEMES
+from gfmdlayer.observables.energy_balance import EnergyBalance
+
+Run = Callable[[dict[str, object]], Any]
+
+SHORT: dict[str, object] = {"time.end": 2.0, "solver.tolerance": 1e-8}
+COMPRESSIBLE: dict[str, object] = {
+    "layer.poisson": 0.3,
+    "halfspace.shear_modulus": float("inf"),
+    "grid.points": 512,
+}
+CYCLE = "time depth\n0 0\n1 0.01\n2 0.002\n3 0.01\n"
+
+
+def order(errors: list[float], steps: list[float]) -> float:
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def imbalance(recording: Any) -> float:
+    return float(np.abs(recording["energy_residual"]).max() / recording["work"].max())
+
+
+@pytest.mark.parametrize(
+    ("integrator", "expected", "largest"),
+    # The bound on backward Euler: it loses w |du|^2/2 a step, which is a fraction dt/tau/2 of the heat.
+    [("exponential", 2.0, 1e-4), ("backward_euler", 1.0, 5e-3)],
+)
+def test_the_balance_closes_with_the_order_of_the_integrator(
+    run: Run, integrator: str, expected: float, largest: float
+) -> None:
+    steps = [0.04, 0.02, 0.01]
+    errors = [imbalance(run(SHORT | {"time.integrator": integrator, "time.step": step})) for step in steps]
+    assert order(errors, steps) == pytest.approx(expected, abs=0.25)  # contact grows by whole grid points
+    assert errors[-1] <= largest
+
+
+def test_the_columns_are_the_balance(run: Run) -> None:
+    recording = run({"grid.points": 256, "time.end": 1.0})
+    stored, dissipated = recording["stored"], recording["dissipated"]
+    np.testing.assert_array_equal(recording["energy_residual"], recording["work"] - stored - dissipated)
+
+
+@pytest.mark.parametrize(
+    "time", [{"step": 0.05}, {"step": 0.05, "integrator": "backward_euler"}, {"step": "adaptive"}]
+)
+@pytest.mark.parametrize("body", [{}, COMPRESSIBLE], ids=["default", "compressible"])
+def test_heat_only_grows_and_no_spring_stores_less_than_nothing(
+    run: Run, tmp_path: Path, time: dict[str, object], body: dict[str, object]
+) -> None:
+    (tmp_path / "cycle.txt").write_text(CYCLE)
+    trajectory = {"kind": "table", "file": str(tmp_path / "cycle.txt")}
+    times = {f"time.{key}": value for key, value in time.items()}
+    recording = run({"grid.points": 512, "time.end": 4.0, "trajectory": trajectory} | body | times)
+    assert (np.diff(recording["dissipated"]) >= 0).all()
+    assert (recording["stored"] >= 0).all()
+    assert imbalance(recording) < 0.02  # backward Euler's, at this step
+
+
+@pytest.mark.parametrize("Ginf", [1.0, 10.0])
+def test_a_cycle_costs_work_unless_the_body_is_elastic(run: Run, tmp_path: Path, Ginf: float) -> None:
+    (tmp_path / "cycle.txt").write_text("time depth\n0 0\n1 0.01\n1.4 0.006\n")
+    recording = run(
+        {
+            "grid.points": 1024,
+            "time.end": 1.4,
+            "time.step": 0.01,
+            "solver.tolerance": 1e-8,
+            "layer.material.Ginf": Ginf,
+            "trajectory": {"kind": "table", "file": str(tmp_path / "cycle.txt")},
+        }
+    )
+    there, back = recording.at("work", [0.6, 1.4])  # at the same depth
+    if Ginf == 1.0:
+        # What is left is the quadrature of the work, of second order at least: (dt/ramp)^2 = 1e-4 at most.
+        assert abs(back - there) < 1e-4 * there
+        assert recording["dissipated"].max() == 0
+    else:
+        assert back - there > 0.1 * there
+
+
+@pytest.mark.parametrize("points", [(256,), (255,), (24, 16), (21, 15)])
+def test_the_stored_energy_is_that_of_the_pressure_on_the_surface(
+    run: Run, points: tuple[int, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "jump.txt").write_text("time depth\n0 0.004\n1 0.004\n")
+    recording = run(
+        {
+            "grid.points": points,
+            "grid.period": 1.0,
+            "time.end": 0.05,
+            "trajectory": {"kind": "table", "file": str(tmp_path / "jump.txt")},
+            "output.snapshots": [0.0],
+        }
+    )
+    _, u, p = recording.snapshots[0]
+    assert recording["stored"][0] == pytest.approx(-np.mean(u * p) / 2, rel=1e-9)
+    assert recording["work"][0] == recording["stored"][0] > 0
+    assert recording["dissipated"][0] == 0
+
+
+@pytest.mark.parametrize("x", [1e-3, 0.05, 0.099, 0.101, 1.0, 8.0, 60.0])
+@pytest.mark.parametrize("c", [0.0, 0.3])
+def test_a_mode_moves_and_heats_as_its_equation_says(x: float, c: float) -> None:
+    before, change = 0.7, -0.4
+
+    def rate(s: float, state: Any) -> list[float]:  # in units of theta: u'' = 2 c/x^2
+        return [change / x + c * (2 * s / x**2 - 1 / x) - state[0], state[0] ** 2]
+
+    exact = solve_ivp(rate, (0, x), [before, 0.0], rtol=1e-11, atol=1e-14, method="LSODA").y[:, -1]
+    f = exponential(np.array([x]))
+    straight = f.decay * before + f.gain * change
+    heat = f.loss * (before + f.lead * change) ** 2 + f.rest * change**2
+    heat += f.bend_heat * c**2 - f.bend * c * (before + straight)
+    np.testing.assert_allclose([(straight + f.bend * c).item(), heat.item()], exact, rtol=1e-8)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES.values(), ids=list(SCHEMES))
+def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
+    x = np.concatenate(([0.0], np.logspace(-12, 12, 400)))
+    factors = scheme(x)
+    assert (factors.loss >= 0).all()
+    assert (factors.rest >= 0).all()
+    assert all(np.isfinite(factor).all() for factor in factors)
+
+
+class Energies:
+    stored, dissipated = 2.0, 0.5
+
+
+def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
+    ledger, energies = EnergyBalance(), Energies()
+    assert ledger.entry(0.01, 0.1, energies)["work"] == 2.5  # whatever it took to get there
+    depths = [0.3, 0.45, 0.8, 0.8, 0.4]
+    work = [ledger.entry(depth**2, depth, energies)["work"] for depth in depths]
+    # A parabola is integrated exactly from the third point of a way on; a way back begins anew.
+    assert work[1] - work[0] == pytest.approx((0.45**3 - 0.3**3) / 3, rel=1e-12)
+    assert work[2] - work[1] == pytest.approx((0.8**3 - 0.45**3) / 3, rel=1e-12)
+    assert work[3] == work[2]
+    assert work[4] - work[3] == pytest.approx(-0.4 * (0.8**2 + 0.4**2) / 2, rel=1e-12)

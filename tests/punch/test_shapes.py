@@ -1,0 +1,255 @@
+"""The punch: closed forms of its shapes, and heights from files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.shapes import (
+    SHAPES,
+    Analytic,
+    Shape,
+    array,
+    cone,
+    cylinder,
+    flat,
+    parabola,
+    profile,
+    pyramid,
+    sinusoid,
+    sphere,
+    wedge,
+)
+
+LINE = Grid((16,), (1.0,))
+SQUARE = Grid((16, 16), (1.0, 1.0))
+ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
+    "parabola": (parabola(0.25), lambda r: r**2 / 0.5),
+    "sphere": (sphere(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
+    "cone": (cone(0.3), lambda r: 0.3 * r),
+    "flat": (flat(0.4, 0.1), lambda r: np.where(r < 0.2, 0.0, (r - 0.2) ** 2 / 0.2)),
+}
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_round_shapes_follow_their_closed_form(name: str) -> None:
+    shape, closed_form = ROUND[name]
+    x = np.arange(16) / 16 - 0.5
+    np.testing.assert_allclose(shape(LINE), closed_form(np.abs(x)), rtol=1e-12, atol=1e-15)
+    r = np.hypot(x[:, np.newaxis], x)
+    np.testing.assert_allclose(shape(SQUARE), closed_form(r), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_round_shapes_are_symmetric_about_their_apex_in_the_middle(name: str) -> None:
+    heights = ROUND[name][0](SQUARE)
+    assert heights[8, 8] == heights.min() == 0
+    inner = heights[1:, 1:]  # the first row and column are the seam of the period
+    np.testing.assert_array_equal(inner, inner.T)
+    np.testing.assert_array_equal(inner, inner[::-1])
+
+
+def test_a_large_cylinder_keeps_its_digits() -> None:
+    # R - (R^2 - x^2)^(1/2) = x^2/2R (1 + x^2/4R^2 + ...), which the difference itself would lose at R = 1e8.
+    x = LINE.coordinates[0]
+    np.testing.assert_allclose(cylinder(1e8)(LINE), x**2 / 2e8, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("shape", "closed_form"),
+    [
+        (cylinder(0.5), lambda x, y: 0.5 - np.sqrt(0.25 - x**2) + 0 * y),
+        (cylinder(0.75, along="x"), lambda x, y: 0.75 - np.sqrt(0.5625 - y**2) + 0 * x),
+        (wedge(0.3), lambda x, y: 0.3 * np.abs(x) + 0 * y),
+        (wedge(0.3, along="x"), lambda x, y: 0.3 * np.abs(y) + 0 * x),
+        (parabola((0.2, 0.5)), lambda x, y: x**2 / 0.4 + y**2),
+        (parabola((0.2, np.inf)), lambda x, y: x**2 / 0.4 + 0 * y),
+        (
+            flat((0.4, 0.6), 0.1),
+            lambda x, y: (np.maximum(np.abs(x) - 0.2, 0) ** 2 + np.maximum(np.abs(y) - 0.3, 0) ** 2) / 0.2,
+        ),
+        (flat((0.4, np.inf), 0.1), lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y),
+        (
+            sinusoid((0.02, 0.0), (0.5, np.inf)),
+            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0 * y,
+        ),
+        (
+            sinusoid((0.02, 0.01), (0.5, 1.5)),
+            lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y)),
+        ),
+    ],
+)
+def test_shapes_of_two_directions_follow_their_closed_form(
+    shape: Shape, closed_form: Callable[[FloatArray, FloatArray], FloatArray]
+) -> None:
+    grid = Grid((16, 15), (1.0, 1.5))
+    x, y = np.arange(16)[:, np.newaxis] / 16 - 0.5, np.arange(15) / 10 - 0.75
+    np.testing.assert_allclose(shape(grid), closed_form(x, y), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(("angle", "faces", "area"), [(65.27, 3, 24.5), (68.0, 4, 24.5)])
+def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle: float, faces: int, area: float) -> None:
+    grid = Grid((400, 400), (8.0, 8.0))
+    heights = pyramid(angle, faces)(grid)
+    x, y = np.meshgrid(*grid.coordinates, indexing="ij")
+    r, turn = np.hypot(x, y), np.arctan2(y, x)
+    # On the bisector of a face the slope is that of the face; a turn by a face changes nothing.
+    face = (np.abs(y) < 1e-12) & (x > 0)
+    np.testing.assert_allclose(heights[face], r[face] / np.tan(np.radians(angle)), rtol=1e-12)
+    away = (turn + np.pi / faces) % (2 * np.pi / faces) - np.pi / faces
+    exact = r * np.cos(away) / np.tan(np.radians(angle))
+    np.testing.assert_allclose(heights, exact, rtol=1e-9, atol=1e-12)
+    # Area of the cross-section at unit depth, 24.5 for either (Oliver and Pharr, J. Mater. Res. 7 (1992)).
+    depth, half_a_cell = 0.5, 0.01
+    inner = depth * np.tan(np.radians(angle))  # of its inscribed circle
+    assert (heights < depth).mean() * 64 / depth**2 == pytest.approx(area, rel=2 * half_a_cell / inner)
+
+
+@pytest.mark.parametrize("counts", [(1,), (2,), (3, 2)])
+@pytest.mark.parametrize("name", ["parabola", "cone", "flat", "pyramid"])
+def test_an_array_repeats_its_element(name: str, counts: tuple[int, ...]) -> None:
+    keys = {"parabola": {"radius": 0.2}, "cone": {"slope": 0.4}, "flat": {"width": 0.1, "edge_radius": 0.05}}
+    keys["pyramid"] = {"angle": 65.27, "faces": 3}
+    nx, ny = counts if len(counts) == 2 else counts * 2
+    one = SHAPES[name](**keys[name])(Grid((16, 18), (1.0, 1.5)))
+    many = SHAPES["array"](element={"shape": name} | keys[name], counts=counts)(
+        Grid((16 * nx, 18 * ny), (nx * 1.0, ny * 1.5))
+    )
+    np.testing.assert_allclose(many, np.tile(one, (nx, ny)), atol=1e-14)
+
+
+@pytest.mark.parametrize("name", [*ROUND, "wedge", "pyramid", "array"])
+def test_a_shape_moves_along_x_by_whole_points_exactly_and_by_parts_of_one_as_a_function(name: str) -> None:
+    others = {
+        "wedge": wedge(0.3),
+        "pyramid": pyramid(65.27, 3),
+        "array": array({"shape": "parabola", "radius": 0.5}, (2,)),
+    }
+    shape = ROUND[name][0] if name in ROUND else others[name]
+    assert isinstance(shape, Analytic)
+    rest = shape(SQUARE)
+    for cells in (1, 5, -3, 16, 37):
+        np.testing.assert_allclose(shape(SQUARE, cells / 16), np.roll(rest, cells, axis=0), atol=1e-14)
+    # Half a cell further the points of a grid twice as fine take over.
+    fine = shape(Grid((32, 16), (1.0, 1.0)))
+    np.testing.assert_allclose(shape(SQUARE, 1 / 32), np.roll(fine, 1, axis=0)[::2], atol=1e-14)
+
+
+def test_sinusoid_is_lowest_in_the_middle_and_repeats() -> None:
+    x = np.arange(64) / 64 - 0.5
+    heights = sinusoid(0.02, 0.25)(Grid((64,), (1.0,)))
+    np.testing.assert_allclose(heights, 0.02 * (1 - np.cos(8 * np.pi * x)), atol=1e-16)
+    assert heights[32] == 0
+    np.testing.assert_allclose(heights, np.roll(heights, 16), atol=1e-16)
+
+
+def test_sinusoids_of_both_directions_add_up() -> None:
+    heights = sinusoid(0.02, 1.0)(Grid((8, 16), (1.0, 2.0)))
+    x, y = np.arange(8) / 8 - 0.5, np.arange(16) / 8 - 1
+    waves = 2 - np.cos(2 * np.pi * x)[:, np.newaxis] - np.cos(2 * np.pi * y)
+    np.testing.assert_allclose(heights, 0.02 * waves, atol=1e-16)
+
+
+@pytest.mark.parametrize("grid", [LINE, SQUARE], ids=["line", "square"])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
+def test_an_array_file_gives_its_heights_above_the_lowest(
+    grid: Grid, dtype: type[np.generic], tmp_path: Path
+) -> None:
+    heights = np.random.default_rng(0).integers(-50, 50, grid.shape).astype(dtype)
+    np.save(tmp_path / "h.npy", heights)
+    np.testing.assert_array_equal(profile(tmp_path / "h.npy")(grid), heights - float(heights.min()))
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ", ", ";"])
+def test_a_text_file_gives_its_heights_bit_by_bit(separator: str, tmp_path: Path) -> None:
+    x, heights = LINE.coordinates[0], np.random.default_rng(0).random(16)
+    heights[5] = 0.0
+    rows = [f"{float(a)!r}{separator}{float(b)!r}" for a, b in zip(x, heights, strict=True)]
+    file = tmp_path / "h.txt"
+    file.write_text("# measured\nx" + separator + "height\n\n" + "\n".join(rows) + "\n")
+    np.testing.assert_array_equal(profile(file)(LINE), heights)
+
+
+def test_the_origin_of_a_text_profile_is_free(tmp_path: Path) -> None:
+    file = tmp_path / "h.txt"
+    x, heights = LINE.coordinates[0], parabola(0.25)(LINE)
+    np.savetxt(file, np.column_stack((x + 7.5, heights - 3)))
+    np.testing.assert_allclose(profile(file)(LINE), heights, atol=1e-14)
+
+
+def text_rows(count: int = 16, spacing: float = 1 / 16) -> list[str]:
+    return [f"{i * spacing:.10f} {0.1 * i:.3f}" for i in range(count)]
+
+
+def replaced(row: str, at: int = 3) -> list[str]:
+    rows = text_rows()
+    return [*rows[:at], row, *rows[at + 1 :]]
+
+
+def stretched(at: int) -> list[str]:
+    return [*text_rows()[:at], *(f"{(i + 0.5) / 16} 1.0" for i in range(at, 16))]
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (text_rows(15), r"h\.txt: holds 15 heights; must be 16"),
+        (text_rows(17), r"h\.txt: holds 17 heights; must be 16"),
+        (text_rows(spacing=1 / 15), r"h\.txt: x is not spaced by period/points = 0\.0625"),
+        (stretched(9), r"h\.txt: x is not spaced .* row 10"),
+        (replaced("0.1875 nan"), r"h\.txt:4: .*not finite; must be 2 numbers \(x, height\)"),
+        (replaced("0.1875 -inf"), r"h\.txt:4: .*not finite; must be 2 numbers"),
+        (replaced("0.1875 high"), r"h\.txt:4: cannot read '0\.1875 high'; must be 2 numbers \(x, height\)"),
+        (replaced("0.1875"), r"h\.txt:4: holds 1 numbers; must be 2 numbers"),
+        (replaced("0.1875 1 2"), r"h\.txt:4: holds 3 numbers; must be 2 numbers"),
+        ([], r"h\.txt(:\d+)?: holds 0 rows of numbers; must be at least 2"),
+    ],
+)
+def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(
+    rows: list[str], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "h.txt").write_text("\n".join(rows))
+    with pytest.raises(TableError, match=said):
+        profile(tmp_path / "h.txt")(LINE)
+
+
+def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Path) -> None:
+    (tmp_path / "h.txt").write_text("\n".join(text_rows()))
+    with pytest.raises(TableError, match=r"h\.txt: .*needs an array \(\.npy\)"):
+        profile(tmp_path / "h.txt")(SQUARE)
+
+
+@pytest.mark.parametrize(
+    ("heights", "said"),
+    [
+        (np.zeros(15), r"h\.npy: holds 15 heights; must be 16, as the grid"),
+        (np.zeros((16, 16)), r"h\.npy: holds 16 x 16 heights; must be 16"),
+        (np.append(np.zeros(15), np.nan), r"h\.npy: the height at index \[15\] is not a finite number"),
+        (np.full(16, "high"), r"h\.npy: must hold one array of real numbers"),
+        (np.zeros(16, complex), r"h\.npy: must hold one array of real numbers"),
+        (np.array([None] * 16), r"h\.npy: is not a NumPy array file"),
+    ],
+)
+def test_an_array_file_that_cannot_be_used_is_refused(heights: np.ndarray, said: str, tmp_path: Path) -> None:
+    np.save(tmp_path / "h.npy", heights, allow_pickle=True)
+    with pytest.raises(TableError, match=said):
+        profile(tmp_path / "h.npy")(LINE)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x93NUMPY", b"0 1\n1 2\n"], ids=["empty", "cut short", "text"])
+def test_a_file_that_is_no_array_is_refused(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "h.npy").write_bytes(content)
+    with pytest.raises(TableError, match=r"h\.npy: is not a NumPy array file"):
+        profile(tmp_path / "h.npy")(LINE)
+
+
+@pytest.mark.parametrize("name", ["h.npy", "h.txt"])
+def test_a_missing_file_is_named(name: str, tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=name.replace(".", r"\.")):
+        profile(tmp_path / name)(LINE)

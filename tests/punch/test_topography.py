@@ -1,0 +1,285 @@
+"""Measured surfaces: what files are read, what is refused, and what is done to make them periodic."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import NDArray
+
+from gfmdlayer.config import Config
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.inputs import notes
+from gfmdlayer.punch.topography import Topography, membrane, without_trend
+
+Floats = NDArray[np.float64]
+GRID = Grid((12, 16), (3.0, 4.0))
+LINE = Grid((16,), (4.0,))
+X, Y = np.meshgrid(*(np.arange(n) / n for n in GRID.points), indexing="ij")
+WAVES = 0.1 * np.cos(2 * np.pi * X) + 0.2 * np.sin(2 * np.pi * (2 * X - Y))
+
+
+def saved(tmp_path: Path, heights: Floats, name: str = "h.npy") -> Path:
+    np.save(tmp_path / name, heights)
+    return tmp_path / name
+
+
+def labelled(heights: Floats, spacing: float = 0.25, **names: str) -> xr.Dataset:
+    x, y = (spacing * np.arange(n) for n in heights.shape)
+    found = xr.Dataset({"height": (("x", "y"), heights)}, coords={"x": x, "y": y})
+    return found.rename(names) if names else found
+
+
+# --- what is read ---
+
+
+def test_the_summits_of_a_measured_surface_touch_first(tmp_path: Path) -> None:
+    heights = Topography(saved(tmp_path, WAVES))(GRID)
+    np.testing.assert_allclose(heights, WAVES.max() - WAVES, atol=1e-15)
+    assert heights.flat[np.argmax(WAVES)] == 0
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit: float, tmp_path: Path) -> None:
+    expected = WAVES.max() - WAVES
+    files = [saved(tmp_path, WAVES / unit), tmp_path / "h.txt", tmp_path / "h.h5"]
+    np.savetxt(files[1], WAVES / unit, header="rows are x")
+    with h5py.File(files[2], "w") as file:
+        file["heights"] = WAVES / unit
+        file["note"] = 3.0
+    set_ = labelled(WAVES / unit, 0.25 / unit)
+    for engine, name in (("h5netcdf", "h4.nc"), ("scipy", "h3.nc")):
+        set_.to_netcdf(tmp_path / name, engine=engine)
+        files.append(tmp_path / name)
+    set_.transpose("y", "x").to_netcdf(tmp_path / "turned.nc", engine="h5netcdf")
+    for file in [*files, tmp_path / "turned.nc"]:
+        found = Topography(file, unit=unit)(GRID)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15, err_msg=file.name)
+
+
+def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
+    file = tmp_path / "h.h5"
+    with h5py.File(file, "w") as h5:
+        h5["phase"] = 7 * WAVES
+        h5["height"] = 3 * WAVES
+        h5["scan 1/height"] = WAVES
+    with pytest.raises(TableError, match="2 datasets of numbers on 2 axes: height, phase; dataset must name"):
+        Topography(file)(GRID)
+    with pytest.raises(TableError, match="no dataset 'depth' there; known: height, phase"):
+        Topography(file, dataset="depth")(GRID)
+    with pytest.raises(TableError, match="cannot be read as HDF5"):
+        Topography(file, dataset="scan 2/height")(GRID)
+    found = Topography(file, dataset="scan 1/height")(GRID)
+    np.testing.assert_allclose(found, WAVES.max() - WAVES, atol=1e-15)
+
+
+def test_a_line_is_read_with_its_coordinate(tmp_path: Path) -> None:
+    file, heights = tmp_path / "h.txt", np.cos(2 * np.pi * np.arange(16) / 16)
+    np.savetxt(file, np.column_stack((7 + 0.25 * np.arange(16), heights)))
+    np.testing.assert_allclose(Topography(file)(LINE), 1 - heights, atol=1e-15)
+
+
+def test_instruments_formats_come_through_surface_topography(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "scan.opd"
+    file.write_bytes(b"\x01\x00")
+    with monkeypatch.context() as absent:
+        absent.setitem(sys.modules, "SurfaceTopography", None)
+        with pytest.raises(TableError, match=r"install the extra `topography`"):
+            Topography(file)(GRID)
+
+    class Reader:
+        def __init__(self, name: str) -> None:
+            assert name == str(file)
+
+        def __enter__(self) -> Reader:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def topography(self) -> SimpleNamespace:
+            heights = np.ma.masked_array(WAVES, np.zeros(WAVES.shape, bool))
+            heights.mask[3, 4] = True
+            return SimpleNamespace(heights=lambda: heights, physical_sizes=(3.0, 4.0))
+
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", SimpleNamespace(open_topography=Reader))
+    with pytest.raises(TableError, match=r"1 of 192 points have no height, the first at index \[3, 4\]"):
+        Topography(file)(GRID)
+    found = Topography(file, fill="membrane")(GRID)
+    measured = np.arange(192).reshape(12, 16) != 3 * 16 + 4
+    np.testing.assert_allclose(found[measured], (WAVES.max() - WAVES)[measured], atol=1e-15)
+
+
+# --- what is refused ---
+
+
+def holed() -> Floats:
+    heights = WAVES.copy()
+    heights[5, 7:9] = np.nan
+    return heights
+
+
+def infinite() -> Floats:
+    heights = WAVES.copy()
+    heights[2, 3] = -np.inf
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "said"),
+    [
+        (
+            holed(),
+            r"2 of 192 points have no height, the first at index \[5, 7\]; must be none, or fill: membrane",
+        ),
+        (infinite(), r"the height at index \[2, 3\] is infinite"),
+        (WAVES[:1], "holds a single row of 16 heights; must be at least two along each axis"),
+        (WAVES[:, :1], "holds a single row of 12 heights"),
+        (WAVES[0], "holds 16 heights; must have two axes, as the grid"),
+        (WAVES[:-1], "holds 11 x 16 heights; must be 12 x 16, as the grid, or resample: fourier"),
+        (WAVES.astype(complex), "must hold one array of real numbers"),
+    ],
+)
+def test_an_array_that_cannot_be_used_is_refused(heights: Floats, said: str, tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=r"h\.npy: " + said):
+        Topography(saved(tmp_path, heights))(GRID)
+
+
+def test_a_surface_without_any_height_cannot_be_filled(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match="192 of 192 points have no height"):
+        Topography(saved(tmp_path, np.full(GRID.shape, np.nan)), fill="membrane")(GRID)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (["1 2 3", "4 5"], r":2: holds 2 numbers; must be 3, as above"),
+        (["1 2 3", "4 high 6"], r":2: cannot read '4 high 6'; must be numbers"),
+        (["# nothing"], ": holds no numbers"),
+        (["1 2 3"], ": holds a single row of 3 heights"),
+    ],
+)
+def test_text_that_cannot_be_used_is_refused_by_its_line(rows: list[str], said: str, tmp_path: Path) -> None:
+    (tmp_path / "h.txt").write_text("\n".join(rows))
+    with pytest.raises(TableError, match=r"h\.txt" + said):
+        Topography(tmp_path / "h.txt")(GRID)
+
+
+@pytest.mark.parametrize("spacing", [0.26, 0.125])
+def test_a_file_of_another_period_is_refused(spacing: float, tmp_path: Path) -> None:
+    labelled(WAVES, spacing).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    long = f"{12 * spacing:g} x {16 * spacing:g}"
+    with pytest.raises(TableError, match=rf"is {long} long \(with unit = 1\), but grid.period is 3 x 4"):
+        Topography(tmp_path / "h.nc")(GRID)
+    # The same file in other units of length fits, and its heights are lengths, too.
+    unit = 0.25 / spacing
+    np.testing.assert_allclose(
+        Topography(tmp_path / "h.nc", unit=unit)(GRID), unit * (WAVES.max() - WAVES), atol=1e-15
+    )
+
+
+def test_unequal_spacing_is_refused(tmp_path: Path) -> None:
+    uneven = labelled(WAVES).assign_coords(y=0.25 * np.arange(16) ** 1.1)
+    uneven.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    with pytest.raises(TableError, match=r"h\.nc: y is not equally spaced"):
+        Topography(tmp_path / "h.nc")(GRID)
+
+
+@pytest.mark.parametrize("name", ["h.npy", "h.txt", "h.h5", "h.nc"])
+def test_a_file_that_is_something_else_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(b"\x89HD\xffnothing of the kind")
+    with pytest.raises(TableError, match=name.replace(".", r"\.")):
+        Topography(tmp_path / name)(GRID)
+
+
+# --- what is done ---
+
+
+def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane() -> None:
+    line = np.array([0.0, np.nan, np.nan, 6.0, 1.0, np.nan])
+    np.testing.assert_allclose(membrane(line, np.isnan(line)), [0, 2, 4, 6, 1, 1], atol=1e-13)
+    plane = 0.3 * np.arange(20)[:, np.newaxis] - 0.7 * np.arange(15)
+    holes = np.zeros(plane.shape, bool)
+    holes[4:9, 5:12] = holes[15, 3] = True
+    found = membrane(np.where(holes, np.nan, plane), holes)
+    np.testing.assert_allclose(found, plane, atol=1e-12)
+
+
+def test_a_membrane_stays_between_the_heights_around_it() -> None:
+    rng = np.random.default_rng(0)
+    heights, holes = rng.random((40, 30)), rng.random((40, 30)) < 0.3
+    found = membrane(np.where(holes, np.nan, heights), holes)
+    np.testing.assert_array_equal(found[~holes], heights[~holes])
+    assert 0 < found.min() <= found.max() < 1
+
+
+@pytest.mark.parametrize("shape", [(17,), (16,), (12, 17)])
+@pytest.mark.parametrize("curved", [False, True])
+def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool) -> None:
+    heights = np.random.default_rng(1).random(shape)
+    axes = [np.broadcast_to(x, shape).ravel() for x in np.indices(shape, dtype=float)]
+    columns = [np.ones(heights.size), *axes]
+    if curved:
+        columns += [a * b for i, a in enumerate(axes) for b in axes[: i + 1]]
+    matrix = np.column_stack(columns)
+    fit, *_ = np.linalg.lstsq(matrix, heights.ravel(), rcond=None)
+    rest = without_trend(heights, curved=curved)
+    np.testing.assert_allclose(rest.ravel(), heights.ravel() - matrix @ fit, atol=1e-12)
+
+
+def test_a_tilted_surface_is_detrended_and_it_says_so(tmp_path: Path) -> None:
+    tilted = WAVES + 3 * X + 0.5 * Y
+    raw = Topography(saved(tmp_path, tilted))
+    _, before = raw.continued(GRID)
+    assert any("does not join up with itself along x: the step across the seam is" in word for word in before)
+    flat = Topography(saved(tmp_path, tilted), detrend="plane")
+    heights, after = flat.continued(GRID)
+    assert len(after) == 1
+    assert "the plane of least squares was subtracted; rms height from" in after[0]
+    # The waves have a slope of their own in the sense of least squares.
+    expected = without_trend(WAVES, curved=False)
+    np.testing.assert_allclose(heights, expected.max() - expected, atol=1e-12)
+
+
+def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path: Path) -> None:
+    grid = Grid((64, 48), (1.0, 1.0))
+    rough = np.cumsum(np.random.default_rng(2).normal(size=grid.shape), axis=0)
+    file = saved(tmp_path, rough)
+    heights, said = Topography(file, taper=0.4).continued(grid)
+    deviation = heights.max() - heights - (heights.max() - heights)[0, 0]
+    np.testing.assert_allclose(deviation[0], 0, atol=1e-12)
+    np.testing.assert_allclose(deviation[:, 0], 0, atol=1e-12)
+    inner = slice(13, 51), slice(10, 38)
+    np.testing.assert_allclose(deviation[inner], (rough - rough.mean())[inner], atol=1e-12)
+    assert [word for word in said if "fade out over 0.4 of the cell" in word]
+    assert not [word for word in said if "does not join up" in word]
+
+
+@pytest.mark.parametrize("points", [(24, 32), (36, 20), (13, 17)])
+def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int], tmp_path: Path) -> None:
+    grid = Grid(points, GRID.period)
+    x, y = np.meshgrid(*(np.arange(n) / n for n in points), indexing="ij")
+    waves = 0.1 * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * (2 * x - y))
+    heights, said = Topography(saved(tmp_path, WAVES), resample="fourier").continued(grid)
+    np.testing.assert_allclose(heights, waves.max() - waves, atol=1e-14)
+    assert f"resampled from 12 x 16 to {points[0]} x {points[1]} points by the Fourier series" in said[0]
+
+
+def test_what_is_done_is_told_for_each_surface_once(tmp_path: Path) -> None:
+    file = saved(tmp_path, holed())
+    punch = {"shape": "topography", "file": str(file), "fill": "membrane"}
+    config = Config(name="x").with_values({"grid.points": [12, 16], "punch": punch})
+    cases = [config.with_values({"layer.thickness": d}) for d in (0.1, 0.2)]
+    (said,) = notes(cases)
+    assert (
+        said == f"{file}: 2 of 192 points have no height; a membrane between their neighbours fills them in"
+    )
+    assert notes([Config(name="x")]) == []

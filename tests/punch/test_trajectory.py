@@ -1,0 +1,90 @@
+"""What is prescribed over time, and the tables that it is read from."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.punch.trajectory import RampHold, Table
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("time", "depth"), [(0.0, 0.0), (0.5, 0.005), (1.0, 0.01), (1.5, 0.01), (1e9, 0.01), (math.inf, 0.01)]
+)
+def test_the_punch_of_eq_30_goes_down_and_stays(time: float, depth: float) -> None:
+    assert RampHold(0.01, 1.0)(time) == pytest.approx(depth, rel=1e-15)
+
+
+def test_the_slope_of_eq_30_jumps_at_the_end_of_the_ramp() -> None:
+    trajectory = RampHold(0.02, 0.5)
+    assert trajectory.kinks == (0.5,)
+    assert trajectory(0.25) == pytest.approx(0.01, rel=1e-15)
+
+
+def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Path) -> None:
+    file = written(tmp_path, "time,depth\n0,0\n1, 0.01 # down\n\n3,0.004\n")
+    trajectory = Table.read(file, "depth")
+    assert trajectory.kinks == (1.0, 3.0)
+    expected = [0, 0.005, 0.01, 0.007, 0.004, 0.004]
+    np.testing.assert_allclose([trajectory(t) for t in (0, 0.5, 1, 2, 3, 99)], expected, rtol=1e-14)
+
+
+def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
+    table, ramp = Table.read(written(tmp_path, "0 0\n1 0.01"), "depth"), RampHold(0.01, 1.0)
+    assert table.kinks == ramp.kinks
+    for time in np.linspace(0, 2, 21).tolist():
+        assert table(time) == pytest.approx(ramp(time), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,0\n2,1\n1,2\n", r"path\.csv:3: time = 1 after 2; must increase from row to row"),
+        ("time,depth\n0,0\n1,1\n1,2\n", r"path\.csv:4: time = 1 after 1; must increase"),
+        ("1,0\n2,1\n", r"path\.csv: the first time is 1; must be 0"),
+        ("-1,0\n2,1\n", r"path\.csv: the first time is -1; must be 0"),
+        ("0,0\n", r"path\.csv(:\d+)?: holds 1 rows of numbers; must be at least 2"),
+        ("", r"path\.csv(:\d+)?: holds 0 rows of numbers; must be at least 2"),
+        ("0,0\n1,nan\n", r"path\.csv:2: '1,nan' is not finite; must be 2 numbers \(time, depth\)"),
+        ("0,0\ninf,1\n", r"path\.csv:2: 'inf,1' is not finite"),
+        ("0,0\n1,deep\n", r"path\.csv:2: cannot read '1,deep'; must be 2 numbers \(time, depth\)"),
+        ("0,0\n1\n", r"path\.csv:2: holds 1 numbers; must be 2 numbers"),
+        ("0,0\n1,1,1\n", r"path\.csv:2: holds 3 numbers; must be 2 numbers"),
+        ("time,depth\nthen,deeper\n0,zero\n", r"path\.csv:3: cannot read '0,zero'"),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_refused_by_its_line(text: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=said):
+        Table.read(written(tmp_path, text), "depth")
+
+
+def test_words_are_passed_over_before_the_numbers_and_not_among_them(tmp_path: Path) -> None:
+    assert Table.read(written(tmp_path, "time,depth\ns,mm\n0,0\n1,1\n"), "depth")(0.5) == 0.5
+    with pytest.raises(TableError, match=r"path\.csv:3: cannot read 'nought,nought'"):
+        Table.read(written(tmp_path, "time,depth\n0,0\nnought,nought\n1,1\n"), "depth")
+
+
+def test_a_table_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match=r"missing\.csv: cannot be read"):
+        Table.read(tmp_path / "missing.csv", "depth")
+    (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(TableError, match=r"path\.csv: cannot be read as text"):
+        Table.read(tmp_path / "path.csv", "depth")
+    with pytest.raises(TableError, match="cannot be read"):
+        Table.read(tmp_path, "depth")
+
+
+def test_what_spreadsheets_write_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_bytes("\ufefftime;depth\r\n0;0\r\n1;1e-2\r\n".encode())
+    np.testing.assert_array_equal(read_columns(file, ("time", "depth")), [[0, 0], [1, 0.01]])

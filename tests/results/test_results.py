@@ -1,0 +1,512 @@
+"""Result files: what is written is read back labelled, and what is not whole never has a final name."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from gfmdlayer.results import case_template as blank
+from gfmdlayer.results import writer
+from gfmdlayer.results.provenance import git_commit
+from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
+from gfmdlayer.results.schema import VARIABLES, ResultsError
+from gfmdlayer.results.sweep_file import CaseRecord, collect, dimension_names
+from gfmdlayer.results.writer import CaseWriter
+
+X = np.linspace(-0.5, 0.5, 16, endpoint=False)
+TIMES = np.array([0.0, 0.5, 1.0])
+
+
+def write_case(path: Path, times: Sequence[float] = tuple(TIMES), level: float = 1.0, **about: float) -> Path:
+    with CaseWriter(path, {"x": X}, {"name": "demo", "digest": "abc", "tau": 1.0, **about}) as case:
+        for time in times:
+            case.row(time=time, contact_area=level * time, mean_pressure=-level * time, transforms=7)
+        case.snapshot(1.0, level * X, X**2)
+    return path
+
+
+def write_sweep(folder: Path, values: Sequence[dict[str, object]]) -> list[CaseRecord]:
+    """Write cases whose contact area at time 1 is their number plus one."""
+    paths = [write_case(case_path(folder, index), level=index + 1.0) for index in range(len(values))]
+    return [CaseRecord(i, path, v) for i, (path, v) in enumerate(zip(paths, values, strict=True))]
+
+
+def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path: Path) -> None:
+    path = write_case(tmp_path / "0000.h5")
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        assert data["contact_area"].dims == data["transforms"].dims == ("time",)
+        assert data["pressure"].dims == data["displacement"].dims == ("snapshot", "x")
+        assert set(data.coords) == {"time", "x", "snapshot"}
+        np.testing.assert_array_equal(data["time"], TIMES)
+        np.testing.assert_array_equal(data["mean_pressure"], -TIMES)
+        np.testing.assert_array_equal(data["displacement"].sel(snapshot=1.0), X)
+        np.testing.assert_array_equal(data["pressure"].sel(snapshot=1.0), X**2)
+        assert data["transforms"].dtype == np.int64
+        for name, array in data.variables.items():
+            assert array.attrs["units"] == VARIABLES[str(name)].units
+            assert array.attrs["long_name"] == VARIABLES[str(name)].long_name
+
+
+def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
+    field = np.arange(16.0 * 4).reshape(16, 4)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:4]}) as case:
+        case.snapshot(0.5, field, -field)
+        case.snapshot(1.0, 2 * field, field)
+    with open_case(tmp_path / "0000.h5") as data:
+        assert data["displacement"].dims == ("snapshot", "x", "y")
+        np.testing.assert_array_equal(data["displacement"].sel(snapshot=1.0), 2 * field)
+        np.testing.assert_array_equal(data["pressure"].sel(snapshot=0.5), -field)
+
+
+def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
+    edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
+    parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
+    with CaseWriter(path, {"x": X}, edges={"gap": edges}) as case:
+        for time, part in enumerate(parts):
+            case.row(time=float(time), gap_histogram=part)
+    with open_case(path) as data:
+        assert data["gap_histogram"].dims == ("time", "gap_bin")
+        np.testing.assert_array_equal(data["gap_histogram"], parts)
+        np.testing.assert_array_equal(data["gap_bin"], edges[:-1])
+        np.testing.assert_array_equal(data["gap_histogram"].coords["gap_bin_end"], edges[1:])
+    with h5py.File(path, "r+") as fewer:
+        fewer["gap_histogram"].resize(2, axis=0)
+    assert not is_complete(path)
+
+
+def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blank, "BLOCK", 24)
+    monkeypatch.setattr(writer, "blank", blank.blank.__wrapped__)  # none that is kept
+    field = np.arange(16.0 * 10).reshape(16, 10)
+    with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
+        case.snapshot(0.5, field, -field, 2 * field)
+    with h5py.File(tmp_path / "0000.h5") as h5:
+        assert {(h5[name].chunks, h5[name].compression) for name in ("displacement", "pressure", "gap")} == {
+            ((1, 3, 10), "gzip")  # 160 points need 7 blocks, of 16 rows 3 each
+        }
+        np.testing.assert_array_equal(h5["gap"][0], 2 * field)
+
+
+def test_gap_is_kept_with_every_snapshot_or_with_none(tmp_path: Path) -> None:
+    for first, then in (((X, X), (X, X, X)), ((X, X, X), (X, X))):
+        with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
+            case.snapshot(0.0, *first)
+            with pytest.raises(ValueError, match="some snapshots have a gap"):
+                case.snapshot(1.0, *then)
+
+
+def test_no_rows_and_no_snapshots_still_open(tmp_path: Path) -> None:
+    with CaseWriter(tmp_path / "0000.h5", {"x": X}):
+        pass
+    assert is_complete(tmp_path / "0000.h5")
+    with open_case(tmp_path / "0000.h5") as data:
+        assert data.sizes == {"time": 0, "x": 16, "snapshot": 0}
+
+
+def test_rows_beyond_what_is_held_keep_their_order(tmp_path: Path) -> None:
+    times = np.arange(2.5 * writer.ROWS_HELD)
+    path = write_case(tmp_path / "0000.h5", tuple(times))
+    with open_case(path) as data:
+        np.testing.assert_array_equal(data["contact_area"], times)
+
+
+def test_provenance_is_stored(tmp_path: Path) -> None:
+    about = attributes(write_case(tmp_path / "0000.h5"))
+    expected = {"gfmdlayer_version", "git_commit", "python_version", "numpy_version", "h5py_version"}
+    assert expected | {"hostname", "started", "finished", "wall_seconds", "digest"} <= about.keys()
+    assert about["rows"] == 3
+
+
+def test_long_attributes_are_kept_whole(tmp_path: Path) -> None:
+    # HDF5 limits an attribute stored in the header to 64 KiB.
+    with CaseWriter(tmp_path / "0000.h5", {"x": X}, {"config": "k: v\n" * 40_000}):
+        pass
+    assert attributes(tmp_path / "0000.h5")["config"] == "k: v\n" * 40_000
+
+
+def test_folder_below_a_repository_has_no_commit(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "below").mkdir()
+    assert git_commit(tmp_path / "below") == "unknown"
+    assert git_commit(tmp_path) == "unknown"
+
+
+@pytest.mark.parametrize("name", ["TERM", "INT", "USR1"])
+def test_a_request_to_stop_does_not_make_the_commit_unknown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    # As mpirun, scancel and a terminal do it: the signal reaches git too, while it is at work.
+    (tmp_path / ".git").mkdir()
+    git = tmp_path / "git"
+    git.write_text(f"#!/bin/sh\nkill -{name} $$\necho 1f2e3d\n")
+    git.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert git_commit(tmp_path) == "1f2e3d"
+
+
+def test_unknown_variable_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(KeyError, match="no variable 'contact_aera'"),
+        CaseWriter(tmp_path / "0.h5", {"x": X}) as c,
+    ):
+        c.row(time=0.0, contact_aera=0.1)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([{"time": 0.0, "depth": 0.0}, {"time": 1.0}], "columns"),
+        ([{"time": 0.0}, {"time": 1.0, "depth": 0.0}], "columns"),
+        ([{"depth": 0.0}], "needs its time"),
+        ([{"time": 1.0}, {"time": 1.0}], "follows"),
+        ([{"time": float("nan")}], "follows"),
+    ],
+)
+def test_wrong_rows_are_refused(tmp_path: Path, rows: list[dict[str, float]], message: str) -> None:
+    *before, wrong = rows
+    with CaseWriter(tmp_path / "0.h5", {"x": X}) as case:
+        for row in before:
+            case.row(**row)
+        with pytest.raises(ValueError, match=message):
+            case.row(**wrong)
+
+
+def test_snapshot_of_another_shape_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ValueError, match="pressure of shape"),
+        CaseWriter(tmp_path / "0.h5", {"x": X}) as case,
+    ):
+        case.snapshot(0.0, X, X[:4])
+
+
+def test_exception_leaves_the_earlier_result_and_nothing_else(tmp_path: Path) -> None:
+    path = write_case(tmp_path / "0000.h5", level=2.0)
+    with pytest.raises(ZeroDivisionError), CaseWriter(path, {"x": X}) as case:
+        case.row(time=1.0 / 0)
+    assert list(tmp_path.iterdir()) == [path]
+    with open_case(path) as data:
+        assert data["contact_area"][-1] == 2.0
+
+
+def test_two_writers_of_one_case_do_not_meet(tmp_path: Path) -> None:
+    path = tmp_path / "0000.h5"
+    with CaseWriter(path, {"x": X}) as one, CaseWriter(path, {"x": X}) as other:
+        one.row(time=0.0)
+        other.row(time=0.0)
+    assert is_complete(path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_killed_process_leaves_nothing_under_the_final_name(tmp_path: Path) -> None:
+    code = """
+import os, sys
+import numpy as np
+from gfmdlayer.results.writer import CaseWriter
+with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}, flush_interval=-1) as case:
+    case.row(time=0.0, depth=0.0)
+    case.snapshot(0.0, np.zeros(8), np.zeros(8))
+    os._exit(9)
+"""
+    assert run_python(code, tmp_path / "0000.h5").returncode == 9
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith("0000.h5.")
+    assert left.name.endswith(".part")
+    assert not is_complete(left)
+
+
+def test_full_disk_is_a_clear_error_at_whatever_byte_it_strikes(tmp_path: Path) -> None:
+    # The whole file takes about 200 kB; HDF5 alone would end some of these in a segmentation fault.
+    code = """
+import resource, signal, sys
+import numpy as np
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.writer import CaseWriter
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+for limit in range(0, 180_000, 9973):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    interval = -1 if limit % 2 else 60
+    try:
+        with CaseWriter(sys.argv[1], {"x": np.arange(1024.0)}, flush_interval=interval) as case:
+            for i in range(1100):
+                case.row(time=float(i), depth=0.0)
+                if i % 100 == 0:
+                    case.snapshot(float(i), *np.random.default_rng(i).random((2, 1024)))
+    except ResultsError as error:
+        print(error)
+"""
+    path = tmp_path / "0000.h5"
+    ended = run_python(code, path)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.splitlines() == [f"{path}: cannot be written: File too large"] * 19
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_a_whole_case_counts_as_complete(tmp_path: Path) -> None:
+    whole = write_case(tmp_path / "whole.h5")
+    contents = whole.read_bytes()
+    (tmp_path / "truncated.h5").write_bytes(contents[: len(contents) // 2])
+    (tmp_path / "empty.h5").write_bytes(b"")
+    (tmp_path / "foreign.h5").write_text("not HDF5")
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["time"] = TIMES
+    (tmp_path / "rows.h5").write_bytes(contents)
+    with h5py.File(tmp_path / "rows.h5", "r+") as fewer:
+        fewer["contact_area"].resize(2, axis=0)
+    assert is_complete(whole)
+    assert is_complete(whole, "abc")
+    assert not is_complete(whole, "another config")
+    for name in ("truncated", "empty", "foreign", "other", "rows", "missing"):
+        assert not is_complete(tmp_path / f"{name}.h5"), name
+    assert not is_complete(tmp_path)
+
+
+def test_spoiled_rows_are_found(tmp_path: Path) -> None:
+    path = write_case(tmp_path / "0000.h5")
+    with h5py.File(path) as h5:
+        chunk = h5["contact_area"].id.get_chunk_info(0)
+    contents = bytearray(path.read_bytes())
+    contents[chunk.byte_offset + 9] ^= 1
+    path.write_bytes(contents)
+    assert not is_complete(path)
+    with pytest.raises(ResultsError, match="not a complete result file"):
+        open_case(path)
+
+
+def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:
+    thick, moduli = [0, 0.25, float("inf")], [1.0, 10.0]
+    keys = ["layer.thickness", "halfspace.shear_modulus"]
+    records = write_sweep(tmp_path, [dict(zip(keys, (d, g), strict=True)) for d in thick for g in moduli])
+    collect(tmp_path, records, keys)
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].dims == ("thickness", "shear_modulus", "time")
+        np.testing.assert_array_equal(data["thickness"], thick)
+        assert data["thickness"].attrs["key"] == "layer.thickness"
+        assert data["thickness"].attrs["symbol"] == "d"
+        assert data["shear_modulus"].attrs["symbol"] == "G_bulk"
+        last = data.sel(thickness=np.inf, shear_modulus=1.0, time=1.0)
+        assert last["contact_area"] == 5.0
+        assert last["mean_pressure"] == -5.0
+        assert last["case"] == 4
+        assert data.attrs["failed"] == ""
+        assert data.attrs["tau"] == 1.0
+
+
+def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
+    keys = ["layer.thickness", "halfspace.shear_modulus"]
+    records = write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in product((0.1, 0.2), (1, 2, 3))])
+    collect(tmp_path, records, keys)
+    with open_results(tmp_path) as data:
+        assert data["displacement"].dims == ("thickness", "shear_modulus", "snapshot", "x")
+        assert data["displacement"].attrs["units"] == data["x"].attrs["units"] == "length"
+        expected = np.arange(1.0, 7.0).reshape(2, 3, 1, 1) * X  # case number plus one, times X
+        np.testing.assert_array_equal(data["displacement"], expected)
+        one = data["displacement"].sel(thickness=0.2, shear_modulus=3, snapshot=1.0)
+        np.testing.assert_array_equal(one, 6 * X)
+        some = data["displacement"].isel(shear_modulus=[2, 0], x=slice(None, None, -3), snapshot=0)
+        np.testing.assert_array_equal(some, expected[:, [2, 0], 0, ::-3])
+
+
+def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
+    collect(tmp_path, records, ["a.b"])
+    records[1].path.write_text("spoiled")
+    records[2].path.unlink()
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["displacement"].sel(b=3, snapshot=1.0), 4 * X)
+        assert np.isnan(data["displacement"].sel(b=2)).all()
+        with pytest.raises(OSError, match="signature"):
+            data["displacement"].sel(b=1).load()
+
+
+def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
+    collect(tmp_path, records, ["grid.period"])
+    with open_results(tmp_path) as data:
+        assert set(data.data_vars) == {"contact_area", "mean_pressure"}
+    records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
+    collect(tmp_path, records, ["a.b"])
+    with CaseWriter(records[1].path, {"x": X[:8]}) as other:
+        other.snapshot(1.0, X[:8], X[:8])
+    with (
+        open_results(tmp_path) as data,
+        pytest.raises(ResultsError, match=r"0001\.h5: displacement of"),
+    ):
+        data["displacement"].load()
+
+
+def test_cases_that_ended_when_steady_go_on_with_their_last_row(tmp_path: Path) -> None:
+    records, ends = [], (3, 2, 4)
+    for index, end in enumerate(ends):
+        path = case_path(tmp_path, index)
+        with CaseWriter(path, {"x": X}) as case:
+            for time in range(end + 1):
+                area, friction = 0.1 * time, 0.01 * (index + 1) * time
+                case.row(
+                    time=time, contact_area=area, mean_pressure=1.0, friction=friction, tangential_force=0.0
+                )
+            case.note(settled=1 if index < 2 else 0)
+        records.append(CaseRecord(index, path, {"trajectory.velocity": float(index)}))
+    collect(tmp_path, records, ["trajectory.velocity"])
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["time"], range(5))
+        assert data["velocity"].attrs["symbol"] == "v"
+        for index, end in enumerate(ends):
+            found = data["friction"].isel(velocity=index)
+            np.testing.assert_allclose(found, 0.01 * (index + 1) * np.minimum(range(5), end))
+    assert attributes(records[0].path)["settled"] == 1
+
+
+def test_shared_last_parts_take_the_whole_key() -> None:
+    keys = ["layer.poisson", "halfspace.poisson", "layer.thickness"]
+    assert dimension_names(keys) == ["layer.poisson", "halfspace.poisson", "thickness"]
+    assert dimension_names(["some.time"]) == ["some.time"]
+
+
+def test_list_of_combinations_has_one_dimension(tmp_path: Path) -> None:
+    keys = ["layer.thickness", "layer.material.Ginf"]
+    pairs = [(0.1, 10.0), (0.2, 20.0), (0.1, 30.0)]
+    collect(tmp_path, write_sweep(tmp_path, [dict(zip(keys, p, strict=True)) for p in pairs]), keys)
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].dims == ("case", "time")
+        np.testing.assert_array_equal(data["case"], [0, 1, 2])
+        np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2, 0.1])
+        np.testing.assert_array_equal(data.coords["Ginf"], [10.0, 20.0, 30.0])
+        np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "labels"),
+    [
+        ("a.b", ["fire", "active_set"], ["fire", "active_set"]),
+        ("grid.b", [64, [64, 128]], ["64", "64x128"]),
+        ("a.b", [[1, 2], [0.5]], ["[1, 2]", "[0.5]"]),
+        ("a.b", [0.005, "adaptive"], ["0.005", "adaptive"]),
+        ("a.b", [{"model": "zener", "G0": 1.0}, {"model": "prony"}], ["model=zener, G0=1.0", "model=prony"]),
+    ],
+)
+def test_values_that_are_no_numbers_become_text(
+    tmp_path: Path, key: str, values: list[object], labels: list[str]
+) -> None:
+    collect(tmp_path, write_sweep(tmp_path, [{key: value} for value in values]), [key])
+    with open_results(tmp_path) as data:
+        assert data["b"].to_numpy().tolist() == labels
+        assert data["contact_area"].sel(b=labels[1], time=1.0) == 2.0
+
+
+def test_failed_and_lost_cases_are_nan_and_named(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
+    records[0] = CaseRecord(0, records[0].path, records[0].values, "did not converge at time 0.2")
+    records[2].path.unlink()
+    collect(tmp_path, records, ["layer.thickness"])
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [np.nan, 2.0, np.nan])
+        expected = ["0000: did not converge at time 0.2", "0002: no complete result file"]
+        assert data.attrs["failed"].splitlines() == expected
+
+
+def test_sweep_where_every_case_failed_opens(tmp_path: Path) -> None:
+    records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, "no") for i in range(2)]
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        assert data.sizes == {"b": 2, "time": 0}
+
+
+def test_cases_with_other_steps_share_their_common_times(tmp_path: Path) -> None:
+    # 3 * 0.1 differs from 0.3 by rounding and is the same time.
+    steps = [(0.0, 0.2, 3 * 0.1, 1.0), (0.0, 0.3, 0.5, 1.0)]
+    paths = [write_case(case_path(tmp_path, i), times) for i, times in enumerate(steps)]
+    records = [CaseRecord(i, path, {"a.b": i}) for i, path in enumerate(paths)]
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        np.testing.assert_allclose(data["time"], [0.0, 0.3, 1.0], rtol=1e-15)
+    collect(tmp_path, records, ["a.b"], times=[0.0, 1.0])
+    with open_results(tmp_path) as data:
+        np.testing.assert_array_equal(data["contact_area"], [[0.0, 1.0]] * 2)
+    with pytest.raises(ResultsError, match=r"0000\.h5: no row at time 0\.5"):
+        collect(tmp_path, records, ["a.b"], times=[0.5])
+
+
+def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2)])
+    collect(tmp_path, records, ["layer.thickness"], listed=True)
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].dims == ("case", "time")
+        np.testing.assert_array_equal(data.coords["thickness"], [0.1, 0.2])
+
+
+def test_ten_thousand_failures_are_named(tmp_path: Path) -> None:
+    # Far beyond the 64 kB that HDF5 allows an attribute of fixed length.
+    reason = "ConvergenceError: t = 0.1: residual 1e-3 after 20000 iterations of fire; the tolerance is 1e-6"
+    records = [CaseRecord(i, case_path(tmp_path, i), {"a.b": i}, reason) for i in range(10_000)]
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        assert data.attrs["failed"].splitlines() == [f"{i:04d}: {reason}" for i in range(10_000)]
+
+
+def test_a_case_spoiled_on_the_disk_is_lost_and_no_other(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
+    path = records[1].path
+    with h5py.File(path) as h5:
+        chunk = h5["contact_area"].id.get_chunk_info(0)
+    contents = bytearray(path.read_bytes())
+    contents[chunk.byte_offset + 9] ^= 1
+    path.write_bytes(contents)
+    collect(tmp_path, records, ["a.b"])
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]
+        assert data.attrs["failed"] == "0001: no complete result file"
+
+
+def test_collecting_needs_no_more_memory_for_more_cases(tmp_path: Path) -> None:
+    # A run of neighbours is held at a time, 2 x 2^16 values and as many in copies: 4 MB, where all the
+    # curves of 300 cases take 24 MB.
+    path = write_case(case_path(tmp_path, 0), np.linspace(0, 1, 5000))
+    peaks = []
+    for number in (30, 300):
+        records = [CaseRecord(i, path, {"a.b": i}) for i in range(number)]
+        tracemalloc.start()
+        collect(tmp_path, records, ["a.b"])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 6e6
+    assert peaks[1] < 1.2 * peaks[0]
+
+
+def test_single_case_is_opened_itself(tmp_path: Path) -> None:
+    records = write_sweep(tmp_path, [{}])
+    for with_sweep_file in (False, True):
+        if with_sweep_file:
+            collect(tmp_path, records, [])
+        with open_results(tmp_path) as data:
+            assert data["displacement"].dims == ("snapshot", "x")
+
+
+def test_folders_without_results_are_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="nowhere: no such folder"):
+        open_results(tmp_path / "nowhere")
+    with pytest.raises(ResultsError, match="not a folder of results"):
+        open_results(tmp_path)
+    (tmp_path / "cases").mkdir()
+    with pytest.raises(ResultsError, match="no complete case"):
+        open_results(tmp_path)
+    write_sweep(tmp_path, [{}, {}])
+    with pytest.raises(ResultsError, match=r"2 complete cases but no sweep\.h5"):
+        open_results(tmp_path)
+    with pytest.raises(ResultsError, match=r"0009\.h5: no such file"):
+        open_case(case_path(tmp_path, 9))

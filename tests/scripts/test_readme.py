@@ -1,0 +1,92 @@
+"""Every block of code in README.md works, in the order in which it stands there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from gfmdlayer.config import load
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MARK = "<!-- not run"  # before a block that a test cannot run; the words that follow say why
+BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    line: int
+    language: str
+    code: str
+    runs: bool
+
+    def __str__(self) -> str:
+        return f"line-{self.line}"
+
+
+def blocks() -> Iterator[Block]:
+    for found in BLOCK.finditer(README):
+        line = README.count("\n", 0, found.start(2)) + 1
+        yield Block(line, found[2], found[3], runs=found[1] is None)
+
+
+BLOCKS = list(blocks())
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A clone in which each configuration is as small as its quick variant, with what a user brings along."""
+    (tmp_path / "configs").mkdir()
+    for path in (ROOT / "configs").iterdir():
+        quick = path.with_name(f"{path.stem}-quick.yaml")
+        content = (quick if quick.exists() else path).read_text()
+        content = content.replace(f"name: {quick.stem}", f"name: {path.stem}")
+        (tmp_path / "configs" / path.name).write_text(content)
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    (tmp_path / ".venv/bin").mkdir(parents=True)
+    activate = f"export PATH={Path(sys.executable).parent}:$PATH\n"
+    (tmp_path / ".venv/bin/activate").write_text(activate)
+    shutil.copy(ROOT / "configs/polymer.csv", tmp_path / "master-curve.csv")
+    np.save(tmp_path / "surface.npy", np.zeros((8, 8)))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_each_block_is_of_a_known_kind() -> None:
+    assert {block.language for block in BLOCKS} <= {"", "bash", "math", "python", "yaml"}
+    assert README.count("\n```") == 2 * len(BLOCKS)
+    assert sum(block.runs for block in BLOCKS) > len(BLOCKS) // 2
+
+
+@pytest.mark.usefixtures("clone")
+def test_commands_and_scripts_work_one_after_the_other() -> None:
+    mpl.use("Agg")
+    names: dict[str, Any] = {}
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    for block in BLOCKS:
+        if block.runs and block.language == "bash":
+            ran = subprocess.run(
+                ["bash", "-e", "-c", block.code],
+                capture_output=True, text=True, check=False, env=os.environ | {"PATH": path},
+            )  # fmt: skip
+            assert ran.returncode == 0, f"README.md, line {block.line}:\n{block.code}\n{ran.stderr}"
+        elif block.runs and block.language == "python":
+            exec(compile(block.code, f"README.md, line {block.line}", "exec"), names)
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "yaml"], ids=str)
+def test_configurations_load(block: Block, clone: Path) -> None:
+    whole = block.code if "name:" in block.code else f"name: part\n{block.code}"
+    (clone / "case.yaml").write_text(whole)
+    load("case.yaml")
