@@ -35,8 +35,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 @overload
 def kernel(function: Function) -> Function: ...
 @overload
-def kernel(*, reorder: bool) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, reorder: bool = False) -> Any:
+def kernel(*, reorder: bool = False, inner: bool = False) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False) -> Any:
     """Compile a function by Numba, without the interpreter's lock and with a cache on the disk.
 
     Parameters
@@ -45,6 +45,9 @@ def kernel(function: Any = None, *, reorder: bool = False) -> Any:
         What to compile, at its first call.
     reorder : bool
         Whether sums may be reordered (`FASTMATH`), as vector units need it.
+    inner : bool
+        Whether other kernels alone call it. It then has no entry for Python, which takes longer to compile
+        than a short kernel where many arrays come in groups.
 
     Returns
     -------
@@ -52,12 +55,14 @@ def kernel(function: Any = None, *, reorder: bool = False) -> Any:
         The compiled function, or a decorator where only options are given.
     """
     if function is None:
-        return lambda decorated: _compiled(decorated, FASTMATH if reorder else False)
-    return _compiled(function, False)
+        return lambda decorated: _compiled(decorated, reorder, inner)
+    return _compiled(function, reorder, inner)
 
 
-def _compiled(function: Any, fastmath: Any) -> Any:
-    dispatcher: Any = nb.njit(nogil=True, fastmath=fastmath)(function)
+def _compiled(function: Any, reorder: bool, inner: bool) -> Any:
+    fastmath = FASTMATH if reorder else False
+    options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
+    dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
         dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher

@@ -121,7 +121,7 @@ def simulate(
                 f"iterations of {config.solver.method}; the tolerance is {config.solver.tolerance:.2e}"
             )
         surface = loading.surface(solution, kappa, b, instant.time)
-        if steps.accepts(surface.spectrum, surface.found, surface.depth):
+        if steps.accepts(surface.spectrum, surface.response, surface.depth):
             integrator.advance(surface.spectrum)  # 8, 9
             remembered = getattr(solution, solver.starts_from)
             guess.remember(instant.time, remembered, solution.gap, kink=instant.kink)

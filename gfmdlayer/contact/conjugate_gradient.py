@@ -3,14 +3,14 @@
 The pressure p >= 0 minimises p.A p/2 + gap0.p, whose gradient is the gap; A = 1/kappa mode by mode (see
 `active_set`). Directions are the negative gaps of the points that press or overlap, made conjugate to the
 last step; a point that joins is a reason to start afresh. Where the load is given, the mean of the gap over
-the contact is removed and the pressure rescaled. There is no preconditioner: the field's baseline.
+the contact is removed and the pressure rescaled. There is no preconditioner: it is the field's baseline.
 
 The original cuts the pressure off at zero after each step, which costs two applications of A: one for the
 length of the step and one for the gap that the cut leaves. Here a step of the last length is tried and cut
-off first, and A applied to what is left of it. All pressures on the way there are admissible and their energy
-is a parabola, so that one FFT pair an iteration does, the energy never rises, and the gap follows without
-another. A step that nothing was cut from goes to the lowest point, as conjugate gradients do, or to where
-the first pressure vanishes; any other goes all the way if that lowers the energy.
+off first, and A is applied to the remaining step. All pressures along it are admissible and their energy is a
+parabola, so that one FFT pair an iteration is enough, the energy never rises, and the gap follows without
+another. A step that was not cut goes to the lowest point, as conjugate gradients do, or to where the first
+pressure vanishes; any other goes all the way if that lowers the energy.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from gfmdlayer.contact.pressure_form import (
     trivial_solution,
     unconverged,
 )
-from gfmdlayer.contact.problem import Problem, Solution, scales_of
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import Stateless
@@ -42,7 +43,7 @@ _SHORTEST = 1e-12  # part of the first trial length at which only rounding is le
 
 
 class Search(NamedTuple):
-    """The last step and what it does to the gap."""
+    """The last step and its effect on the gap."""
 
     step: FloatArray
     change: FloatArray  # A step
@@ -90,11 +91,13 @@ class ConjugateGradient(Stateless):
             _, more, done = iterate(self._transforms.plans, system, at, self._search, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
             solution = feasible_solution(
-                problem, system, free, at, tolerance, (transforms + 1) // 2, iterations
+                problem, system, free, at, tolerance, transforms=(transforms + 1) // 2, iterations=iterations
             )
             if solution.converged:
                 return solution
-            shift = AIM * tolerance * scales_of(solution.pressure, solution.displacement, problem.least)[1]
+            shift = (
+                AIM * tolerance * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
+            )
         return unconverged(problem, system, at, self._transforms, solution)
 
 
@@ -119,13 +122,13 @@ def iterate(
     _evaluate(plans, system, at, work)
     found, step[:] = False, 0.0
     while iteration < limit and trial > _SHORTEST * longest:
-        if system.load:
+        if system.load_given:
             _set_depth(p, gap, shift)
         if satisfies_kkt(system, p, gap, shift, tolerance):
             if exact:
                 found = True
                 break
-            _carry(system, p, load)
+            _restore_load(system, p, load)
             _evaluate(plans, system, at, work)
             transforms, exact = transforms + 2, True
             continue
@@ -149,22 +152,22 @@ def iterate(
             # The cut or the rescaling has turned the step uphill.
             trial, curvature = 0.1 * trial, 0.0
     if not exact:
-        _carry(system, p, load)
+        _restore_load(system, p, load)
         _evaluate(plans, system, at, work)
         transforms += 2
-    if system.load:
+    if system.load_given:
         _set_depth(p, gap, shift)
     return found, transforms, iteration
 
 
-@kernel
-def _carry(system: System, p: FloatArray, load: float) -> None:
-    """Give back to a given load what rounding took over the steps."""
-    if system.load:
+@kernel(inner=True)
+def _restore_load(system: System, p: FloatArray, load: float) -> None:
+    """Scale the pressure to a given load, which rounding has changed over the steps."""
+    if system.load_given:
         p *= load / p.sum()
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
     """Gap of the pressure."""
     _comply(plans, system, at.p, at.spectrum, work, at.gap)
@@ -172,7 +175,7 @@ def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> 
         at.gap[i] += system.gap0[i]
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _comply(
     plans: Plans, system: System, p: FloatArray, spectrum: ComplexArray, work: ComplexArray, gap: FloatArray
 ) -> None:
@@ -183,9 +186,9 @@ def _comply(
     backward(plans, work, gap)
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
-    """The depth at which the gap is right in the mean over the contact, or at its lowest point."""
+    """Shift the punch so that the gap is right in the mean over the contact, or at its lowest point."""
     total, count = 0.0, 0.0
     for i in range(p.size):
         pressed = 1.0 if p[i] > 0.0 else 0.0
@@ -196,11 +199,11 @@ def _set_depth(p: FloatArray, gap: FloatArray, shift: float) -> None:
         gap[i] -= excess
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _try_step(
     system: System, at: Iterate, search: Search, shift: float, trial: float, curvature: float
 ) -> bool:
-    """Write the step that leads to admissible pressures; return whether it was cut off."""
+    """Write a step that leads to admissible pressures; return whether it was cut off."""
     p, gap, step, change = at.p, at.gap, search.step, search.change
     # Without branches, as the vector units want it.
     across, joining, load = 0.0, 1.0 if curvature <= 0.0 else 0.0, 0.0
@@ -219,18 +222,18 @@ def _try_step(
         now = 0.0 if now < 0.0 else now
         step[i] = now
         total += now
-    # To the load that there is, not the one that is given: steps many times as long would otherwise multiply
-    # what rounding has changed.
-    scale = load / total if system.load and total > 0.0 else 1.0
+    # Keep the present load, not the given one: steps many times as long would multiply their difference,
+    # which is rounding.
+    scale = load / total if system.load_given and total > 0.0 else 1.0
     for i in range(p.size):
         step[i] = scale * step[i] - p[i]
     return cut > 0.0
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _reach(p: FloatArray, step: FloatArray) -> float:
-    """How far along a step no pressure becomes negative."""
-    fastest = np.zeros(LANES)  # of what falls, per pressure that there is
+    """Part of a step up to which no pressure becomes negative."""
+    fastest = np.zeros(LANES)  # relative fall of a pressure
     for first in range(0, p.size, LANES):
         ps, steps = p[first : first + LANES], step[first : first + LANES]
         for i in range(ps.size):

@@ -2,9 +2,9 @@
 
 After Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201, and its use in Green's function molecular dynamics by
 Zhou, Moseler and Mueser, Phys. Rev. B 99 (2019) 144103 (the paper's Ref. [8]), with the semi-implicit Euler
-steps and the mixing before the step of Guenole et al., Comput. Mater. Sci. 175 (2020) 109584.  Not taken from
-there: the delay before the time step grows (none pays here) and the limit on the number of uphill steps (the
-iteration limit ends the loop).
+steps and the mixing before the step of Guenole et al., Comput. Mater. Sci. 175 (2020) 109584. Left out:
+the delay before the time step grows (it brings nothing here) and the limit on the number of uphill steps
+(the iteration limit ends the loop).
 
 Each point moves in its own direction only, so a hard wall is a clamp: a point that is pressed against the
 punch loses its velocity and its force, and is released when its pressure changes sign.
@@ -34,7 +34,7 @@ from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import Stateless
 
-_CHUNK = 1 << 21  # points moved between two returns to Python, where signals are seen: some 20 ms
+_CHUNK = 1 << 21  # points moved between two looks at signals: some 20 ms
 
 
 # Measured over the ramp and the hold of the paper's default case, halfspaces, rigid bases and thin layers at
@@ -109,7 +109,7 @@ class Fire(Stateless):
                 state = state._replace(drift=0.0)
                 projected = True
         if not accepted:
-            # What is returned belongs together even so.
+            # The state returned is consistent even so.
             state, _, _, more = self._iterate(problem, constants, state, np.inf, 1)
             pairs += more
         pressure = fields.stress + state.multiplier
@@ -139,7 +139,7 @@ class Fire(Stateless):
             constants,
             state,
             problem.mean_is_fixed,
-            problem.least,
+            problem.residual_floor,
             tolerance,
             limit,
         )

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.problem import ResidualFloor, scales, violation
+from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.kernels import FASTMATH, kernel
 
@@ -60,7 +60,7 @@ def iterate(
     constants: Constants,
     state: State,
     mean_is_fixed: bool,
-    least: ResidualFloor,
+    floor: ResidualFloor,
     tolerance: float,
     limit: int,
 ) -> tuple[State, bool, int, int]:
@@ -86,7 +86,7 @@ def iterate(
         if iteration == 0:
             if mean_is_fixed:
                 multiplier = _multiplier(stress, u, h)
-            pressure_scale, depth = scales(stress.max() + multiplier, max(u.mean(), 0.0) - u.min(), least)
+            pressure_scale, depth = scales(stress.max() + multiplier, max(u.mean(), 0.0) - u.min(), floor)
             per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
         off, power, speed, pull, next_multiplier = _forces(
             stress, multiplier, u, h, v, force, mass_weighted, per_pressure, per_gap, tolerance

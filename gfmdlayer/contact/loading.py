@@ -1,8 +1,8 @@
-"""What a prescribed depth or load makes of the contact problem of a step, and of its solution.
+"""Depth and load control: the contact problem of a step, and the depth that belongs to its solution.
 
-A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch, whose
-mean is the depth but for how far the body yields as a whole: by u_0, the displacement at q = 0, which is zero
-unless a compressible layer lies on a rigid base. There kappa_0 u_0 = b_0/n - p, and
+A solver finds a surface of zero mean, or under a given mean pressure p any surface w below the punch. The
+mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless a compressible layer lies on
+a rigid base. There kappa_0 u_0 = b_0/n - p, and
 
     u = w - mean(w) + u_0,        depth = mean(w) - u_0.
 """
@@ -25,28 +25,28 @@ Values = TypeVar("Values", FloatArray, ComplexArray)
 
 @dataclass(frozen=True)
 class Surface:
-    """Where the surface and the punch are.
+    """Displacement of the surface and depth of the punch.
 
     Attributes
     ----------
-    displacement : ndarray
-        u, one value a point.
+    displacement : ndarray, one value a point
+        u; length.
     spectrum : ndarray of complex
         Its unnormalised transform.
     depth : float
-        Of the punch, below the height at which it touches the surface at rest.
-    found : float
-        What was not prescribed: the mean pressure, or the depth.
+        Of the punch, below the height at which it touches the surface at rest; length.
+    response : float
+        The quantity that is not prescribed: the mean pressure, or the depth.
     """
 
     displacement: FloatArray
     spectrum: ComplexArray
     depth: float
-    found: float
+    response: float
 
 
 class Loading(Protocol):
-    """What is prescribed over time."""
+    """The quantity that is prescribed over time, and the punch."""
 
     @property
     def trajectory(self) -> Trajectory:
@@ -58,13 +58,13 @@ class Loading(Protocol):
         ...
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Surface and depth that a solution stands for."""
+        """Surface and depth that belong to a solution."""
         ...
 
 
 @dataclass(frozen=True)
 class _Prescribed:
-    """A punch, by its height above its lowest point, and what is prescribed of it."""
+    """A punch, by its height above its lowest point, and its trajectory."""
 
     punch: FloatArray
     trajectory: Trajectory
@@ -84,7 +84,7 @@ class DepthControl(_Prescribed):
         return Problem(kappa, b, self.punch - self.trajectory(time), height=self.height)
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
-        """Surface as it was found."""
+        """Surface as the solver found it."""
         depth = self.trajectory(time)
         return Surface(solution.displacement, solution.spectrum, depth, solution.mean_pressure)
 
@@ -100,12 +100,12 @@ class LoadControl(_Prescribed):
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""
-        size, yielding = self.punch.size, 0.0
+        size, mean = self.punch.size, 0.0
         if kappa[0] > 0:
-            yielding = (float(b[0].real) / size - self.trajectory(time)) / float(kappa[0])
-        depth = float(np.mean(solution.displacement)) - yielding
+            mean = (float(b[0].real) / size - self.trajectory(time)) / float(kappa[0])
+        depth = float(np.mean(solution.displacement)) - mean
         spectrum = _without_mean(solution.spectrum)
-        spectrum[0] = yielding * size
+        spectrum[0] = mean * size
         return Surface(solution.displacement - depth, spectrum, depth, depth)
 
 

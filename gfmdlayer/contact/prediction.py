@@ -1,6 +1,4 @@
-"""The pressure of the next step, extrapolated from the accepted ones.
-
-As a first guess and a first contact set.
+"""First guesses of a step, extrapolated in time from the accepted ones.
 
 Where a smooth surface leaves the punch, the pressure falls to zero like xi^(1/2) and the gap opens like
 xi^(3/2) with the distance xi from the edge (Johnson, Contact Mechanics, 1985, ch. 4). Neither can be
@@ -8,7 +6,7 @@ extrapolated at a point that the edge passes, but
 
     s = p^2 inside,    s = -mu gap^(2/3) outside
 
-is smooth across the edge, and so along time. mu is learned from the points that the edge has just passed.
+is smooth across the edge, and so along time. mu is found from the points that the edge has just passed.
 Where the edge does not move, the pressure itself is extrapolated, which carries less noise.
 """
 
@@ -17,16 +15,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 
-_REACH = 32  # part of the surface, at least, on either side of the contact where there may be some next
+_REACH = 32  # part of the surface, at least, on either side of the contact where the next may be
 _BLOCK = 256  # points that are passed over together where nothing is in contact
-
 
 Weights = tuple[float, float, float]
 Fields = tuple[FloatArray, FloatArray, FloatArray]
@@ -38,42 +34,101 @@ class DisplacementPrediction:
     Parameters
     ----------
     size : int
-        Number of grid points; before anything is remembered the guess is zero.
+        Number of grid points; before the first step the guess is zero.
     """
 
     def __init__(self, size: int) -> None:
         self._times: deque[float] = deque(maxlen=3)
-        self._past: deque[FloatArray] = deque(maxlen=3)
-        self._nothing = np.zeros(size)
+        self._fields: deque[FloatArray] = deque(maxlen=3)
+        self._zero = np.zeros(size)
 
     def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
         """Add an accepted step.
 
-        At a kink of the trajectory what came before says nothing about what follows.
+        Parameters
+        ----------
+        time : float
+            Its time.
+        displacement : ndarray, one value a point
+            The field that is extrapolated.
+        kink : bool
+            Whether the slope of the trajectory jumps there: earlier steps are then forgotten.
         """
         if kink:
             self._times.clear()
-            self._past.clear()
+            self._fields.clear()
         self._times.append(time)
-        self._past.append(displacement)
+        self._fields.append(displacement)
 
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
-            return self._nothing.copy()
-        return _combined(_weights(self._times, time), _three(self._past))
+            return self._zero.copy()
+        return _combined(_lagrange(self._times, time), _last_three(self._fields))
 
     def state(self) -> State:
-        """Return the past."""
-        return {"times": list(self._times), "past": np.array(self._past)}
+        """Return the last steps."""
+        return {"times": list(self._times), "fields": np.array(self._fields)}
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
+        """Continue from a state."""
         self._times.extend(state["times"].tolist())
-        self._past.extend(state["past"])
+        self._fields.extend(state["fields"])
 
 
-def _weights(times: Sequence[float], time: float) -> Weights:
+class PressurePrediction(DisplacementPrediction):
+    """The extrapolation of pressures across moving edges of the contact, from the last three accepted steps.
+
+    Parameters
+    ----------
+    size : int
+        Number of grid points; before the first step the guess is zero.
+    """
+
+    def __init__(self, size: int) -> None:
+        super().__init__(size)
+        self._gaps: deque[FloatArray] = deque(maxlen=3)
+        self._mu = 0.0
+        self._moves = 0  # steps in a row in which the contact changed
+        self._contact = 0, size  # points between which it was in the last step
+
+    def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
+        """Add an accepted step: the pressure and the gap, one value a point; see the base class."""
+        if self._times:
+            weights, gaps = _lagrange(self._times, time), _last_three(self._gaps)
+            last = self._fields[-1]
+            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
+            self._contact = contact[0], contact[1]
+            self._moves = self._moves + 1 if moved else 0
+        if kink:
+            self._gaps.clear()
+        super().remember(time, pressure, gap, kink=kink)
+        self._gaps.append(gap)
+
+    def at(self, time: float) -> FloatArray:
+        """Return the guess for a later time, as a new array."""
+        if not self._times:
+            return self._zero.copy()
+        pressures, gaps = _last_three(self._fields), _last_three(self._gaps)
+        first, end = self._contact
+        reach, size = max(self._zero.size // _REACH, (end - first) // 2), self._zero.size
+        near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
+        return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
+
+    def state(self) -> State:
+        """Return the last steps, and mu."""
+        learned = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
+        return {**super().state(), "gaps": np.array(self._gaps), **learned}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        super().restore(state)
+        self._gaps.extend(state["gaps"])
+        self._mu, self._moves = float(state["mu"]), int(state["moves"])
+        self._contact = int(state["contact"][0]), int(state["contact"][1])
+
+
+def _lagrange(times: Sequence[float], time: float) -> Weights:
     """Lagrange's weights for a time; zero where there are fewer than three points to go through."""
     if len(times) == 1:
         return 0.0, 0.0, 1.0
@@ -89,88 +144,42 @@ def _weights(times: Sequence[float], time: float) -> Weights:
     )
 
 
-def _three(past: Sequence[FloatArray]) -> Fields:
-    """Three fields; what is missing will have no weight."""
-    return past[0], past[-2] if len(past) > 1 else past[0], past[-1]
-
-
-class PressurePrediction:
-    """Extrapolates with the parabola through the last three accepted steps (fewer where there are fewer).
-
-    Parameters
-    ----------
-    size : int
-        Number of grid points; before anything is remembered the guess is zero.
-    """
-
-    def __init__(self, size: int) -> None:
-        self._times: deque[float] = deque(maxlen=3)
-        self._pressures: deque[FloatArray] = deque(maxlen=3)
-        self._gaps: deque[FloatArray] = deque(maxlen=3)
-        self._nothing = np.zeros(size)
-        self._mu = 0.0
-        self._moves = 0
-        self._contact = (0, size)  # points between which there is any
-
-    def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
-        """Add an accepted step.
-
-        At a kink of the trajectory what came before says nothing about what follows.
-        """
-        if self._times:
-            weights, gaps = _weights(self._times, time), _three(self._gaps)
-            last = self._pressures[-1]
-            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
-            self._contact = contact[0], contact[1]
-            self._moves = self._moves + 1 if moved else 0
-        if kink:
-            for past in (self._times, self._pressures, self._gaps):
-                past.clear()
-        self._times.append(time)
-        self._pressures.append(pressure)
-        self._gaps.append(gap)
-
-    def at(self, time: float) -> FloatArray:
-        """Return the guess for a later time, as a new array."""
-        if not self._times:
-            return self._nothing.copy()
-        pressures, gaps = _three(self._pressures), _three(self._gaps)
-        first, end = self._contact
-        reach, size = max(self._nothing.size // _REACH, (end - first) // 2), self._nothing.size
-        near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
-        return _extrapolate(_weights(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
-
-    def state(self) -> State:
-        """Return the past, and what was learned from it."""
-        past = {"pressures": np.array(self._pressures), "gaps": np.array(self._gaps)}
-        known = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
-        return {"times": list(self._times), **past, **known}
-
-    def restore(self, state: State) -> None:
-        """Go on from there."""
-        self._times.extend(state["times"].tolist())
-        self._pressures.extend(state["pressures"])
-        self._gaps.extend(state["gaps"])
-        self._mu, self._moves = float(state["mu"]), int(state["moves"])
-        self._contact = int(state["contact"][0]), int(state["contact"][1])
+def _last_three(fields: Sequence[FloatArray]) -> Fields:
+    """The last three fields; missing ones are repeated and have no weight."""
+    return fields[0], fields[-2] if len(fields) > 1 else fields[0], fields[-1]
 
 
 @kernel(reorder=True)
 def _learn(
-    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, there: tuple[int, int]
+    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, contact: tuple[int, int]
 ) -> tuple[float, bool, int, int]:
-    """Mu from points that came into contact, whether the contact changed, and between which points it is.
+    """Find mu from points that came into contact.
 
-    Between two points, whole blocks from one another, there was contact ``last``.
+    Parameters
+    ----------
+    w : tuple of float
+        Weights of the last three steps at the new time.
+    gaps : tuple of ndarray
+        Their gaps.
+    last, now : ndarray, one value a point
+        Pressures of the last and the new step.
+    mu : float
+        Its value so far.
+    contact : tuple of int
+        Points, multiples of a block apart, between which the last contact is.
+
+    Returns
+    -------
+    mu, whether the contact changed, and the points between which it is now.
     """
     squares, predicted, moved, before, after = 0.0, 0.0, False, now.size, 0
     for first in range(0, now.size, _BLOCK):
-        new, old, others, any_ = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
+        new, old, others, touching = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
-            any_ += new[i]  # what pulls within the tolerance has neighbours that press
-        if any_ > 0.0:
+            touching += new[i]  # tension within the tolerance has neighbours under pressure
+        if touching > 0.0:
             before, after = min(before, first), first + new.size
-        elif not there[0] <= first < there[1]:
+        elif not contact[0] <= first < contact[1]:
             continue
         for i in range(new.size):
             others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
@@ -192,22 +201,22 @@ def _learn(
 def _extrapolate(
     w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool, near: tuple[int, int]
 ) -> FloatArray:
-    """Extrapolate point by point, where there is contact or may be; most points are far from it."""
+    """Extrapolate point by point near the contact; most points are far from it."""
     guess = np.zeros(p[0].size)
     for first in range(near[0], near[1], _BLOCK):
-        end, doubtful = min(first + _BLOCK, near[1]), 0.0
+        end, possible = min(first + _BLOCK, near[1]), 0.0
         p0, p1, p2 = p[0][first:end], p[1][first:end], p[2][first:end]
         gap0, gap1, gap2 = gaps[0][first:end], gaps[1][first:end], gaps[2][first:end]
         for i in range(p0.size):
             opening = 2.0 * (w[0] * gap0[i] + w[1] * gap1[i] + w[2] * gap2[i]) - gap2[i]
-            doubtful += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
-        if doubtful > 0.0:
+            possible += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
+        if possible > 0.0:
             for i in range(p0.size):
                 guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
     return guess
 
 
-@nb.njit(nogil=True)
+@kernel(inner=True)
 def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
     """Pressure at one point, from those of three steps and the gaps."""
     pressed = p[0] > 0.0 and p[1] > 0.0 and p[2] > 0.0
@@ -229,7 +238,7 @@ def _combined(w: Weights, fields: Fields) -> FloatArray:
     return field
 
 
-@nb.njit(nogil=True)
+@kernel(inner=True)
 def _two_thirds(gap: float) -> float:
     return float(np.cbrt(gap * gap))
 

@@ -1,7 +1,7 @@
-"""The contact problem in pressures: how a solver that works in them begins, and what it hands back.
+"""The contact problem in pressures: how a solver that works in them begins, and what it returns.
 
-With A = 1/kappa mode by mode (0 where kappa is), u = u0 - A p, where u0 is the displacement without pressure,
-and gap = gap0 + A p; see `active_set`.
+With A = 1/kappa mode by mode (0 where kappa is), the displacement is u = u0 - A p, with u0 that without
+pressure, and the gap is gap0 + A p. Find p >= 0 with gap >= 0 and p gap = 0; see `active_set.solver`.
 """
 
 from __future__ import annotations
@@ -12,17 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.problem import (
-    Assessment,
-    Problem,
-    ResidualFloor,
-    Solution,
-    assess,
-    make_solution,
-    scales_of,
-    violation,
-)
+from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import LANES, kernel
 
@@ -35,15 +27,15 @@ _LARGEST_LIFT = 1e-3  # beyond it scaling the pressure is no small correction
 
 
 class System(NamedTuple):
-    """The problem in pressures, in units of one grid point: gap = gap0 + A p."""
+    """The problem in pressures, per grid point: gap = gap0 + A p."""
 
     compliance: FloatArray  # A: 1/kappa, and 0 at q = 0 where the mean of u is fixed or the load is given
     stiffness: FloatArray  # kappa
     gap0: FloatArray  # gap without pressure
     h: FloatArray
-    least: ResidualFloor
-    load: bool  # whether the mean of p is given, and the gap known up to a shift only
-    yielding: float  # mean displacement of the surface per total pressure
+    floor: ResidualFloor
+    load_given: bool  # whether the mean of p is given, and the gap known up to a rigid shift
+    mean_compliance: float  # mean displacement of the surface per total pressure
 
 
 class Iterate(NamedTuple):
@@ -54,9 +46,18 @@ class Iterate(NamedTuple):
     spectrum: ComplexArray  # transform of the pressure
 
 
+class State(NamedTuple):
+    """A state of the surface: what `Solution` has in arrays."""
+
+    u: FloatArray
+    p: FloatArray
+    gap: FloatArray
+    spectrum: ComplexArray  # of u, unnormalised
+
+
 @kernel
 def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
-    """Compliance and stiffness of the modes, for transforms of so many points that nothing divides."""
+    """Compliance and stiffness of the modes per point, as unnormalised transforms need them."""
     compliance, shared = np.empty(stiffness.size), np.empty(stiffness.size)
     for k in range(stiffness.size):
         compliance[k] = 1.0 / (size * stiffness[k]) if stiffness[k] != 0.0 else 0.0
@@ -66,18 +67,28 @@ def per_point(stiffness: FloatArray, size: int) -> tuple[FloatArray, FloatArray]
 
 def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, ComplexArray]:
     """Return the problem in pressures and the transform of u0, both per point; one transform."""
-    n = problem.obstacle.size
-    compliance, stiffness = per_point(problem.stiffness, n)
+    compliance, stiffness = per_point(problem.stiffness, problem.obstacle.size)
     free = problem.intercept * compliance
     gap0 = problem.obstacle - transforms.backward(free)
-    load = problem.mean_pressure is not None
-    return System(compliance, stiffness, gap0, problem.obstacle, problem.least, load, compliance[0]), free
+    given = problem.mean_pressure is not None
+    floor = problem.residual_floor
+    return System(compliance, stiffness, gap0, problem.obstacle, floor, given, compliance[0]), free
 
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:
-    """Make the first guess of the pressure admissible: not negative, and of the given mean."""
-    np.fmax(start, 0.0, out=at.p)  # a guess may be anything
-    if system.load:
+    """Make the first guess of the pressure admissible: not negative, and of the given mean.
+
+    Parameters
+    ----------
+    at : Iterate
+        Its pressure is set.
+    system, problem : System, Problem
+        The problem.
+    start : ndarray, one value a point
+        Any guess; NaN and negative values count as zero.
+    """
+    np.fmax(start, 0.0, out=at.p)
+    if system.load_given:
         mean, guessed = problem.applied_pressure, float(at.p.mean())
         if not (0.0 < guessed < np.inf and mean / guessed < np.inf):
             at.p[:] = 0.0
@@ -85,37 +96,23 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
             guessed = 1.0
         at.p[:] *= mean / guessed
     elif system.gap0.min() >= 0.0:
-        at.p[:] = 0.0  # nothing presses; a pressure could only fade, and be compared with itself
-
-
-def feasible_solution(
-    problem: Problem,
-    system: System,
-    free: ComplexArray,
-    at: Iterate,
-    tolerance: float,
-    pairs: int,
-    iterations: int,
-) -> Solution:
-    """Raise the pressure until nothing overlaps, and judge the state that this gives."""
-    n = at.p.size
-    u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
-    overlap, judgement = _hand_back(system, at, free, u, pressure, spectrum)
-    clear = overlap == 0.0 or overlap <= CLAMPED * scales_of(pressure, u, system.least)[1]
-    return make_solution(
-        problem,
-        u,
-        pressure,
-        spectrum,
-        transforms=pairs,
-        iterations=iterations,
-        within=tolerance if clear else -1.0,
-        judgement=judgement,
-    )
+        at.p[:] = 0.0  # no contact: start from zero
 
 
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
-    """Return the solution where it needs no solver: the cell is filled, or nothing presses.
+    """Return the solution where it needs no solver: the punch fills the cell, or the load is zero.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    transforms : Transforms
+        Of the grid.
+
+    Returns
+    -------
+    Solution or None
+        None where a solver is needed.
 
     Raises
     ------
@@ -124,16 +121,16 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
     """
     h = problem.obstacle
     if problem.mean_pressure == 0.0:
-        return _resting(problem, transforms)
-    if not problem.mean_is_fixed or has_room(h):
+        return _free_surface(problem, transforms)
+    if not problem.mean_is_fixed or _has_room(h):
         return None
     project(h.copy(), h, mean_is_fixed=True)
-    # u = h is all that is admissible; its pressure is that at which contact becomes full.
-    return _state(problem, transforms, h.copy(), None, 1, 0, converged=True)
+    # u = h is the only admissible state; its pressure is that at which contact becomes full.
+    return _solution_of(problem, transforms, h.copy(), None, transforms_spent=1, iterations=0, converged=True)
 
 
 @kernel(reorder=True)
-def has_room(h: FloatArray) -> bool:
+def _has_room(h: FloatArray) -> bool:
     """Whether the punch displaces less than the cell holds: the mean of h is positive, beyond rounding."""
     total, size = 0.0, 0.0
     for i in range(h.size):
@@ -142,7 +139,7 @@ def has_room(h: FloatArray) -> bool:
     return not total <= _ROUNDING * size  # NaN is for the solver to find
 
 
-def _resting(problem: Problem, transforms: Transforms) -> Solution:
+def _free_surface(problem: Problem, transforms: Transforms) -> Solution:
     """The surface without pressure, at the depth at which the punch touches it."""
     h, n = problem.obstacle, problem.obstacle.size
     spectrum = np.zeros_like(problem.intercept)
@@ -151,45 +148,84 @@ def _resting(problem: Problem, transforms: Transforms) -> Solution:
     shift = (u - h).max()
     spectrum[0] -= n * shift
     u = np.minimum(u - shift, h)
-    return Solution(
-        displacement=u,
-        pressure=np.zeros(n),
-        gap=h - u,
-        spectrum=spectrum,
-        mean_pressure=0.0,
-        mean_gap=float((h - u).mean()),
-        contact_area=0.0,
-        residual=0.0,
-        transforms=1,
-        iterations=0,
-        converged=True,
+    assessment = 0.0, 0.0, 0.0, float((h - u).mean())
+    return make_solution(
+        problem, u, np.zeros(n), spectrum, transforms=1, iterations=0, within=0.0, assessment=assessment
+    )
+
+
+def feasible_solution(
+    problem: Problem,
+    system: System,
+    free: ComplexArray,
+    at: Iterate,
+    tolerance: float,
+    *,
+    transforms: int,
+    iterations: int,
+) -> Solution:
+    """Raise the pressure until the surface overlaps the punch nowhere, and assess that state.
+
+    Parameters
+    ----------
+    problem, system : Problem, System
+        The problem, in displacements and in pressures.
+    free : ndarray of complex
+        Transform of u0, per point.
+    at : Iterate
+        Pressure and gap, an exact pair.
+    tolerance : float
+        Residual at which the state is a solution.
+    transforms, iterations : int
+        FFT pairs and iterations spent.
+
+    Returns
+    -------
+    Solution
+        Not converged where overlap remains.
+    """
+    n = at.p.size
+    u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
+    overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
+    clear = overlap == 0.0 or overlap <= CLAMPED * residual_scales(pressure, u, system.floor)[1]
+    return make_solution(
+        problem,
+        u,
+        pressure,
+        spectrum,
+        transforms=transforms,
+        iterations=iterations,
+        within=tolerance if clear else -1.0,
+        assessment=assessment,
     )
 
 
 def unconverged(
     problem: Problem, system: System, at: Iterate, transforms: Transforms, failed: Solution
 ) -> Solution:
-    """Return what belongs together although it is no solution: the surface pushed clear, and its pressure."""
-    if system.load and np.isfinite(at.gap).all():
-        return replace(failed, converged=False)  # the depth has given way, which is exact
+    """Return a consistent state that is no solution: the surface clear of the punch, and its pressure."""
+    if system.load_given and np.isfinite(at.gap).all():
+        return replace(failed, converged=False)  # the rigid shift has cleared it, which is exact
     u = problem.obstacle - at.gap
     if np.isfinite(u).all():
         project(u, problem.obstacle, problem.mean_is_fixed)
     pairs, iterations = failed.transforms + 1, failed.iterations
-    return _state(problem, transforms, u, at.p, pairs, iterations, converged=False)
+    return _solution_of(
+        problem, transforms, u, at.p, transforms_spent=pairs, iterations=iterations, converged=False
+    )
 
 
-def _state(
+def _solution_of(
     problem: Problem,
     transforms: Transforms,
     u: FloatArray,
     guide: FloatArray | None,
-    pairs: int,
-    iterations: int,
     *,
+    transforms_spent: int,
+    iterations: int,
     converged: bool,
 ) -> Solution:
-    """Pressure of a displacement, with no force in the mean where the guiding pressure is zero."""
+    """State of a displacement, with no force in the mean where the guiding pressure is zero."""
     spectrum = transforms.forward(u)
     pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / u.size)
     if problem.mean_is_fixed:
@@ -197,16 +233,15 @@ def _state(
         pressure -= pressure[bare].mean() if bare.any() else np.nan
     within = 0.0 if converged else -1.0
     return make_solution(
-        problem, u, pressure, spectrum, transforms=pairs, iterations=iterations, within=within
+        problem, u, pressure, spectrum, transforms=transforms_spent, iterations=iterations, within=within
     )
 
 
-@kernel(reorder=True)
-def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
-    """Write pressure and displacement of a state that overlaps nowhere; return the lift of the pressure.
+@kernel(reorder=True, inner=True)
+def _raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray) -> tuple[float, float]:
+    """Write pressure and displacement of a state that overlaps nowhere; return the lift and what was clamped.
 
-    Under a given load the depth gives way, elsewhere the pressure grows by the factor 1 + lift. The overlap
-    that this leaves is clamped, and returned.
+    Under a given load the punch is shifted, elsewhere the pressure grows by the factor 1 + lift.
     """
     n = at.gap.size
     lift, lowest = 0.0, 0.0
@@ -221,11 +256,11 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
                 if gap[i] < 0.0 and effect > 0.0:
                     lift = max(lift, -gap[i] / effect)
     shift = 0.0
-    if system.load:
+    if system.load_given:
         lift, shift = 0.0, -lowest
     elif lift > _LARGEST_LIFT:
         lift = 0.0
-    left = np.zeros(LANES)
+    clamped = np.zeros(LANES)
     for first in range(0, n, LANES):
         gap, gap0, h = (
             at.gap[first : first + LANES],
@@ -235,17 +270,17 @@ def raise_clear(system: System, at: Iterate, u: FloatArray, pressure: FloatArray
         us = u[first : first + LANES]
         for i in range(gap.size):
             opening = gap[i] + shift + lift * (gap[i] - gap0[i])
-            left[i] = opening if opening < left[i] else left[i]
+            clamped[i] = opening if opening < clamped[i] else clamped[i]
             us[i] = h[i] - (0.0 if opening < 0.0 else opening)  # NaN stays
     for i in range(n):
         pressure[i] = (1.0 + lift) * at.p[i]
-    return lift, -left.min()
+    return lift, -clamped.min()
 
 
 @kernel(reorder=True)
 def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, tolerance: float) -> bool:
     """Whether no point violates the conditions for a gap of ``shift`` in the contact; NaN does."""
-    pressure_scale, depth = scales_of(p, system.h - gap, system.least)
+    pressure_scale, depth = residual_scales(p, system.h - gap, system.floor)
     off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
         known = p[i] == p[i]  # of a pressure that is not a number the violation is that of the gap
@@ -255,19 +290,19 @@ def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, 
 
 
 @kernel(reorder=True)
-def _hand_back(
+def _write_state(
     system: System,
     at: Iterate,
     free: ComplexArray,
     u: FloatArray,
     pressure: FloatArray,
     spectrum: ComplexArray,
-) -> tuple[float, Assessment]:
-    """Write what is handed back of a state, clear of overlap; return what was clamped, and the judgement."""
-    lift, overlap = raise_clear(system, at, u, pressure)
+) -> tuple[float, tuple[float, float, float, float]]:
+    """Write a state without overlap; return what was clamped, and its assessment."""
+    lift, overlap = _raise_clear(system, at, u, pressure)
     n = at.p.size
     for k in range(free.size):
         spectrum[k] = n * (free[k] - (1.0 + lift) * system.compliance[k] * at.spectrum[k])
-    if system.load:
+    if system.load_given:
         spectrum[0] = u.sum()
-    return overlap, assess(pressure, u, system.h, system.least)
+    return overlap, assess(pressure, u, system.h, system.floor)

@@ -11,7 +11,14 @@ _ROUNDING = 2.3e-16
 
 
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool) -> None:
-    """Bring u in place to u <= h and, where the mean is fixed, to mean(u) = 0 as well.
+    """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
+
+    Parameters
+    ----------
+    u, h : ndarray, one value a point
+        Displacement and surface of the punch.
+    mean_is_fixed : bool
+        Whether the mean of u is zero.
 
     Raises
     ------
@@ -30,7 +37,7 @@ def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
     """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero.
 
     Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
-    error of the mean; only where every point is at h they all move. The sum of min(u + m, h) is concave and
+    error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
     piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
     root comes from the left and ends after finitely many rounds. Each round moves u itself, so that its
     rounding is seen by the next.

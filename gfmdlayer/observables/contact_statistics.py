@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, scales_of
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.residual import residual_scales
 from gfmdlayer.kernels import kernel
 
 
@@ -55,7 +56,7 @@ class Statistics:
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Tell of each point whether it is in contact."""
-    pressure_scale, depth = scales_of(solution.pressure, solution.displacement, problem.least)
+    pressure_scale, depth = residual_scales(solution.pressure, solution.displacement, problem.residual_floor)
     return np.asarray(solution.pressure * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 

@@ -20,7 +20,8 @@ from benchmarks.work import reference
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import make_integrator
 from gfmdlayer.config import Config
-from gfmdlayer.contact.problem import Problem, assess
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import simulate, warm_up
@@ -145,7 +146,7 @@ def _residuals(config: Config, step: float, steps: list[Step]) -> FloatArray:
         spectrum = transforms.forward(each.displacement)
         pressure = transforms.backward(b - kappa * spectrum) / grid.size + each.load
         problem = Problem(kappa, b, punch - each.depth)
-        found.append(assess(pressure, each.displacement, problem.obstacle, problem.least)[0])
+        found.append(assess(pressure, each.displacement, problem.obstacle, problem.residual_floor)[0])
         integrator.advance(spectrum)
     return np.array(found)
 

@@ -13,15 +13,15 @@ import pytest
 from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.contact import pressure_form as dual
 from gfmdlayer.contact.active_set import safeguard
 from gfmdlayer.contact.active_set import solver as active_set
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.active_set.windows import Attempt, Windows
 from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.prediction import PressurePrediction
-from gfmdlayer.contact.problem import Problem, Solution, assess
+from gfmdlayer.contact.pressure_form import in_pressures, satisfies_kkt
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
@@ -182,7 +182,6 @@ def test_too_few_iterations_are_admitted(dense_contact, condition, method) -> No
 @pytest.mark.parametrize("fails", [False, True], ids=["conjugate gradients", "descent"])
 @each_condition
 def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition, fails, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(active_set, "_ROUNDS", 0)
     if fails:
         monkeypatch.setattr(safeguard, "iterate", lambda *_: (False, 0, 0))
     else:
@@ -191,7 +190,8 @@ def test_the_safeguard_alone_ends_at_the_solution(dense_contact, condition, fail
     for seed in range(5):
         problem = dense.problem(seed, condition)
         u, pressure = dense.solution(problem)
-        found = solve(ActiveSet, problem, tolerance=TOLERANCE)
+        solver = ActiveSet(Transforms((24,)), TOLERANCE, rounds=0)
+        found = solver.solve(problem, np.zeros(24))
         assert found.converged
         assert_consistent(found, problem)
         np.testing.assert_allclose(found.displacement, u, atol=1e-9 * -u.min())
@@ -264,18 +264,17 @@ def test_a_large_load_makes_contact_full(method: Method) -> None:
 @pytest.mark.parametrize("load", [None, 1e-3])
 def test_portions_after_which_signals_are_noticed_lead_to_the_same(load, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     """Where a solve is cut into portions of few iterations it takes more of them, and ends where it would."""
-    monkeypatch.setattr(Windows, "solve", lambda *_: Attempt())
     n = 1 << 12
     waves = 2e-4 * np.cos(80 * np.pi * Grid((n,), (1.0,)).coordinates[0])
     problem = elastic(PAPER, parabola(n, 0.01 if load is None else 0.0) + waves, load=load)
-    whole = solve(ActiveSet, problem, tolerance=TOLERANCE)
+    whole = ActiveSet(Transforms((n,)), TOLERANCE, windows=False).solve(problem, np.zeros(n))
     monkeypatch.setattr(active_set, "_WORK", 0)
     monkeypatch.setattr(active_set, "_FEWEST", 5)
     monkeypatch.setattr(ActiveSet, "_save", None)  # which would help out
     calls = []
     iterate = active_set.iterate
-    monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-1]) or iterate(*given))
-    parts = solve(ActiveSet, problem, tolerance=TOLERANCE)
+    monkeypatch.setattr(active_set, "iterate", lambda *given: calls.append(given[-2]) or iterate(*given))
+    parts = ActiveSet(Transforms((n,)), TOLERANCE, windows=False).solve(problem, np.zeros(n))
     assert len(calls) > 2
     assert max(calls) == 5
     assert parts.converged
@@ -327,7 +326,7 @@ def test_layers_of_extreme_stiffness(
         )
 
 
-@pytest.mark.parametrize("n", [81, 128, 256])
+@pytest.mark.parametrize("n", [81, 128])
 def test_a_hard_film_on_a_soft_base_needs_no_safeguard(n: int) -> None:
     # It bends, so that contact points far apart push each other out; descent would take 1e5 iterations, which
     # is the range of the stiffness.
@@ -342,10 +341,8 @@ def test_a_hard_film_on_a_soft_base_needs_no_safeguard(n: int) -> None:
     np.testing.assert_allclose(found.displacement, other.displacement, atol=1e-4 * -other.displacement.min())
 
 
-def test_a_film_that_bends_back_is_solved_where_the_active_set_wanders(run, tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_a_film_that_bends_back_is_solved_by_any_solver(run, tmp_path) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "back.txt").write_text("time depth\n0 0.0297\n1 0.0099\n")
-    called, end = [], active_set.safeguard
-    monkeypatch.setattr(active_set, "safeguard", lambda *given: called.append(given) or end(*given))
     found = [
         run(
             {
@@ -362,7 +359,6 @@ def test_a_film_that_bends_back_is_solved_where_the_active_set_wanders(run, tmp_
         )
         for method in ("active_set", "conjugate_gradient")
     ]
-    assert called
     # A gap of 1e-7 of the depth changes the mean pressure by up to 5.2e-6 of it: 52 is the sum of |p| that a
     # unit of depth makes, times depth over mean pressure. So it does in either run, and in the step before.
     np.testing.assert_allclose(*(each["mean_pressure"] for each in found), rtol=4 * 5.2e-6)
@@ -398,9 +394,9 @@ def test_what_rounding_leaves_under_a_flat_punch_is_rest(
     assert found.converged
     # Of a contact the pressure is known to a part of 1e-6 of the largest; of less than one, to that part of
     # what the least depth leaves.
-    largest = max(found.pressure.max(), problem.least.stiffness * problem.least.depth)
+    largest = max(found.pressure.max(), problem.residual_floor.stiffness * problem.least_depth)
     assert found.pressure.min() >= -1e-6 * largest
-    assert found.pressure.max() <= 10 * kappa.max() * max(size, 1e-6 * problem.least.depth)
+    assert found.pressure.max() <= 10 * kappa.max() * max(size, 1e-6 * problem.least_depth)
 
 
 @pytest.mark.parametrize("method", ["active_set", "conjugate_gradient"])
@@ -428,20 +424,20 @@ def test_a_solver_counts_depths_by_the_punch_that_it_is_given(method: Method) ->
     for height in (1.0, 0.0, 1.0):
         now = replace(problem, height=height)
         found = solver.solve(now, start)
-        residual, *_ = assess(found.pressure, found.displacement, now.obstacle, now.least)
+        residual, *_ = assess(found.pressure, found.displacement, now.obstacle, now.residual_floor)
         assert residual <= 1e-6
         start = 1.1 * found.pressure
 
 
 def test_a_pressure_that_is_not_a_number_is_no_solution() -> None:
     problem = elastic(PAPER, parabola(64, 0.01))
-    system, _ = dual.in_pressures(problem, Transforms((64,)))
+    system, _ = in_pressures(problem, Transforms((64,)))
     gap, p = np.ones(64), np.zeros(64)
-    assert dual.satisfies_kkt(system, p, gap, 0.0, 1e-6)
+    assert satisfies_kkt(system, p, gap, 0.0, 1e-6)
     gap[3] = 0.0
-    assert dual.satisfies_kkt(system, p, gap, 0.0, 1e-6)
+    assert satisfies_kkt(system, p, gap, 0.0, 1e-6)
     p[3] = np.nan
-    assert not dual.satisfies_kkt(system, p, gap, 0.0, 1e-6)
+    assert not satisfies_kkt(system, p, gap, 0.0, 1e-6)
 
 
 @each_method
@@ -509,8 +505,8 @@ def test_one_solver_serves_step_after_step(dense_contact, method) -> None:  # ty
     for before, after in zip(kept, (alone.displacement, alone.pressure, alone.spectrum), strict=True):
         np.testing.assert_array_equal(after, before)
     again = solver.solve(first, np.zeros(64))
-    # Directions kept from other steps change the way there, within the tolerance.
-    np.testing.assert_allclose(again.displacement, alone.displacement, atol=1e-9)
+    # Nothing is left of other steps.
+    np.testing.assert_array_equal(again.displacement, alone.displacement)
 
 
 @each_method
@@ -586,3 +582,26 @@ def test_small_steps_at_a_tight_tolerance_need_no_safeguard(run, monkeypatch) ->
     settings = {"grid.points": 4096, "time.end": 0.1, "time.step": 0.1 / 32, "solver.tolerance": 1e-9}
     found = run(settings)
     assert found["residual"].max() <= 1e-9
+
+
+def test_cut_off_asperities_need_no_safeguard(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Up to four asperities, cut off by a plateau, from any start.
+    monkeypatch.setattr(ActiveSet, "_save", None)
+    transforms = {n: Transforms((n,)) for n in (64, 128, 256, 512)}
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        n = int(rng.choice(list(transforms)))
+        grid = Grid((n,), (1.0,))
+        x, count = grid.coordinates[0], rng.integers(1, 5)
+        centre, height = rng.uniform(-0.4, 0.4, count), rng.uniform(0, 0.01, count)
+        bends = 10 ** rng.uniform(0, 4, count)
+        h = np.min(bends[:, None] * (x - centre[:, None]) ** 2 + height[:, None], axis=0)
+        h = np.minimum(h, h.min() + 10 ** rng.uniform(-2, 0)) - h.min()
+        loads = rng.random() < 0.5
+        h -= 0.0 if loads else 10 ** rng.uniform(-4, -1)
+        start = (np.abs(x - rng.uniform(-0.2, 0.2)) < rng.uniform(0.05, 0.5)).astype(float)
+        load = 10 ** rng.uniform(-4, -1) if loads else None
+        if load is None and h.mean() <= 0:
+            continue  # more than the cell holds
+        problem = Problem(grid.wavenumbers.copy(), np.zeros(n // 2 + 1, complex), h, load)
+        assert ActiveSet(transforms[n], 1e-8).solve(problem, start).converged, seed

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gfmdlayer import inputs
 from gfmdlayer.config import Config
-from gfmdlayer.contact.problem import scales
+from gfmdlayer.contact.residual import scales
 from gfmdlayer.simulation import make_integrator, make_loading, simulate
 
 anything = settings(

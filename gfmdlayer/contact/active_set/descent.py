@@ -19,7 +19,7 @@ from gfmdlayer.kernels import kernel
 
 
 @kernel(reorder=True)
-def descend(
+def descend(  # one argument more than usual: a compiled loop, called in one place
     plans: Plans,
     system: System,
     at: Iterate,
@@ -30,20 +30,32 @@ def descend(
     tolerance: float,
     limit: int,
 ) -> tuple[bool, int]:
-    """Improve the iterate until no point violates the conditions by more than the tolerance.
-
-    They are those for a gap of ``shift`` in the contact.
+    """Improve the iterate until no point violates the conditions for a gap of ``shift`` in the contact.
 
     Parameters
     ----------
-    length
+    plans : Plans
+        Transforms of the surface.
+    system : System
+        The problem.
+    at : Iterate
+        Pressure and gap to begin with, and on return.
+    work : ndarray of complex
+        Work array, a spectrum.
+    length : float
         Of a step, at most the smallest stiffness of a mode.
-    mean
+    mean : float
         Mean of the pressure, where the load is given.
+    shift : float
+        Gap in the contact that is aimed at.
+    tolerance : float
+        On the violation at each point.
+    limit : int
+        Most iterations, of one FFT pair each.
 
     Returns
     -------
-    Whether they are met, and the iterations, one FFT pair each.
+    Whether the tolerance was reached, and the iterations.
     """
     n = at.p.size
     p, gap = at.p, at.gap
@@ -59,7 +71,7 @@ def descend(
         for i in range(n):
             gap[i] += system.gap0[i]
             now += 0.5 * p[i] * (gap[i] + system.gap0[i] - 2.0 * shift)
-        if system.load:
+        if system.load_given:
             _set_depth(p, gap, shift)
         if satisfies_kkt(system, p, gap, shift, tolerance):
             return True, iteration + 1
@@ -78,7 +90,7 @@ def descend(
             old, old_gap = before[i], gap_before[i]
             before[i], gap_before[i] = p[i], gap[i]
             trial[i] = p[i] + beta * (p[i] - old) - length * (gap[i] + beta * (gap[i] - old_gap) - shift)
-        _project(trial, mean, system.load)
+        _project(trial, mean, system.load_given)
     return False, limit
 
 

@@ -1,50 +1,68 @@
-"""The compiled loop of the active-set solver; see `active_set` for the method and its symbols."""
+"""The compiled loop of the active-set solver; see `solver` for the method and its symbols."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.active_set.deflation import deflate, direct, free_slot, step
-from gfmdlayer.contact.active_set.edges import motion, update
-from gfmdlayer.contact.active_set.start import start
-from gfmdlayer.contact.active_set.state import Bank, ContactSet, Past, Work, dot, list_near, mean
+from gfmdlayer.contact.active_set.state import ContactSet, Work, add, dot, list_near, list_runs, mean
 from gfmdlayer.contact.pressure_form import Iterate, System
-from gfmdlayer.contact.problem import scales
+from gfmdlayer.contact.residual import scales
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 
-# Points that pull are let go once the gaps in the contact are this part of what is wrong with the set.
+# Points under tension leave once the gaps in the contact are this part of what is wrong with the set.
 _WELL_UNDER = 0.1
 _SETTLED = 0.3  # and once this part of the tension, at most, came with the last iteration
-_PATIENCE = 20  # iterations after which conjugate gradients go on without deflation
 _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 
-@kernel
-def attempt(
+@kernel(reorder=True)
+def begin(
     plans: Plans,
     system: System,
     b: ComplexArray,
     free: ComplexArray,
     at: Iterate,
     contact: ContactSet,
-    bank: Bank,
     work: Work,
-    past: Past,
     guess: FloatArray,
     load: float,
-    keep: bool,
-    tolerance: float,
-    rounds: int,
-    limit: int,
-) -> tuple[bool, int, int]:
-    """`start`, then `iterate`: in one call, since to hand all of this over takes its time."""
-    start(plans, system, b, free, at, contact, bank, work, past, guess, load, keep)
-    found, transforms, iterations = iterate(
-        plans, system, at, contact, bank, work, 0.0, tolerance, rounds, limit
-    )
-    return found, transforms + 1, iterations
+) -> None:
+    """Write the surface without pressure, a guess of the pressure, and the contact set where it is positive.
+
+    ``load`` is the mean pressure where it is given. Half a pair of transforms.
+    """
+    now = work.now[0]
+    for k in range(free.size):
+        free[k] = system.compliance[k] * b[k]
+        work.spectrum[k] = free[k]
+    now.free_mean = free[0].real
+    backward(plans, work.spectrum, work.z)
+    gap0, h = system.gap0, system.h
+    for i in range(gap0.size):
+        gap0[i] = h[i] - work.z[i]
+    set_guess(system, at, contact, guess, load)
+    now.exact = False
+
+
+@kernel(reorder=True)
+def set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArray, load: float) -> None:
+    """Take over a guess of the pressure, which may be anything, and the contact set where it is positive."""
+    p, total = at.p, 0.0
+    for i in range(p.size):
+        p[i] = guess[i] if guess[i] > 0.0 else 0.0
+        total += p[i]
+    if system.load_given:
+        if not (0.0 < total < np.inf and load * p.size / total < np.inf):
+            p[:] = 0.0
+            p[np.argmin(system.gap0)] = total = 1.0
+        share = load * p.size / total
+        for i in range(p.size):
+            p[i] *= share
+    for i in range(p.size):
+        contact.member[i] = 1.0 if p[i] > 0.0 else 0.0
+    list_runs(contact)
 
 
 @kernel
@@ -53,128 +71,187 @@ def iterate(
     system: System,
     at: Iterate,
     contact: ContactSet,
-    bank: Bank,
     work: Work,
     shift: float,
     tolerance: float,
     rounds: int,
     limit: int,
-    checked: bool = False,
+    checked: bool,
 ) -> tuple[bool, int, int]:
-    """Find the contact set and its pressure; return whether they were found, the transforms, the iterations.
+    """Find the contact set and its pressure.
 
-    The gap in the contact is brought to ``shift``. Ends without success after ``rounds`` changes of the set
-    or ``limit`` iterations. Gap and pressure are an exact pair on return; at the beginning they need not be,
-    and a guess that is good enough is left as it is. Where the caller has what is found ``checked`` on a
-    larger surface, a single stretch need not be evaluated: the gap is known near it.
+    Parameters
+    ----------
+    plans : Plans
+        Transforms of the surface, or of a window.
+    system : System
+        The problem.
+    at : Iterate
+        Pressure and gap; an exact pair on return. At the beginning the gap need not be known.
+    contact : ContactSet
+        Where the pressure is positive.
+    work : Work
+        Work arrays.
+    shift : float
+        Gap in the contact that is aimed at; length.
+    tolerance : float
+        On gaps and tension, scaled as in the residual.
+    rounds, limit : int
+        Most changes of the contact set, and iterations.
+    checked : bool
+        Whether the caller evaluates the result on a larger surface: a contact of one stretch, near which the
+        gap is known, then needs no evaluation here.
+
+    Returns
+    -------
+    Whether set and pressure were found, the transforms and the iterations.
     """
-    transforms, carried, exact = 0, at.p.sum(), work.exact
-    guessed = not exact[0]
+    transforms, carried, now = 0, at.p.sum(), work.now[0]
+    guessed = not now.exact
     if guessed:
         evaluate(plans, system, at, work)
         transforms += 2
-    restart, last, slot, iteration = True, 0.0, free_slot(bank), 0
-    plain, since = False, 0  # without deflation; iterations since the last restart
-    done = 0  # changes of the set
-    moved = 0.0  # largest change of the pressure in the last iteration, where edges are gone by
+    restart, last, iteration, done = True, 0.0, 0, 0
+    moved = 0.0  # largest change of the pressure in the last iteration, on a line
     list_near(contact)
     for iteration in range(limit):
-        opened, tension, overlap = _judge(system, at, contact, work, shift)
+        opened, tension, overlap = _violations(system, at, contact, work, shift)
         good, guessed = guessed and max(opened, tension, overlap) <= tolerance, False
-        if restart and not plain and not good and deflate(system, at, contact, bank, work, shift):
-            exact[0] = False
-            opened, tension, overlap = _judge(system, at, contact, work, shift)
-        known = exact[0] or (checked and contact.counts[0] == 1)
+        if restart and not good:
+            last = 0.0
+            work.direction[:] = 0.0
+            if _scale_pressure(system, at, contact, work, shift):
+                now.exact = False
+                opened, tension, overlap = _violations(system, at, contact, work, shift)
+        known = now.exact or (checked and contact.counts[0].runs == 1)
         if max(opened, tension, overlap) <= tolerance and not known:
-            _carry(system, at, contact, carried)
+            _restore_load(system, at, contact, carried)
             evaluate(plans, system, at, work)
             transforms, last = transforms + 2, 0.0
-            opened, tension, overlap = _judge(system, at, contact, work, shift)
+            opened, tension, overlap = _violations(system, at, contact, work, shift)
         if max(opened, tension, overlap) <= tolerance:
             return True, transforms, iteration
-        # What overlaps joins at once; what pulls leaves when the pressure is known well enough.
-        takes = overlap > max(opened, tolerance)
-        settled = opened <= _WELL_UNDER * tension and moved <= _SETTLED * tension * work.scales[0]
+        # Overlapping points join at once; points under tension leave when the pressure is known well enough.
+        joins = overlap > max(opened, tolerance)
+        settled = opened <= _WELL_UNDER * tension and moved <= _SETTLED * tension * now.pressure_scale
         leaves = tension > 0.0 and (settled or opened <= tolerance)
-        restart = takes or leaves
+        restart = joins or leaves
         if restart:
             if done == rounds:
                 break
-            changed = update(at.p, at.gap, contact, bank, shift, bool(exact[0]), leaves, done)
             done += 1
-            if changed:
-                _carry(system, at, contact, carried)
+            if _change_set(at.p, at.gap, contact, shift, now.exact):
+                _restore_load(system, at, contact, carried)
                 evaluate(plans, system, at, work)
                 transforms += 2
-            if exact[0]:
+            if now.exact:
                 list_near(contact)
-            last, since, moved = 0.0, 0, 0.0
+            moved = 0.0
             continue
-        if since == _PATIENCE and not plain:
-            # Rounding in the span of the directions is what is left to blame.
-            plain, last = True, 0.0
-            bank.deflating[:] = False
-        since += 1
-        # z = kappa r, the pressure that would close the gaps, were there no end to the contact.
         _precondition(plans, system, at, contact, work, shift)
-        previous, slot = slot, free_slot(bank)
-        product, slope = direct(
-            system, at, contact, bank, work, shift, slot, previous, 1.0 / last if last > 0.0 else 0.0
-        )
-        _apply(plans, system, bank, work, slot)
+        product, slope = _next_direction(system, at, contact, work, shift, 1.0 / last if last > 0.0 else 0.0)
+        _apply(plans, system, work)
         transforms += 4
-        curvature = dot(contact, bank.direction[slot], bank.change[slot])
+        curvature = dot(contact, work.direction, work.change)
         if not (curvature > 0.0 and slope > 0.0):
-            if plain:
+            if now.energy == 0.0:
                 break
-            since = _PATIENCE
+            now.energy, last = 0.0, 0.0  # rounding of the conjugacy to the pressure
             continue
-        bank.age[slot] = bank.age.max() + 1
-        step(at, contact, bank, slot, slope / curvature)
-        moved = motion(contact, bank.direction[slot]) * slope / curvature
-        exact[0], last = False, product
-    if not exact[0]:
-        _carry(system, at, contact, carried)
+        _step(at, contact, work, slope / curvature)
+        moved = _largest_on_line(contact, work.direction) * slope / curvature
+        now.exact, last = False, product
+    if not now.exact:
+        _restore_load(system, at, contact, carried)
         evaluate(plans, system, at, work)
         transforms += 2
-        _judge(system, at, contact, work, shift)
+        _violations(system, at, contact, work, shift)
     return False, transforms, iteration
 
 
 @kernel(reorder=True)
 def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
-    """Gap of the pressure, at every point, and the level from which depths count."""
+    """Gap of the pressure at every point, and the mean displacement; two transforms."""
+    now = work.now[0]
     forward(plans, at.p, at.spectrum)
     for k in range(work.spectrum.size):
         work.spectrum[k] = system.compliance[k] * at.spectrum[k]
     backward(plans, work.spectrum, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
-    work.level[0] = system.yielding * at.spectrum[0].real - work.level[1]
-    work.level[2], work.exact[0] = 0.0, True
+    now.mean = now.free_mean - system.mean_compliance * at.spectrum[0].real
+    now.rigid_shift, now.exact = 0.0, True
 
 
-@kernel
-def _carry(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
-    """Let the contact carry a given load.
+@kernel(inner=True)
+def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
+    """Scale the pressure to a given load.
 
-    Points that pulled have left it, and steps much larger than the load have by rounding a mean of their own.
+    Points under tension have left the contact, and steps much larger than the load have by rounding a mean
+    of their own.
     """
-    if system.load:
+    if system.load_given:
         total = at.p.sum()
         factor = carried / total if total > 0.0 else 1.0
-        for k in range(contact.counts[0]):
+        for k in range(contact.counts[0].runs):
             for i in range(contact.runs[k, 0], contact.runs[k, 1]):
                 at.p[i] *= factor
 
 
-@kernel(reorder=True)
+@kernel(inner=True)
+def _change_set(p: FloatArray, gap: FloatArray, contact: ContactSet, shift: float, everywhere: bool) -> bool:
+    """Let points under tension leave and overlapping ones join; return whether the pressure changed.
+
+    The gap is known ``everywhere``, or near the contact.
+    """
+    changed, runs, near, member = False, contact.runs, contact.near, contact.member
+    for k in range(1 if everywhere else contact.counts[0].near):
+        first, end = (0, p.size) if everywhere else (near[k, 0], near[k, 1])
+        for i in range(first, end):
+            if member[i] == 0.0 and gap[i] < shift:
+                member[i] = 1.0
+    for k in range(contact.counts[0].runs):
+        for i in range(runs[k, 0], runs[k, 1]):
+            if p[i] < 0.0:
+                member[i] = p[i] = 0.0
+                changed = True
+    list_runs(contact)
+    return changed
+
+
+@kernel(reorder=True, inner=True)
+def _scale_pressure(system: System, at: Iterate, contact: ContactSet, work: Work, shift: float) -> bool:
+    """Scale the pressure so that the energy is least, and keep it for conjugacy; return whether that is done.
+
+    It needs no transform. Under a given load the pressure cannot be scaled.
+    """
+    now, counts = work.now[0], contact.counts[0]
+    now.energy = 0.0
+    if system.load_given or counts.points == 0:
+        return False
+    for k in range(counts.runs):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            work.pressure[i] = at.p[i]
+    for k in range(counts.near):
+        for i in range(contact.near[k, 0], contact.near[k, 1]):
+            work.pressure_change[i] = at.gap[i] - system.gap0[i]
+    energy = dot(contact, work.pressure, work.pressure_change)
+    if not energy > 0.0:
+        return False
+    now.energy = energy
+    factor = _along_residual(at, contact, work.pressure, shift) / energy
+    add(contact.runs, counts.runs, factor, work.pressure, at.p)
+    add(contact.near, counts.near, factor, work.pressure_change, at.gap)
+    return True
+
+
+@kernel(reorder=True, inner=True)
 def _precondition(
     plans: Plans, system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> None:
-    """Work.z = kappa r, everywhere."""
+    """Work.z = kappa r, the pressure that would close the gaps of a contact without edges; two transforms."""
     work.z[:] = 0.0
-    for k in range(contact.counts[0]):
+    for k in range(contact.counts[0].runs):
         z = work.z[contact.runs[k, 0] : contact.runs[k, 1]]
         gap = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
         for i in range(z.size):
@@ -185,54 +262,111 @@ def _precondition(
     backward(plans, work.spectrum, work.z)
 
 
-@kernel(reorder=True)
-def _apply(plans: Plans, system: System, bank: Bank, work: Work, slot: int) -> None:
-    """What the direction does to the gaps."""
-    forward(plans, bank.direction[slot], work.spectrum)
+@kernel(reorder=True, inner=True)
+def _next_direction(
+    system: System, at: Iterate, contact: ContactSet, work: Work, shift: float, memory: float
+) -> tuple[float, float]:
+    """Write the next direction of conjugate gradients; return r.z and r.d.
+
+    ``memory`` is 1/(r.z) of the last iteration, or 0. Under a given load directions have no mean.
+    """
+    z, d, now = work.z, work.direction, work.now[0]
+    runs, count = contact.runs, contact.counts[0].runs
+    if system.load_given:
+        excess = mean(contact, z)
+        for k in range(count):
+            for i in range(runs[k, 0], runs[k, 1]):
+                z[i] -= excess
+    along = dot(contact, work.pressure_change, z) / now.energy if now.energy > 0.0 else 0.0
+    product = _along_residual(at, contact, z, shift)
+    memory *= product
+    for k in range(count):
+        for i in range(runs[k, 0], runs[k, 1]):
+            d[i] = z[i] + memory * d[i]
+    if along != 0.0:
+        add(runs, count, -along, work.pressure, d)
+    return product, _along_residual(at, contact, d, shift)
+
+
+@kernel(reorder=True, inner=True)
+def _apply(plans: Plans, system: System, work: Work) -> None:
+    """Effect of the direction on the gaps; two transforms."""
+    forward(plans, work.direction, work.spectrum)
     for k in range(work.spectrum.size):
         work.spectrum[k] *= system.compliance[k]
-    backward(plans, work.spectrum, bank.change[slot])
+    backward(plans, work.spectrum, work.change)
 
 
-@kernel(reorder=True)
-def _judge(
+@kernel(inner=True)
+def _step(at: Iterate, contact: ContactSet, work: Work, length: float) -> None:
+    """Go along the direction; the gap follows in the contact and near it."""
+    add(contact.runs, contact.counts[0].runs, length, work.direction, at.p)
+    add(contact.near, contact.counts[0].near, length, work.change, at.gap)
+
+
+@kernel(inner=True)
+def _largest_on_line(contact: ContactSet, direction: FloatArray) -> float:
+    """Largest entry of a direction on a line; zero on a surface in two directions."""
+    found = 0.0
+    for k in range(contact.counts[0].runs if contact.reach[1] == contact.member.size else 0):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            found = max(found, abs(direction[i]))
+    return found
+
+
+@kernel(reorder=True, inner=True)
+def _along_residual(at: Iterate, contact: ContactSet, x: FloatArray, shift: float) -> float:
+    """Sum of x (shift - gap) over the contact."""
+    total = 0.0
+    for k in range(contact.counts[0].runs):
+        xs = x[contact.runs[k, 0] : contact.runs[k, 1]]
+        gaps = at.gap[contact.runs[k, 0] : contact.runs[k, 1]]
+        for i in range(xs.size):
+            total += (shift - gaps[i]) * xs[i]
+    return total
+
+
+@kernel(reorder=True, inner=True)
+def _violations(
     system: System, at: Iterate, contact: ContactSet, work: Work, shift: float
 ) -> tuple[float, float, float]:
-    """Span of the gaps in the contact, tension there, and overlap where the gap is known, each scaled.
+    """Range of the gaps in the contact, tension there, and overlap where the gap is known.
 
-    Under a given load the depth is set first, so that the gap in the contact is right in the mean.
+    Each in the residual's scales, which are set. Under a given load the punch is shifted first, so that the
+    gap in the contact is right in the mean.
     """
-    if system.load and contact.counts[2] > 0:
+    now, counts = work.now[0], contact.counts[0]
+    if system.load_given and counts.points > 0:
         excess = mean(contact, at.gap) - shift
-        work.level[0] -= excess
-        work.level[2] += excess
-        if work.exact[0]:
+        now.mean += excess
+        now.rigid_shift += excess
+        if now.exact:
             for i in range(at.gap.size):
                 at.gap[i] -= excess
         else:
-            for k in range(contact.counts[1]):
+            for k in range(counts.near):
                 for i in range(contact.near[k, 0], contact.near[k, 1]):
                     at.gap[i] -= excess
     highest, deepest, lowest, largest = 0.0, 0.0, 0.0, 0.0
-    for k in range(contact.counts[0]):
+    for k in range(counts.runs):
         for i in range(contact.runs[k, 0], contact.runs[k, 1]):
             highest = max(highest, at.gap[i] - shift)
             deepest = min(deepest, at.gap[i] - shift)
             lowest = min(lowest, at.p[i])
             largest = max(largest, at.p[i])
-    overlap, below = 0.0, work.scales[1] + min(work.level[0], 0.0)
-    if work.exact[0]:
+    overlap, below = 0.0, now.depth_scale - max(now.mean, 0.0)
+    if now.exact:
         overlap, below = _outside(system, at, contact, shift)
     else:
-        for k in range(contact.counts[1]):
+        for k in range(counts.near):
             for i in range(contact.near[k, 0], contact.near[k, 1]):
                 overlap = min(overlap, at.gap[i] - shift + _FAR * contact.member[i])
                 below = max(below, at.gap[i] - system.h[i])
-    work.scales[0], work.scales[1] = scales(largest, below - min(work.level[0], 0.0), system.least)
-    return (highest - deepest) / work.scales[1], -lowest / work.scales[0], -overlap / work.scales[1]
+    now.pressure_scale, now.depth_scale = scales(largest, below + max(now.mean, 0.0), system.floor)
+    return (highest - deepest) / now.depth_scale, -lowest / now.pressure_scale, -overlap / now.depth_scale
 
 
-@kernel(reorder=True)
+@kernel(reorder=True, inner=True)
 def _outside(system: System, at: Iterate, contact: ContactSet, shift: float) -> tuple[float, float]:
     """Overlap outside the contact, as a gap, and deepest point."""
     overlap, below = np.zeros(LANES), np.full(LANES, -_FAR)

@@ -1,8 +1,8 @@
-"""What the active set hands over goes to constrained conjugate gradients, and to `descent` if they fail.
+"""Fallback of the active set: constrained conjugate gradients, and `descent` if they fail.
 
-Where distant points of the contact push each other out, as under a film that bends, the active set may wander
-for ever. Conjugate gradients never raise the energy and mostly end soon; that they end is not proved. The
-descent converges for every convex problem, if slowly.
+Where distant points of the contact push each other out, as under a film that bends, the set may cycle.
+Conjugate gradients never raise the energy and mostly end soon, though no proof says so. The descent
+converges for every convex problem, if slowly.
 """
 
 from __future__ import annotations
@@ -27,8 +27,24 @@ def safeguard(
 ) -> tuple[bool, int, int]:
     """Improve an iterate until no point violates the conditions for a gap of ``shift`` in the contact.
 
-    Returns whether that was reached, the transforms and the iterations. At most half of the limit goes into
-    conjugate gradients.
+    Parameters
+    ----------
+    transforms : Transforms
+        Of the surface.
+    system, problem : System, Problem
+        The problem, in pressures and in displacements.
+    at : Iterate
+        Pressure and gap to begin with, and on return.
+    shift : float
+        Gap in the contact that is aimed at; length.
+    tolerance : float
+        On the violation at each point.
+    limit : int
+        Most iterations; at most half of them go into conjugate gradients.
+
+    Returns
+    -------
+    Whether the tolerance was reached, the transforms and the iterations.
     """
     found, taken, done, search = False, 0, 0, make_search(transforms)
     set_pressure(at, system, problem, at.p)
@@ -38,10 +54,10 @@ def safeguard(
         taken, done = taken + more, done + ended
         if ended < portion:
             break
-    longest = float(problem.stiffness[problem.stiffness > 0].min())  # of the stiffnesses that A inverts
+    length = float(problem.stiffness[problem.stiffness > 0].min())
     while not found and done < limit:
         found, more = descend(
-            transforms.plans, system, at, search.work, longest, problem.applied_pressure,
+            transforms.plans, system, at, search.work, length, problem.applied_pressure,
             shift, tolerance, min(_PORTION, limit - done),
         )  # fmt: skip
         taken, done = taken + 2 * more, done + more

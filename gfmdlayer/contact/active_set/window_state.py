@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.active_set.state import Bank, ContactSet, Work
+from gfmdlayer.contact.active_set.state import ContactSet, Work
 from gfmdlayer.contact.pressure_form import Iterate, System
 from gfmdlayer.grid.transforms import Plans
 from gfmdlayer.kernels import kernel
@@ -24,15 +24,14 @@ class Window(NamedTuple):
     system: System
     at: Iterate
     contact: ContactSet
-    bank: Bank
     work: Work
     length: Pair  # of the transforms
     width: Pair  # of the window
-    whole: Pair  # points of the surface
+    surface: Pair  # points of the surface
 
 
-class Whole(NamedTuple):
-    """The surface that the window is part of."""
+class Surface(NamedTuple):
+    """The surface that the window is part of, and its work arrays."""
 
     plans: Plans
     compliance: FloatArray  # as in `System`
@@ -42,23 +41,26 @@ class Whole(NamedTuple):
     z: FloatArray  # work array
 
 
-class Found(NamedTuple):
-    """The state of the whole surface that a window's pressure leads to, to be written to."""
-
-    u: FloatArray
-    p: FloatArray
-    gap: FloatArray
-    spectrum: ComplexArray  # of u, unnormalised
-
-
-@kernel
+@kernel(inner=True)
 def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
-    """Where a stretch of a line of the window is on the surface, whose lines go on at their beginning.
+    """Locate a stretch of a line of the window on the surface, which is periodic.
 
-    Returns, of its points before (part 0) or after the end of the surface's line, the first in the window,
-    the first on the surface, and their number.
+    Parameters
+    ----------
+    window : Window
+        The window.
+    origin : tuple of int
+        Line and point of the surface where the window begins.
+    first, count : int
+        First point of the stretch in the window, and its number of points.
+    part : int
+        0 for the points before the end of the surface's line, 1 for those after it.
+
+    Returns
+    -------
+    First point of that part in the window, first on the surface, and their number.
     """
-    (rows, line), length = window.whole, window.length[1]
+    (rows, line), length = window.surface, window.length[1]
     start = (origin[0] + first // length) % rows * line
     column = origin[1] + first % length
     before = min(max(line - column, 0), count)

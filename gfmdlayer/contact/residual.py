@@ -1,0 +1,120 @@
+"""The residual of the contact problem: one definition, which every solver stops on.
+
+    residual = max |min(p_c/P, g/D)|        over the points
+
+with the pressure p_c of the wall, the gap g, and scales P and D of pressure and depth. It is zero exactly at
+the solution of p_c >= 0, g >= 0, p_c g = 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.kernels import LANES, kernel
+
+# Pressures count against at least this part of what the softest mode carries at the depth of the surface.
+# Without it a surface out of contact would compare rounding errors with rounding errors: those reach
+# 1e-16 n/2 of that pressure, 1e-10 at n = 2^20, which a tolerance of 1e-6 still tells from contact.
+_PRESSURE_FLOOR = 1e-3
+
+
+class ResidualFloor(NamedTuple):
+    """Bounds of the residual's scales.
+
+    The pressure scale is at least that of the softest mode (stiffness kappa_1) and `pressure`, the largest
+    traction of the interface; the depth scale is at least `depth` and at most `range`, that of the interface.
+    """
+
+    stiffness: float
+    depth: float
+    pressure: float = 0.0
+    range: float = np.inf
+
+
+class Assessment(NamedTuple):
+    """A state's residual, fraction of points in contact, and means of pressure and gap."""
+
+    residual: float
+    contact_area: float
+    mean_pressure: float
+    mean_gap: float
+
+
+@nb.njit(inline="always")
+def violation(pressure: float, gap: float, per_pressure: float, per_gap: float) -> float:
+    """Violation of p >= 0, gap >= 0, p gap = 0 at one point: |min(p/P, gap/D)|, from 1/P and 1/D."""
+    pressure *= per_pressure
+    gap *= per_gap
+    return abs(pressure if pressure < gap else gap)
+
+
+@nb.njit(inline="always")
+def scales(largest_pressure: float, deepest: float, floor: ResidualFloor) -> tuple[float, float]:
+    """Scales (P, D) of the residual, from the largest pressure and the deepest point of the surface."""
+    depth = max(deepest, floor.depth, 1e-300)
+    pressure = max(largest_pressure, floor.pressure, _PRESSURE_FLOOR * floor.stiffness * depth, 1e-300)
+    return pressure, min(depth, floor.range)
+
+
+@kernel(reorder=True, inner=True)
+def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
+    """Largest pressure and deepest point of a state without NaN.
+
+    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
+    at any height.
+    """
+    largest, lowest, total = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    for first in range(0, u.size, LANES):
+        ps, us = pressure[first : first + LANES], u[first : first + LANES]
+        for i in range(us.size):
+            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
+            lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
+            total += us[i]
+    return largest.max(), max(total / u.size, 0.0) - lowest.min()
+
+
+@kernel
+def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
+    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
+    largest, deepest = _extrema(pressure, u)
+    return scales(largest, deepest, floor)
+
+
+@kernel(reorder=True)
+def assess(
+    pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
+) -> tuple[float, float, float, float]:
+    """Assess a state.
+
+    Parameters
+    ----------
+    pressure, u, h : ndarray, one value a point
+        Pressure of the wall, displacement, and surface of the punch.
+    floor : ResidualFloor
+        Bounds of the scales.
+
+    Returns
+    -------
+    residual, contact_area, mean_pressure, mean_gap : float
+        As in `Assessment`. The residual is NaN if anything is; a point is in contact where the pressure, and
+        not the gap, is the larger of the two in the residual's scales.
+    """
+    pressure_scale, depth = residual_scales(pressure, u, floor)
+    per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
+    worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
+    for first in range(0, u.size, LANES):
+        ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
+        for i in range(us.size):
+            gap = hs[i] - us[i]
+            off = violation(ps[i], gap, per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+            touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
+            total += ps[i]
+            gaps += gap
+    # The maxima are blind to NaN; the sums are not.
+    finite = np.isfinite(total) and np.isfinite(gaps)
+    return worst.max() if finite else np.nan, touching / u.size, total / u.size, gaps / u.size
