@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer.grid import wisdom
-from gfmdlayer.grid.transforms import Transforms, forget
+from gfmdlayer.grid.fftw import forget_wisdom
+from gfmdlayer.grid.transforms import Transforms
 
 SHAPES = [(8,), (9,), (1024,), (1155,), (6, 8), (5, 9), (6, 9), (7, 8), (32, 64)]
 
@@ -50,17 +51,17 @@ def test_backward_leaves_the_callers_spectrum_alone(shape: tuple[int, ...]) -> N
 
 def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_held() -> None:
     shape, u = (48,), fields((48,))
-    forget()
+    forget_wisdom()
     first = Transforms(shape)
     assert Transforms(shape).plans == first.plans
     known, expected = first.wisdom, first.forward(u)
     told = Transforms(shape, known)
     assert Transforms(shape, known).plans == told.plans
     assert Transforms((96,), known).shorter(2).plans == told.plans
-    forget()
+    forget_wisdom()
     for _ in range(3):  # new plans, which would take the place of old ones that are gone
         Transforms(shape)
-        forget()
+        forget_wisdom()
     np.testing.assert_array_equal(first.forward(u), expected)
     np.testing.assert_array_equal(told.forward(u), expected)
 
@@ -68,12 +69,12 @@ def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_hel
 @pytest.mark.parametrize("shape", [(4096,), (2187,), (48, 64)])
 def test_the_same_wisdom_gives_the_same_bits(shape: tuple[int, ...]) -> None:
     u = fields(shape)
-    forget()
+    forget_wisdom()
     first = Transforms(shape)
     known, forward = first.wisdom, first.forward(u)
     backward = first.backward(forward)
     for _ in range(3):
-        forget()
+        forget_wisdom()
         again = Transforms(shape, known)
         np.testing.assert_array_equal(again.forward(u), forward)
         np.testing.assert_array_equal(again.backward(forward), backward)

@@ -143,7 +143,7 @@ def test_what_a_rejected_attempt_took_is_in_the_next_row(monkeypatch: pytest.Mon
 class Grading:
     """An integrator whose error is a power of the step."""
 
-    fastest = 1.0
+    shortest_time = 1.0
 
     def __init__(self, steps: list[float], size: float) -> None:
         self.steps, self.size, self.turns = steps, size, 0
@@ -151,7 +151,7 @@ class Grading:
     def error(self, _spectrum: Any, **_moving: bool) -> tuple[float, float]:
         return self.size * self.steps[-1] ** 3, 0.0
 
-    def turn(self) -> None:
+    def discard_velocity(self) -> None:
         self.turns += 1
 
 

@@ -21,6 +21,7 @@ from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.sums import Sums
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import Modes
@@ -50,7 +51,7 @@ def test_phi_functions_keep_their_digits(z: complex) -> None:
 def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
     spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
     return SlidingModes(
-        spectrum, exponential, np.ones(1), wavenumbers_x=np.full((2, 1), q), velocity=velocity
+        spectrum, exponential, Sums(np.ones(1)), wavenumbers_x=np.full((2, 1), q), velocity=velocity
     )
 
 
@@ -74,9 +75,9 @@ def test_a_mode_moves_and_heats_as_its_equation_says(theta: float, q: float, c: 
 
     start = [complex(u_0), 0j]
     exact = solve_ivp(rate, (0, 1), start, rtol=1e-10, atol=1e-13, method="DOP853").y[:, -1]
-    # Without the curvature the stress at the end lacks what `missing` says.
+    # Without the curvature the stress at the end lacks what `curvature_stress` says.
     kappa, b = modes.terms(step)
-    stress = (kappa + 1j * modes.loss_stiffness) * u_1 - b + modes.missing(np.array([c]))
+    stress = (kappa + 1j * modes.loss_stiffness) * u_1 - b + modes.curvature_stress(np.array([c]))
     assert stress[0] == pytest.approx(0.3 * u_1 + 1.7 * exact[0], rel=1e-8)
     modes.advance(np.array([u_1]), np.array([c]))
     assert modes.dissipated == pytest.approx(exact[1].real, rel=1e-7, abs=1e-13)
@@ -89,7 +90,7 @@ def test_the_steady_state_is_the_kernel_of_steady_sliding_whatever_the_step() ->
     q = grid.wavenumbers
     spectrum = relaxation_spectrum(layer, material, q)
     modes = SlidingModes(
-        spectrum, exponential, grid.parseval_weights, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v)
+        spectrum, exponential, grid.sums, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v)
     )
     u = np.exp(1j * np.arange(9))
     u[[0, -1]] = u[[0, -1]].real
@@ -109,7 +110,7 @@ def test_sliding_is_the_same_seen_from_the_body() -> None:
         step = end / count
         sliding = one_mode(theta, q, Constant(v))
         spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
-        body = Modes(spectrum, exponential, np.ones(1))
+        body = Modes(spectrum, exponential)
         for i in range(count + 1):
             time = i * step
             U, turn = np.array([complex(time, 0.5)]), np.exp(-1j * q * v * time)
