@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history import mode_kernels as kernels
@@ -72,11 +72,6 @@ class ErrorControlledModes(Modes):
         self._velocity: ComplexArray | None = None
         self._last_step = 0.0
 
-    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step of this length."""
-        self._kappa, self._b = super().terms(step)
-        return self._kappa, self._b
-
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`, with the curvature that is now known."""
         velocity = (spectrum - self.u) * (1 / self.step) if self.step > 0 else None
@@ -91,7 +86,7 @@ class ErrorControlledModes(Modes):
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""
         b = self._b.view(np.float64)
-        return kernels.force(self._kappa, spectrum.view(np.float64), b).view(np.complex128)
+        return kernels.force(self._stiffness, spectrum.view(np.float64), b).view(np.complex128)
 
     def truncation_error(self, spectrum: ComplexArray) -> ComplexArray:
         """Return delta f, by which that force is too small because u is not linear over the step."""
@@ -121,7 +116,7 @@ class ErrorControlledModes(Modes):
         error, force = self.truncation_error(spectrum), self.force(spectrum)
         if moving:  # the change over a step that is then rejected serves as well
             self._contact_motion = spectrum - self.u
-        weights, kappa = self._sums.weights, self._kappa
+        weights, kappa = self._sums.weights, self._stiffness
         norm = self._sums.total(kernels.stress_norm(weights, kappa, spectrum.view(np.float64)))
         ratio = 0.0
         for v in (spectrum if deep else None, self._contact_motion):

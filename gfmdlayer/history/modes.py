@@ -142,9 +142,9 @@ class Modes:
             Each of shape (nq,).
         """
         self.prepare(step)
-        b = np.empty_like(self.u)
-        kernels.intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(b))
-        return self._stiffness, b
+        self._b = np.empty_like(self.u)
+        kernels.intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(self._b))
+        return self._stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` (lines 8 and 9).

@@ -140,33 +140,14 @@ class SlidingModes(Modes):
         self._decay = self._weights * phi[0]
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b, sigma = -(kappa + i loss_stiffness) U + b, at the end of a step.
-
-        Parameters
-        ----------
-        step : float
-            Length of the step.
-
-        Returns
-        -------
-        ndarray, ndarray of complex
-            Each of shape (nq,).
-        """
+        """Return kappa and b, sigma = -(kappa + i loss_stiffness) U + b, at the end of a step."""
         self.prepare(step)
-        b = self._gain * self.u
-        _subtract(self._waves.position, self._decay, self._waves.stretch, b)
-        return self._stiffness, b
+        self._b = self._gain * self.u
+        _subtract(self._waves.position, self._decay, self._waves.stretch, self._b)
+        return self._stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Advance the history over the step of the last `terms`.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex, shape (nq,)
-            Transform of the displacement at the end of the step.
-        curvature : ndarray of complex, optional
-            dt^2 U''/2 over the step; without it U is linear.
-        """
+        """Advance the history over the step of the last `terms`; arguments as in `Modes.advance`."""
         c = np.zeros_like(spectrum) if curvature is None else curvature
         change = self._change_of_velocity()
         twice, heat = _advance(self._waves, self.u, spectrum, c)
@@ -199,15 +180,7 @@ class SlidingModes(Modes):
         longest relevant relaxation time. A branch that is much slower than the passage does not relax under
         the punch: its part in the loss is small, and so is the trace in it of how the contact started.
 
-        Parameters
-        ----------
-        tolerance : float
-            Relaxation times with at most this part of the loss of the longest waves are not relevant.
-
-        Returns
-        -------
-        float
-            A time.
+        Relaxation times with at most the part `tolerance` of the loss of the longest waves are not relevant.
         """
         velocity = abs(self._velocity_at(math.inf))
         longest = np.abs(self._q) < 1.5 * self._longest_wave
