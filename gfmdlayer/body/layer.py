@@ -130,8 +130,8 @@ class LayeredHalfspace:
         """K(q = 0)/G: 2 (1 - nu)/((1 - 2 nu) d) for a compressible layer on a rigid base, else 0.
 
         A layer that cannot widen has the P-wave modulus 2 G (1 - nu)/(1 - 2 nu) against a uniform pressure. A
-        halfspace has no stiffness against it, and an incompressible layer keeps its mean height: in both cases
-        the mean displacement is prescribed, not computed.
+        halfspace has no stiffness against it, and an incompressible layer keeps its mean height: in both
+        cases the mean displacement is prescribed, not computed.
         """
         if self.bulk_modulus < math.inf or self.poisson == 0.5:
             return 0.0
@@ -153,7 +153,7 @@ class LayeredHalfspace:
         return Quadratics(np.stack((N0, N1, N2)), np.stack((D0, D1, D2)))
 
     def depths(self, q: ArrayLike) -> FloatArray:
-        """Thickness x = q d in units of 1/q, limited where a thicker layer is the same in double precision."""
+        """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
         q = np.asarray(q, dtype=float)
         if math.isinf(self.thickness):
             return np.full(q.shape, _HALFSPACE)

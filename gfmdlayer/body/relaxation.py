@@ -5,8 +5,8 @@ If the layer's material is a Prony series, the stiffness K(q, G(s)) of `layer` i
     K(q, s) = K_inf(q) - sum_j w_j(q)/(1 + s theta_j(q)),    w_j >= 0,  theta_j > 0
 
 with three modes for each Maxwell branch: springs w_j in series with dashpots w_j theta_j, all parallel to a
-spring K_0 = K_inf - sum_j w_j. For an incompressible body with a Zener layer this is Eq. (23) of Petrenko et al.,
-Materials Physics and Mechanics 52 (2024) 60-68, in partial fractions. Two steps lead to it.
+spring K_0 = K_inf - sum_j w_j. For an incompressible body with a Zener layer this is Eq. (23) of Petrenko et
+al., Materials Physics and Mechanics 52 (2024) 60-68, in partial fractions. It is derived in two steps.
 
 As a function of the layer's modulus, K is a quotient of a cubic and a quadratic whose roots are real and
 interlace, so it is a linear function minus two simple fractions:

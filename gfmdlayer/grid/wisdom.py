@@ -45,7 +45,7 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
         with NamedTemporaryFile("w", dir=folder, suffix=".part", encoding="ascii") as file:
             file.write(wisdom)
             file.flush()
-            os.link(file.name, kept)  # which fails where another run has put its own
+            os.link(file.name, kept)
     with suppress(OSError, UnicodeDecodeError):
         return kept.read_text(encoding="ascii")
     return wisdom

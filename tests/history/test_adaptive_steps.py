@@ -142,7 +142,7 @@ def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch: pytest.Mo
     assert len(seen) >= 5
 
 
-class CubicError:
+class CubicModes:
     """An integrator with an error proportional to the third power of the step."""
 
     shortest_time = 1.0
@@ -157,10 +157,10 @@ class CubicError:
         self.kinks += 1
 
 
-def accepted_steps(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, CubicError]:
+def accepted_steps(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, CubicModes]:
     """Accepted time points, number of attempts, and the integrator."""
     tried: list[float] = []
-    integrator = CubicError(tried, size)
+    integrator = CubicModes(tried, size)
     given = {"snapshots": [], "kinks": []} | stops
     steps: Any = AdaptiveSteps(integrator, 1e-4, end, **given)  # type: ignore[arg-type]
     accepted = []
@@ -230,12 +230,12 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path
 def test_a_retracted_punch_is_not_deep() -> None:
     seen: list[bool] = []
 
-    class KeepsDeep(CubicError):
+    class RecordsDeep(CubicModes):
         def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
             seen.append(known["deep"])
             return 0.0, 0.0
 
-    steps: Any = AdaptiveSteps(KeepsDeep([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
+    steps: Any = AdaptiveSteps(RecordsDeep([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
     depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
     for _, depth in zip(steps, depths, strict=False):
         assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)

@@ -58,9 +58,7 @@ def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
 @pytest.mark.parametrize("theta", [1e-3, 0.4, 50.0])
 @pytest.mark.parametrize("q", [0.0, 0.3, 8.0, 900.0])
 @pytest.mark.parametrize("c", [0.0, 0.3 - 0.2j])
-def test_stretch_and_heat_of_a_mode_solve_its_differential_equation(
-    theta: float, q: float, c: complex
-) -> None:
+def test_stretch_and_heat_of_a_mode_solve_its_equation(theta: float, q: float, c: complex) -> None:
     step, v, u_0, u_1 = 0.2, 0.5, 0.6 + 0.1j, 0.2 - 0.4j
     modes = one_mode(theta, q, Constant(v))
     modes.terms(0.0)
