@@ -140,7 +140,7 @@ class LayeredHalfspace:
     def quadratics(self, q: ArrayLike) -> Quadratics:
         """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape (3, *q.shape)."""
         x = self.depths(q)
-        # e - 1 and c - 1 are formed first: near nu = 1/2 they are what is left of e and c, and exact.
+        # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
         e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)
         e, c = 1 + e_1, 1 + c_1
         r, rho, r4 = np.exp(-2 * x), -np.expm1(-2 * x), -np.expm1(-4 * x)

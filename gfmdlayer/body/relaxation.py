@@ -138,8 +138,8 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
 
     With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of
     D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g),
-    B = (c g - e)(g + e), C = (g - 1)(c g - e); so neither the roots of D, their distance nor N there is a
-    small difference.
+    B = (c g - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots
+    are found without cancellation.
     """
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):

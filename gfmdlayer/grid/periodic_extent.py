@@ -36,5 +36,5 @@ def _shortest_interval(occupied: BoolArray) -> Stretch:
     if points.size == 0:
         return 0, 0
     steps = np.diff(points, prepend=points[-1] - occupied.size)
-    longest = int(np.argmax(steps))  # the interval is what the longest step leaves of the period
+    longest = int(np.argmax(steps))  # the interval is the rest of the period
     return int(points[longest]), int(occupied.size - steps[longest] + 1)

@@ -1,8 +1,8 @@
-"""Sums over the grid: the one place where values of different points and waves are combined.
+"""Sums over the grid: the one place where values at different points and waves are combined.
 
 The rule: a compiled kernel acts on the points and waves that this process holds and returns partial results;
-Python code completes them by a method of `Sums`. Today a process holds the whole grid, and completing is
-nothing to do; on a grid over several ranks the methods communicate, and no caller changes.
+Python code completes them by a method of `Sums`. One process holds the whole grid, and partial results are
+complete; on a grid over several ranks the methods communicate, and no caller changes.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Sums:
 
     @cached_property
     def _weights_twice(self) -> FloatArray:
-        """Weights of real and imaginary parts in turn."""
+        """Weights of alternating real and imaginary parts."""
         return np.repeat(self.weights, 2)
 
 

@@ -4,7 +4,7 @@ The error of a step is known after it is solved (`error_control`). It grows with
 and does not accumulate in the history, so the next step is the last one times (tolerance/error)^(1/3). A step
 with an error above the tolerance is rejected and repeated with a shorter step.
 
-Steps land on the kinks of the trajectory, on the snapshots and on the asked output times. The displacement
+Steps land on the kinks of the trajectory, on the snapshots and on the output times. The displacement
 before a kink does not predict that after it: there the steps start short, and grow fast at first.
 """
 
@@ -31,7 +31,7 @@ _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shorte
 
 @dataclass
 class _Position:
-    """Where the run is, and what the length of the next step depends on."""
+    """The position of the run in time, and the quantities that set the length of the next step."""
 
     time: float = 0.0
     next_stop: int = 0
@@ -73,7 +73,7 @@ class AdaptiveSteps:
         self._position = _Position()
 
     def __iter__(self) -> Iterator[Instant]:
-        """Yield the time points in order; after a rejected step the same one again, shorter."""
+        """Yield the time points in order; a rejected step is followed by a shorter one."""
         while self._position.next_stop < len(self._stops):
             now = self._position
             if now.after_kink:
@@ -128,7 +128,7 @@ class AdaptiveSteps:
         return accepted
 
     def state(self) -> State:
-        """Return the position in time and what the length of the next step depends on."""
+        """Return the position in time and the quantities that set the length of the next step."""
         return asdict(self._position)
 
     def restore(self, state: State) -> None:

@@ -5,7 +5,7 @@ c = dt^2 u''/2, follows after the step is solved from the divided difference of 
 displacements. It has two uses:
 
 * The history is advanced with it (`Modes.advance`), to third order, so that errors do not accumulate.
-* What remains is the truncation error of the step: at its end the stress -sigma lacks
+* The truncation error of the step remains: at its end the stress -sigma is too small by
   delta f = sum_j w_j curvature_gain_j c.
 
 At given depth a small delta f changes the mean pressure by -<v, delta f>, where v is the derivative of the
@@ -41,7 +41,7 @@ from gfmdlayer.resumable import State
 # measured, it is 0.1 where contact begins and less elsewhere.
 _UNKNOWN_CURVATURE = 0.25
 
-# A force below this part of the stresses whose difference it is, is rounding: there is no contact.
+# A force below this part of the stresses of which it is the difference is rounding: no contact.
 _NO_CONTACT = 1e-10
 
 # Part of the glassy stiffness from which on the first step has to resolve the relaxation time of a mode.

@@ -1,8 +1,8 @@
 """The compiled loops over the relaxing modes; see `modes` for the equations and the two kinds of modes.
 
-Spectra are real arrays of twice the length, real and imaginary parts in turn, and what multiplies them is
-repeated alike, as vector units need it. The loops take the wavenumbers in blocks, and in a block the modes.
-They act on the wavenumbers that this process holds and return partial sums (`gfmdlayer.grid.sums`).
+Spectra are real arrays of twice the length, alternating real and imaginary parts, and their factors are
+repeated for both, as vector units need it. The loops take the wavenumbers in blocks, and in a block the
+modes. They act on the wavenumbers that this process holds and return partial sums (`gfmdlayer.grid.sums`).
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def advance(
 
     `springs` is K_0 times Parseval's weights; the array `curvature` is empty where u is linear.
     """
-    index, stretch, own, weights = local.position, local.stretch, local_factors, local.energy_weights
+    index, stretch, f, weights = local.position, local.stretch, local_factors, local.energy_weights
     moduli, factors = branches.moduli, branch_factors
     twice, heat, remainder, curvature_loss = 0.0, 0.0, 0.0, 0.0
     for i in range(index.size):
@@ -131,12 +131,12 @@ def advance(
                 new_u[k] - u[k],
                 curvature[k] if curvature.size else 0.0,
             )
-            after, ahead = own.decay[i] * before + own.gain[i] * moved, before + own.lead[i] * moved
-            corrected = after + own.curvature_gain[i] * c
+            after, ahead = f.decay[i] * before + f.gain[i] * moved, before + f.lead[i] * moved
+            corrected = after + f.curvature_gain[i] * c
             stretch[i, part] = corrected
             twice += weights[i] * corrected * corrected
-            heat += weights[i] * (own.loss[i] * ahead * ahead + own.remainder[i] * moved * moved)
-            heat += weights[i] * c * (own.curvature_loss[i] * c - own.curvature_gain[i] * (before + after))
+            heat += weights[i] * (f.loss[i] * ahead * ahead + f.remainder[i] * moved * moved)
+            heat += weights[i] * c * (f.curvature_loss[i] * c - f.curvature_gain[i] * (before + after))
     for j in range(moduli.size):
         remainder += moduli[j] * factors.remainder[j]
         curvature_loss += moduli[j] * factors.curvature_loss[j]

@@ -225,5 +225,5 @@ def _branch_modes(weights: FloatArray, times: FloatArray, relaxed: FloatArray, s
 
 
 def _numbers(spectrum: ComplexArray) -> FloatArray:
-    """Real and imaginary parts in turn, as the kernels take them."""
+    """Alternating real and imaginary parts, as the kernels take them."""
     return spectrum.view(np.float64)

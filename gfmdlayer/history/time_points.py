@@ -10,7 +10,7 @@ from itertools import islice
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.resumable import State
 
-# Times closer than this part of the run are the same: asked times carry the rounding of decimals and sums.
+# Times closer than this part of the run are the same: output times carry the rounding of decimals and sums.
 SAME_TIME = 1e-10
 
 
@@ -97,7 +97,7 @@ def landing_steps(
 def stops(
     end: float, snapshots: Iterable[float], kinks: Iterable[float], times: Iterable[float] = ()
 ) -> list[Instant]:
-    """Start, end and all asked times between them in order; times that differ by rounding are one.
+    """Start, end and all times to land on between them, in order; times that differ by rounding are one.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def stops(
     same = SAME_TIME * end
     found = [0.0]
     reasons: list[set[str]] = [set()]
-    asked = [(time, "snapshot") for time in snapshots] + [(time, "kink") for time in kinks if 0 < time < end]
-    for time, reason in sorted([*asked, *((time, "row") for time in (*times, end))]):
+    marked = [(time, "snapshot") for time in snapshots] + [(time, "kink") for time in kinks if 0 < time < end]
+    for time, reason in sorted([*marked, *((time, "row") for time in (*times, end))]):
         # A time right after the start is moved away from it: the step to the start has no length.
         if time > 0 and max(time, 2 * same) - found[-1] > same:
             found.append(max(time, 2 * same))

@@ -35,12 +35,12 @@ def test_spectral_means_are_means_over_the_surface(shape: tuple[int, ...]) -> No
 class Divided(Sums):
     """Sums over a grid with several holders, each of them in a thread."""
 
-    def __init__(self, weights: Any, own: int, values: list[Any], barrier: Barrier) -> None:
+    def __init__(self, weights: Any, rank: int, values: list[Any], barrier: Barrier) -> None:
         super().__init__(weights)
-        self._own, self._values, self._barrier = own, values, barrier
+        self._rank, self._values, self._barrier = rank, values, barrier
 
     def _all(self, partial: Any) -> list[Any]:
-        self._values[self._own] = partial
+        self._values[self._rank] = partial
         self._barrier.wait(timeout=60)
         values = list(self._values)
         self._barrier.wait(timeout=60)

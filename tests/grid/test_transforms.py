@@ -103,7 +103,7 @@ def test_plans_for_threads_are_kept_apart(tmp_path: Path) -> None:
 
 def test_wisdom_of_another_fftw_is_ignored() -> None:
     u = fields((16,))
-    np.testing.assert_allclose(Transforms((16,), "(no such thing)").forward(u), np.fft.rfft(u), atol=1e-14)
+    np.testing.assert_allclose(Transforms((16,), "(not wisdom)").forward(u), np.fft.rfft(u), atol=1e-14)
 
 
 def test_wisdom_is_kept_in_the_folder_and_read_from_it(tmp_path: Path) -> None:
@@ -132,5 +132,5 @@ def test_of_two_runs_that_measure_at_the_same_time_both_use_the_plans_of_the_fir
 
 
 def test_a_run_uses_its_own_plans_if_the_folder_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")  # no folder can be made below a file, whoever runs the test
+    (tmp_path / "file").write_text("")  # no folder can be made below a file, even by root
     assert wisdom.planned((64,), tmp_path / "file" / "cache").startswith("(fftw")
