@@ -91,25 +91,25 @@ def make_integrator(config: Config, grid: Grid) -> Integrator:
     """The time integrator, over the body's relaxing modes.
 
     Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-    material; see `stepping.third_order` for the equation itself.
+    material; see `verification.third_order` for the equation itself.
     """
     body = LayeredHalfspace(
         config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
     )
-    material, q, measure = make_material(config), grid.wavenumbers, grid.parseval_weights
+    material, q, sums = make_material(config), grid.wavenumbers, grid.sums
     spectrum = relaxation_spectrum(body, material, q)
     velocity = make_velocity(config)
     if velocity is not None:
         if config.time.step == "adaptive":
             return ErrorControlledSlidingModes(
-                spectrum, measure, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
+                spectrum, sums, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
             )
         return SlidingModes(
-            spectrum, SCHEMES["exponential"], measure, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
+            spectrum, SCHEMES["exponential"], sums, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
         )
     if config.time.step == "adaptive":
-        return ErrorControlledModes(spectrum, measure)
-    return Modes(spectrum, SCHEMES[config.time.integrator], measure)
+        return ErrorControlledModes(spectrum, sums)
+    return Modes(spectrum, SCHEMES[config.time.integrator], sums)
 
 
 def make_settling(config: Config, integrator: Integrator, kinks: tuple[float, ...]) -> SteadyState | None:

@@ -5,12 +5,12 @@ and thickness d over a halfspace G_bulk, nu_bulk moves the surface by u(q) = M(q
 
     M(q) = -(1 - nu) S(q)/(G q)                           Eqs. (8) to (12)
 
-of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. This module has M as the stiffness
-K(q) = -1/M(q) >= 0, sigma = -K u, of a real or complex modulus G, so that G(omega) of a viscoelastic layer
-may be put in. q is the magnitude of the wavevector, in one dimension or two.
+of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. Here it is the stiffness
+K(q) = -1/M(q) >= 0, sigma = -K u, for a real or complex modulus G, as G(omega) of a viscoelastic layer is.
+q is the magnitude of the wavevector, in one dimension or two.
 
-Cleared of its fractions, Eq. (11) is a quotient of quadratics in the moduli whose coefficients depend on
-x = q d and the Poisson ratios alone. With r = exp(-2x), rho = 1 - r, e = 3 - 4 nu, c = 3 - 4 nu_bulk:
+Without its inner fractions, Eq. (11) is a quotient of quadratics in the moduli, with coefficients that depend
+on x = q d and the Poisson ratios alone. With r = exp(-2x), rho = 1 - r, e = 3 - 4 nu, c = 3 - 4 nu_bulk:
 
     1/S = N/D,    N = N2 G^2 + N1 G G_bulk + N0 G_bulk^2,    D = D2 G^2 + D1 G G_bulk + D0 G_bulk^2
 
@@ -18,8 +18,8 @@ x = q d and the Poisson ratios alone. With r = exp(-2x), rho = 1 - r, e = 3 - 4 
     N1 = rho (1 + e c + r (c + e)) + 4 x^2 r (c - 1)      D1 = 1 + e c - 4 x r (c - 1) + r^2 (c + e)
     N0 = r (1 + e)^2 + e rho^2 + 4 x^2 r                  D0 = (e - 1)(1 - r^2) + (1 - r^2 - 4 x r)
 
-Eq. (13) is D0/N0 (rigid base) and Eq. (14) is D2/N2 (free layer). No coefficient is negative, and the two
-that are differences of nearly equal numbers for a thin layer go through sinh y - y:
+Eq. (13) is D0/N0 (rigid base) and Eq. (14) is D2/N2 (free layer). No coefficient is negative; the two
+that are differences of nearly equal numbers for a thin layer are found from sinh y - y:
 rho^2 - 4 x^2 r = 4 r (sinh x - x)(sinh x + x) and 1 - r^2 - 4 x r = 2 r (sinh 2x - 2x).
 """
 
@@ -27,14 +27,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+from gfmdlayer.arrays import FloatArray
 
-# exp(-2x) is zero in double precision from x = 373 on: a layer as thick is a halfspace, and any thicker one.
+# exp(-2x) is zero in double precision from x = 373 on: a layer as thick as this, or thicker, is a halfspace.
 _HALFSPACE = 400.0
 
 # 2 (sinh y - y)/y^3 = sum_k 2 y^2k/(2k + 3)!, whose first term left out is 2e-18 of the sum at y = 2.
@@ -44,29 +44,29 @@ _SINH_TAIL = [2 / math.factorial(2 * k + 3) for k in range(11)]
 class Quadratics(NamedTuple):
     """Coefficients of N and D, lowest power of G first: shapes (3, ...)."""
 
-    N: NDArray[np.float64]
-    D: NDArray[np.float64]
+    N: FloatArray
+    D: FloatArray
 
 
 @dataclass(frozen=True)
 class LayeredHalfspace:
-    """A layer bonded to a halfspace; what the body is, up to the layer's modulus.
+    """A layer bonded to a halfspace: everything about the body but the modulus of the layer.
 
     Parameters
     ----------
-    thickness
+    thickness : float
         d of the layer, from 0 (the bare halfspace) to inf (the layer's material alone).
-    poisson
+    poisson : float
         nu of the layer, in (-1, 0.5].
-    bulk_modulus
+    bulk_modulus : float
         Shear modulus G_bulk of the halfspace, from 0 (a free layer) to inf (a rigid base).
-    bulk_poisson
+    bulk_poisson : float
         nu_bulk of the halfspace, in (-1, 0.5]; without effect where G_bulk is 0 or inf.
 
     Raises
     ------
     ValueError
-        If a parameter is outside of these bounds, or the bare halfspace is rigid or has no stiffness.
+        If a parameter is outside of these bounds, or a bare halfspace is rigid or has no stiffness.
     """
 
     thickness: float
@@ -92,22 +92,36 @@ class LayeredHalfspace:
 
         Parameters
         ----------
-        q
+        q : array_like
             Wavenumbers, not negative.
-        G
+        G : array_like
             Modulus of the layer, real and positive, or complex with Re G >= 0 and not 0; broadcast against q.
 
         Returns
         -------
-        Stress per displacement, in the broadcast shape, real or complex as G is. The mean, q = 0, is free
-        to move, K = 0, except in a compressible layer on a rigid base, where K is `mean_stiffness` times G.
+        ndarray
+            Stress per displacement, in the broadcast shape, real or complex as G is. At q = 0 it is
+            `mean_stiffness` times G: zero, except in a compressible layer on a rigid base.
         """
         q, G = np.asarray(q, dtype=float), np.asarray(G)
         N, D = self._numerator_and_denominator(np.where(q > 0, q, 1.0), G)
         return np.where(q > 0, q * (G / (1 - self.poisson)) * (N / D), self.mean_stiffness * G)
 
     def layer_factor(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
-        """S(q) of Eq. (11), for q > 0: compliance relative to a halfspace of the layer's material."""
+        """S(q) of Eq. (11): compliance relative to a halfspace of the layer's material.
+
+        Parameters
+        ----------
+        q : array_like
+            Wavenumbers, positive.
+        G : array_like
+            Modulus of the layer, as in `stiffness`.
+
+        Returns
+        -------
+        ndarray
+            In the broadcast shape.
+        """
         N, D = self._numerator_and_denominator(np.asarray(q, dtype=float), np.asarray(G))
         return np.asarray(D / N)
 
@@ -115,9 +129,9 @@ class LayeredHalfspace:
     def mean_stiffness(self) -> float:
         """K(q = 0)/G: 2 (1 - nu)/((1 - 2 nu) d) for a compressible layer on a rigid base, else 0.
 
-        A uniform pressure meets the P-wave modulus 2 G (1 - nu)/(1 - 2 nu) of a layer that cannot widen. A
-        halfspace yields to it without bound, and an incompressible layer keeps its mean height: there the
-        mean displacement is given and not found.
+        A layer that cannot widen has the P-wave modulus 2 G (1 - nu)/(1 - 2 nu) against a uniform pressure. A
+        halfspace has no stiffness against it, and an incompressible layer keeps its mean height: in both
+        cases the mean displacement is prescribed, not computed.
         """
         if self.bulk_modulus < math.inf or self.poisson == 0.5:
             return 0.0
@@ -126,7 +140,7 @@ class LayeredHalfspace:
     def quadratics(self, q: ArrayLike) -> Quadratics:
         """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape (3, *q.shape)."""
         x = self.depths(q)
-        # e - 1 and c - 1 are formed first: near nu = 1/2 they are what is left of e and c, and exact.
+        # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
         e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)
         e, c = 1 + e_1, 1 + c_1
         r, rho, r4 = np.exp(-2 * x), -np.expm1(-2 * x), -np.expm1(-4 * x)
@@ -138,16 +152,14 @@ class LayeredHalfspace:
         D0 = e_1 * r4 + _sinh_minus(2 * x)
         return Quadratics(np.stack((N0, N1, N2)), np.stack((D0, D1, D2)))
 
-    def depths(self, q: ArrayLike) -> NDArray[np.float64]:
-        """Thickness in units of 1/q, x = q d, cut where a thicker layer is the same in double precision."""
+    def depths(self, q: ArrayLike) -> FloatArray:
+        """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
         q = np.asarray(q, dtype=float)
         if math.isinf(self.thickness):
             return np.full(q.shape, _HALFSPACE)
         return np.minimum(q * self.thickness, _HALFSPACE)
 
-    def _numerator_and_denominator(
-        self, q: NDArray[np.float64], G: NDArray[Any]
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _numerator_and_denominator(self, q: FloatArray, G: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """N and D at the modulus G, up to a common factor."""
         if math.isinf(self.thickness):  # a halfspace of the layer's material
             one = np.ones(np.broadcast_shapes(q.shape, G.shape))
@@ -161,7 +173,7 @@ class LayeredHalfspace:
         return N[0] + g * (N[1] + g * N[2]), D[0] + g * (D[1] + g * D[2])
 
 
-def _sinh_minus(y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sinh_minus(y: FloatArray) -> FloatArray:
     """2 exp(-y) (sinh y - y) without cancellation or overflow."""
     thin = np.minimum(y, 2.0)
     series = np.exp(-thin) * thin**3 * np.polynomial.polynomial.polyval(thin * thin, _SINH_TAIL)

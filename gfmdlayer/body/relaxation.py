@@ -1,21 +1,21 @@
 """The layered body's surface stiffness as a sum of relaxing modes.
 
-Where the layer's material is a Prony series, the stiffness K(q, G(s)) of `layer` is exactly
+If the layer's material is a Prony series, the stiffness K(q, G(s)) of `layer` is exactly
 
     K(q, s) = K_inf(q) - sum_j w_j(q)/(1 + s theta_j(q)),    w_j >= 0,  theta_j > 0
 
-with three modes for each Maxwell branch: springs w_j in series with dashpots w_j theta_j, all beside a spring
-K_0 = K_inf - sum_j w_j. For an incompressible body with a Zener layer this is Eq. (23) of Petrenko et al.,
-Materials Physics and Mechanics 52 (2024) 60-68, in partial fractions. Two steps lead to it.
+with three modes for each Maxwell branch: springs w_j in series with dashpots w_j theta_j, all parallel to a
+spring K_0 = K_inf - sum_j w_j. For an incompressible body with a Zener layer this is Eq. (23) of Petrenko et
+al., Materials Physics and Mechanics 52 (2024) 60-68, in partial fractions. It is derived in two steps.
 
 As a function of the layer's modulus, K is a quotient of a cubic and a quadratic whose roots are real and
-interlace, so it is a linear function less two that saturate:
+interlace, so it is a linear function minus two simple fractions:
 
     K(q, G) = a G + b - R_1/(P_1 + G) - R_2/(P_2 + G),       R_i >= 0,  P_i > 0
 
-a is the stiffness of the layer alone at unit modulus; on a rigid base, or on none, K = a G is all there is.
-And 1/(P_i + G(s)) is the compliance of the layer's material with a spring P_i beside it. In a Prony solid of
-relaxed modulus A that compliance is
+a is the stiffness of the layer alone at unit modulus; on a rigid base, or without one, K = a G. And
+1/(P_i + G(s)) is the compliance of the layer's material parallel to a spring P_i. A Prony solid of relaxed
+modulus A has the compliance
 
     1/G(s) = 1/Ginf + sum_k J_k/(1 + s theta_k),             sum_k G_k tau_k/(theta_k - tau_k) = A
 
@@ -27,31 +27,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material
 
-    from gfmdlayer.body.layer import LayeredHalfspace
-    from gfmdlayer.body.materials import Material
-
-    Floats = NDArray[np.float64]
-
-# Modes left out at a wavenumber weigh no more than this together, relative to the relaxed stiffness there.
+# Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
 
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
 
-# From exp(-2x) = 1/4 downwards N(-P) of the two poles, which vanishes with exp(-2x), is found from N - D.
+# Where exp(-2x) < 1/4, N(-P) at the two poles, which vanishes with exp(-2x), is computed from N - D.
 _THIN = math.log(2.0)
 
-# Secular equations are solved for about this many (pole, branch, branch) terms at once: what fits the cache.
+# Number of (pole, branch, branch) terms for which secular equations are solved at once: they fit the cache.
 _CHUNK = 2**17
 
-# The iteration took no more than 16 rounds wherever it was tried, and ends where rounding holds a root fast.
+# The iteration needed at most 16 steps in all tests; it ends when rounding no longer changes a root.
 _MOST_ITERATIONS = 100
 _ROUNDING = 4 * np.finfo(float).eps
 
@@ -62,27 +59,27 @@ class Spectrum:
 
     Parameters
     ----------
-    relaxed
-        K_0(q) = K(q, s = 0), the stiffness when all has relaxed, in the shape of q.
-    weights
-        w_j(q) >= 0, shape (modes, *q.shape); zero where a mode is left out.
-    times
-        theta_j(q) > 0, shape (modes, *q.shape).
+    relaxed : ndarray, shape (*q.shape,)
+        K_0(q) = K(q, s = 0), the relaxed stiffness.
+    weights : ndarray, shape (modes, *q.shape)
+        w_j(q) >= 0; zero where a mode is left out.
+    times : ndarray, shape (modes, *q.shape)
+        theta_j(q) > 0.
     """
 
-    relaxed: Floats
-    weights: Floats
-    times: Floats
+    relaxed: FloatArray
+    weights: FloatArray
+    times: FloatArray
 
     @property
-    def glassy(self) -> Floats:
-        """K_inf(q) = K_0 + sum_j w_j, the stiffness against sudden displacements, in the shape of q."""
+    def glassy(self) -> FloatArray:
+        """K_inf(q) = K_0 + sum_j w_j, the stiffness against sudden displacements."""
         return np.asarray(self.relaxed + self.weights.sum(axis=0))
 
     def stiffness(self, s: ArrayLike) -> NDArray[Any]:
         """K(q, s) at the Laplace variable s, real or complex, broadcast against q.
 
-        Summed from K_0 upwards, which loses no digits where Re s >= 0 however far K_inf is from K_0.
+        Summed from K_0 upwards, which loses no digits for Re s >= 0, however large K_inf/K_0 is.
         """
         cycles = np.asarray(s) * self.times
         return np.asarray(self.relaxed + (self.weights * (cycles / (1 + cycles))).sum(axis=0))
@@ -93,18 +90,19 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
 
     Parameters
     ----------
-    layer
+    layer : LayeredHalfspace
         Thickness, Poisson's ratios and halfspace; Poisson's ratios do not relax.
-    material
+    material : Material
         Shear response of the layer.
-    q
+    q : array_like
         Wavenumbers, not negative, of any shape.
 
     Returns
     -------
-    At most three modes for each branch of the material. Modes whose weights at a wavenumber sum to no more
-    than `NEGLIGIBLE` of the relaxed stiffness have weight zero there, and those without weight anywhere are
-    left out. An elastic body has none.
+    Spectrum
+        At most three modes for each branch of the material, none for an elastic body. Modes whose weights at
+        a wavenumber sum to no more than `NEGLIGIBLE` of the relaxed stiffness have weight zero there, and
+        those without weight anywhere are left out.
     """
     q = np.asarray(q, dtype=float)
     relaxed = layer.stiffness(q, material.relaxed)
@@ -130,18 +128,18 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
 class _PartialFractions(NamedTuple):
     """K(q, G) = proportional G + const - sum_i strengths_i/(poles_i + G): shapes (nq,), (2, nq), (2, nq)."""
 
-    proportional: Floats
-    poles: Floats
-    strengths: Floats
+    proportional: FloatArray
+    poles: FloatArray
+    strengths: FloatArray
 
 
-def _partial_fractions(layer: LayeredHalfspace, q: Floats) -> _PartialFractions:
-    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a layer of some thickness.
+def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFractions:
+    """K(q, G) as a function of the layer's modulus, for q of shape (nq,) and a thickness above zero.
 
     With g = G/G_bulk and the quadratics N and D of `layer`, K = q G_bulk/(1 - nu) g N/D. The discriminant of
     D is a sum of squares, and N - D = -r [(1 + 2x)^2 A + B - 2 r C] with A = (g - 1)(1 + c g),
-    B = (c g - e)(g + e), C = (g - 1)(c g - e); so neither the roots of D, their distance nor N there is a
-    small difference.
+    B = (c g - e)(g + e), C = (g - 1)(c g - e); so the roots of D, their distance and N at the roots
+    are found without cancellation.
     """
     poles, strengths = np.ones((2, q.size)), np.zeros((2, q.size))
     if layer.bulk_modulus in (0, math.inf):
@@ -170,27 +168,35 @@ def _partial_fractions(layer: LayeredHalfspace, q: Floats) -> _PartialFractions:
     return _PartialFractions(replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths)
 
 
-def _distinct_branches(material: Material) -> tuple[Floats, Floats]:
-    """Moduli and ascending, distinct relaxation times of the branches that matter."""
+def _distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
+    """Moduli and ascending, distinct relaxation times of the branches that are not negligible."""
     times, position = np.unique(material.branch_times, return_inverse=True)
     moduli = np.bincount(position, weights=material.branch_moduli, minlength=times.size)
-    matter = moduli * moduli.size > NEGLIGIBLE * material.relaxed
-    return np.asarray(moduli[matter]), np.asarray(times[matter])
+    relevant = moduli * moduli.size > NEGLIGIBLE * material.relaxed
+    return np.asarray(moduli[relevant]), np.asarray(times[relevant])
 
 
-def retardation_spectrum(moduli: Floats, times: Floats, relaxed: Floats) -> tuple[Floats, Floats]:
+def retardation_spectrum(
+    moduli: FloatArray, times: FloatArray, relaxed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Compliances J_k and retardation times theta_k of Prony solids that differ in their relaxed modulus.
 
     Parameters
     ----------
-    moduli, times
-        G_k > 0 and ascending, distinct tau_k of the branches, shape (n,).
-    relaxed
-        Relaxed moduli A > 0, shape (m,).
+    moduli, times : ndarray, shape (n,)
+        G_k > 0 and ascending, distinct tau_k of the branches.
+    relaxed : ndarray, shape (m,)
+        Relaxed moduli A > 0.
 
     Returns
     -------
-    J_k > 0 and theta_k > tau_k, each of shape (n, m), with sum_k J_k = 1/A - 1/(A + sum_k G_k).
+    ndarray, ndarray, shape (n, m)
+        J_k > 0, with sum_k J_k = 1/A - 1/(A + sum_k G_k), and theta_k > tau_k.
+
+    Raises
+    ------
+    ArithmeticError
+        If the iteration does not converge.
     """
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     width = max(1, _CHUNK // moduli.size**2)
@@ -200,15 +206,17 @@ def retardation_spectrum(moduli: Floats, times: Floats, relaxed: Floats) -> tupl
     return compliances, thetas
 
 
-def _solve_secular(moduli: Floats, times: Floats, relaxed: Floats) -> tuple[Floats, Floats]:
+def _solve_secular(
+    moduli: FloatArray, times: FloatArray, relaxed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """`retardation_spectrum` by the iteration of Bunch, Nielsen and Sorensen, Numer. Math. 31 (1978) 31-48.
 
     A root is held as its distance from the nearer of the two poles tau_k around it, so that it is accurate
     however close the times are.
     """
     strengths = moduli * times
-    # A pole without strength, out of reach beyond the longest time, spares the last root from being special.
-    # The way there is kept by itself: beside the time it may vanish, in a body that is all but rigid.
+    # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
+    # longest time is kept separately: added to the time it may vanish, in a body that is almost rigid.
     reach = 4 * strengths.sum() / relaxed.min()
     ends = np.append(times, times[-1] + reach)
     gap = np.append(np.diff(times), reach)[:, np.newaxis]
@@ -216,31 +224,31 @@ def _solve_secular(moduli: Floats, times: Floats, relaxed: Floats) -> tuple[Floa
     sides = np.stack((below, strengths - below), axis=-1)
 
     distance = np.repeat(gap / 2, relaxed.size, axis=1)
-    pulls, _ = _pulls((times[:, np.newaxis] - times)[:, np.newaxis], distance, sides)
-    upward = pulls.sum(axis=-1) < relaxed
+    values, _ = _secular_sums((times[:, np.newaxis] - times)[:, np.newaxis], distance, sides)
+    upward = values.sum(axis=-1) < relaxed
     sign = np.where(upward, 1, -1)
     origin = ends[np.arange(times.size)[:, np.newaxis] + ~upward]
     offsets = origin[..., np.newaxis] - times
     for _ in range(_MOST_ITERATIONS):
-        pulls, slopes = _pulls(offsets, sign * distance, sides)
-        near, far = np.moveaxis(np.where(upward[..., np.newaxis], pulls, -pulls[..., ::-1]), -1, 0)
+        values, slopes = _secular_sums(offsets, sign * distance, sides)
+        near, far = np.moveaxis(np.where(upward[..., np.newaxis], values, -values[..., ::-1]), -1, 0)
         near_slope, far_slope = np.moveaxis(
             np.where(upward[..., np.newaxis], slopes, slopes[..., ::-1]), -1, 0
         )
         residual = sign * relaxed - near - far
         last, distance = distance, _next_distance(distance, gap, residual, near_slope, far_slope)
-        settled = np.abs(distance - last) <= _ROUNDING * distance
-        if (settled | (np.abs(residual) <= _ROUNDING * (relaxed + near - far))).all():
+        converged = np.abs(distance - last) <= _ROUNDING * distance
+        if (converged | (np.abs(residual) <= _ROUNDING * (relaxed + near - far))).all():
             break
     else:
-        raise ArithmeticError("the retardation times of the layer's material were not found")
+        raise ArithmeticError("no convergence to the retardation times of the layer's material")
     theta = origin + sign * distance
-    _, slopes = _pulls(offsets, sign * distance, sides)
+    _, slopes = _secular_sums(offsets, sign * distance, sides)
     return 1 / (theta * slopes.sum(axis=-1)), theta
 
 
-def _pulls(offsets: Floats, y: Floats, sides: Floats) -> tuple[Floats, Floats]:
-    """sum_k G_k tau_k/(theta - tau_k) over the poles below and those above a root, and its falling slope.
+def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative.
 
     `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the strengths
     on either side, shape (n, n, 2). Both results have shape (n, m, 2).
@@ -250,12 +258,12 @@ def _pulls(offsets: Floats, y: Floats, sides: Floats) -> tuple[Floats, Floats]:
 
 
 def _next_distance(
-    distance: Floats, gap: Floats, residual: Floats, near_slope: Floats, far_slope: Floats
-) -> Floats:
+    distance: FloatArray, gap: FloatArray, residual: FloatArray, near_slope: FloatArray, far_slope: FloatArray
+) -> FloatArray:
     """Distance m from the nearer pole where s/m - u/(gap - m) = C.
 
-    The pull of either side is taken for that of its nearest pole and a constant: s and u give it its present
-    slope and C its present value, `residual` being what the two pulls lack.
+    The sum over either side is replaced by its nearest pole and a constant: s and u match its derivative and
+    C its value; `residual` is the relaxed modulus minus both sums.
     """
     s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
     C = (residual + s / distance - u / (gap - distance)) * gap

@@ -1,6 +1,6 @@
-"""The periodic grid on which the surface lives, and its wavenumbers.
+"""The periodic grid of the surface, and its wavenumbers.
 
-Points sit at x_j = j L/n - L/2, j = 0 ... n-1, along each of one or two axes.  Fields are real arrays of the
+Points are at x_j = j L/n - L/2, j = 0 ... n-1, along each of one or two axes. Fields are real arrays of the
 grid's shape; their transforms are real-to-complex, so the last axis of a spectrum has n//2 + 1 entries.
 """
 
@@ -13,8 +13,9 @@ from math import gcd, prod
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.grid.sums import Sums
 
-_SHORTEST = 64  # points of the shortest transforms
+_SHORTEST = 64  # points of an axis of the smallest windows
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Grid:
     def wavenumbers_x(self) -> FloatArray:
         """Wavenumbers along x of the two waves that each mode is the mean of, shape (2, *spectral_shape).
 
-        They are the same but at half the number of points, where no grid tells a wave from its opposite.
+        The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
         """
         q = np.broadcast_to(self._wavevectors()[0], self.spectral_shape)
         largest = np.pi * self.points[0] / self.period[0]
@@ -73,12 +74,17 @@ class Grid:
 
     @cached_property
     def parseval_weights(self) -> FloatArray:
-        """Weight of each mode in the mean over the surface (Parseval): most of them stand for two."""
+        """Weight of each mode in a mean over the surface (Parseval): most modes stand for two waves."""
         weights = np.full(self.spectral_shape, 2.0 / self.size**2)
         weights[..., 0] /= 2
         if self.points[-1] % 2 == 0:
             weights[..., -1] /= 2
         return weights
+
+    @cached_property
+    def sums(self) -> Sums:
+        """Sums, means and extrema over the points and the waves of the grid."""
+        return Sums(self.parseval_weights)
 
     def _wavevectors(self) -> list[FloatArray]:
         axes = [
@@ -90,16 +96,13 @@ class Grid:
 
 
 def parts(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the parts, one in so many points, that windows' transforms are of the surface; ascending.
-
-    Each divides the number of points of every axis.
-    """
+    """Divisors m for which a window of 1/m of the points of each axis has a transform, ascending."""
     found: list[int] = []
     common, part = gcd(*shape), 1
-    while True:
-        factor = next((f for f in range(2, common + 1) if common % f == 0), 0)
-        part *= factor
-        if not factor or min(shape) // part < _SHORTEST:
-            return tuple(found)
-        common //= factor
+    while common > 1:
+        factor = next(f for f in range(2, common + 1) if common % f == 0)
+        common, part = common // factor, part * factor
+        if min(shape) // part < _SHORTEST:
+            break
         found.append(part)
+    return tuple(found)

@@ -1,66 +1,40 @@
-"""Where on a periodic surface something is: the shortest stretches of its axes that hold all of it."""
+"""Where on a periodic surface the pressure is: the shortest intervals of its axes that hold all of it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.kernels import kernel
+from gfmdlayer.arrays import BoolArray, FloatArray
 
-Stretch = tuple[int, int]  # first, which may be late on the periodic axis, and number
-
-_BLOCK = 256  # points that are passed over at once
+Stretch = tuple[int, int]  # first point, which may be late on the periodic axis, and number of points
 
 NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
 
 
-@kernel
 def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
-    """First and number of the lines where there is pressure, then of the points along them."""
-    rows, line = shape
-    if rows == 1:
-        around = _span(pressure)
-        return (0, min(around[1], 1)), around
-    in_row, in_line = np.zeros(rows), np.zeros(line)
-    for row in range(rows):
-        in_row[row] = _mark(pressure[row * line : (row + 1) * line], in_line)
-    return _span(in_row), _span(in_line)
+    """Shortest periodic intervals of the two axes that hold all points with pressure.
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (rows * columns,)
+        Pressure p >= 0.
+    shape : tuple of int
+        Rows and columns of the surface; a line has one row.
+
+    Returns
+    -------
+    tuple of two (int, int)
+        First row and number of rows, first column and number of columns; `NOWHERE` without pressure.
+    """
+    pressed = pressure.reshape(shape) > 0.0
+    rows, columns = (np.asarray(pressed.any(axis=axis)) for axis in (1, 0))
+    return _shortest_interval(rows), _shortest_interval(columns)
 
 
-@kernel(reorder=True)
-def _mark(pressure: FloatArray, occupied: FloatArray) -> float:
-    """Count the points with pressure, and mark them."""
-    total = 0.0
-    for i in range(pressure.size):
-        pressed = 1.0 if pressure[i] > 0.0 else 0.0
-        total += pressed
-        occupied[i] += pressed
-    return total
-
-
-@kernel
-def _span(occupied: FloatArray) -> Stretch:
-    """The shortest stretch of a periodic line that holds all that is occupied."""
-    size, first, last, longest, after = occupied.size, -1, -1, -1, 0
-    for start in range(0, size, _BLOCK):
-        end = min(start + _BLOCK, size)
-        for i in range(start, end if _any(occupied[start:end]) else start):
-            if occupied[i] > 0.0:
-                if first < 0:
-                    first = i
-                elif i - last > longest:
-                    longest, after = i - last, i
-                last = i
-    if first < 0:
+def _shortest_interval(occupied: BoolArray) -> Stretch:
+    points = np.flatnonzero(occupied)
+    if points.size == 0:
         return 0, 0
-    if first + size - last >= longest:
-        longest, after = first + size - last, first
-    return after, size - longest + 1
-
-
-@kernel(reorder=True)
-def _any(occupied: FloatArray) -> bool:
-    total = 0.0
-    for i in range(occupied.size):
-        total += 1.0 if occupied[i] > 0.0 else 0.0
-    return total > 0.0
+    steps = np.diff(points, prepend=points[-1] - occupied.size)
+    longest = int(np.argmax(steps))  # the interval is the rest of the period
+    return int(points[longest]), int(occupied.size - steps[longest] + 1)

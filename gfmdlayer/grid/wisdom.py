@@ -1,4 +1,4 @@
-"""FFTW's plans, measured once on a machine and then the same for every run: runs agree in every bit."""
+"""FFTW wisdom measured once on a machine and kept on its disk: runs with it agree in every bit."""
 
 from __future__ import annotations
 
@@ -14,10 +14,23 @@ from gfmdlayer.grid.transforms import Transforms
 
 
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
-    """Wisdom for fields of a shape and threads, from the folder if it is there, else measured and put there.
+    """Wisdom for the transforms of a grid and of its windows, read from a folder or measured and kept there.
 
-    Whoever puts it there first wins: of several runs that measure at once, all use the same plans.  Where the
-    folder cannot be written, the plans are this run's own.
+    Of several runs that measure at the same time, all use the wisdom of the first one that is done.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the fields.
+    folder : Path
+        Where wisdom is kept. If it cannot be written, the plans are this run's own.
+    threads : int
+        Threads of a transform.
+
+    Returns
+    -------
+    str
+        Wisdom for `Transforms`.
     """
     suffix = f"-{threads}threads" if threads > 1 else ""
     kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}{suffix}-and-parts.wisdom"

@@ -1,16 +1,17 @@
 """Steps as long as a tolerance allows.
 
-The error of a step is known when it is solved (`corrected`). It grows with the third power of the step, and
-the history does not pass it on, so the next step is the last one times (tolerance/error)^(1/3). A step whose
-error is above the tolerance is tried again, shorter.
+The error of a step is known after it is solved (`error_control`). It grows with the third power of the step
+and does not accumulate in the history, so the next step is the last one times (tolerance/error)^(1/3). A step
+with an error above the tolerance is rejected and repeated with a shorter step.
 
-Steps land on the kinks of the trajectory, on the snapshots and on the asked output times. Nothing that was
-known before a kink helps after it: there the steps begin again short, and grow fast at first.
+Steps land on the kinks of the trajectory, on the snapshots and on the output times. The displacement
+before a kink does not predict that after it: there the steps start short, and grow fast at first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControlledModes
@@ -18,28 +19,40 @@ from gfmdlayer.history.time_points import Instant, stops
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
-_SAFETY = 0.9  # of the tolerance is aimed at
-_GROWTH = 2.0  # of a step at most
-_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # where the steps begin short
-_SHRINK = (0.2, 0.8)  # of a step that is tried again
-_AFTER_KINK = 0.3  # of the last step
-_DRAWN_BACK = 0.01  # of the largest depth, below which the dent is no image of the punch any more
-_AT_REST = 30.0  # times the tolerance and the shortest relaxation time: the first step of a punch at rest
-_AFTER_JUMP = 1e-6  # of that time: the first step where the punch is pressed in at t = 0
+_SAFETY = 0.9  # part of the tolerance that a step aims at
+_GROWTH = 2.0  # largest growth of a step
+_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a kink
+_SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
+_AFTER_KINK = 0.3  # first step after a kink, in steps before it
+_RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
+_FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
+_AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
-_MEMORY = ("time", "next_stop", "turns", "next", "since_kink", "largest", "deepest", "depth")
+
+@dataclass
+class _Position:
+    """The position of the run in time, and the quantities that set the length of the next step."""
+
+    time: float = 0.0
+    next_stop: int = 0
+    next_step: float = 0.0
+    after_kink: bool = False
+    steps_since_kink: int = 0
+    largest_response: float = 0.0
+    largest_depth: float = 0.0
+    depth: float = 0.0
 
 
 class AdaptiveSteps:
-    """Steps chosen as the run goes on: each is given out, and make_solution before the next.
+    """Steps chosen during the run: each one that is yielded has to be accepted or not before the next.
 
     Parameters
     ----------
     integrator : ErrorControlledModes
-        Knows the error of a step.
+        Estimates the error of a step.
     tolerance : float
-        Error allowed, relative to the largest mean pressure so far (depth, in load control), and of the
-        displacement relative to the largest depth so far.
+        Largest error of the mean pressure relative to its largest value so far (of the depth, in load
+        control), and of the displacement relative to the largest depth so far.
     end : float
         Last time.
     snapshots, kinks, times : iterable of float
@@ -57,84 +70,82 @@ class AdaptiveSteps:
     ) -> None:
         self._integrator, self._tolerance = integrator, tolerance
         self._stops = stops(end, snapshots, kinks, times)
-        self._next_stop, self._turns = 0, False
-        self._time = self._step = self._next = 0.0
-        self._since_kink = 0
-        self._largest = self._deepest = self._depth = 0.0
+        self._position = _Position()
 
     def __iter__(self) -> Iterator[Instant]:
-        """Give the time points in order; a step that was not accepted is followed by a shorter one."""
-        while self._next_stop < len(self._stops):
-            if self._turns:
-                self._integrator.turn()
-                self._next, self._since_kink, self._turns = _AFTER_KINK * self._next, 0, False
-            stop = self._stops[self._next_stop]
-            left = stop.time - self._time
-            self._step = self._shortened(left)
-            self._lands = self._step == left
-            self._then = stop.time if self._lands else self._time + self._step
-            kink = self._lands and stop.kink and left > 0
-            yield Instant(self._then, self._step, self._lands and stop.snapshot, kink)
+        """Yield the time points in order; a rejected step is followed by a shorter one."""
+        while self._position.next_stop < len(self._stops):
+            now = self._position
+            if now.after_kink:
+                self._integrator.discard_velocity()
+                now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
+            stop = self._stops[now.next_stop]
+            left = stop.time - now.time
+            # Two halves rather than a step and a much shorter one before the stop.
+            step = left if now.next_step >= left else min(now.next_step, left / 2)
+            self._lands = step == left
+            time = stop.time if self._lands else now.time + step
+            self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.kink)
+            yield self._given
 
-    def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
-        """Judge the step that was given out last.
+    def accepts(self, spectrum: ComplexArray, response: float, depth: float) -> bool:
+        """Accept or reject the last step that was yielded, and set the length of the next.
 
         Parameters
         ----------
         spectrum : ndarray
-            The displacement at its end.
-        found : float
-            What the contact problem was solved for: the mean pressure, or the depth in load control.
+            Transform of the displacement at its end.
+        response : float
+            The unknown of the contact problem: the mean pressure in depth control, the depth in load control.
         depth : float
-            Of the punch.
+            Depth of the punch.
+
+        Returns
+        -------
+        bool
+            Whether the error is within the tolerance.
         """
-        largest, deepest = max(self._largest, abs(found)), max(self._deepest, depth)
-        if self._step == 0:
+        now = self._position
+        response_scale, depth_scale = max(now.largest_response, abs(response)), max(now.largest_depth, depth)
+        if self._given.step == 0:
             accepted = True
-            # A punch may rest at a depth: that of the lowest of the grid's points, which miss its apex.
-            pressed = deepest > 0 and bool(spectrum.any())
-            self._next = self._integrator.fastest * (_AFTER_JUMP if pressed else _AT_REST * self._tolerance)
+            # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
+            pressed = depth_scale > 0 and bool(spectrum.any())
+            first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
+            now.next_step = self._integrator.shortest_time * first
         else:
             relative, displacement = self._integrator.error(
-                spectrum, moving=depth != self._depth, deep=depth >= _DRAWN_BACK * deepest
+                spectrum, moving=depth != now.depth, deep=depth >= _RETRACTED * depth_scale
             )
-            error = max(_part(relative * abs(found), largest), _part(displacement, deepest))
+            error = max(_ratio(relative * abs(response), response_scale), _ratio(displacement, depth_scale))
             accepted = error <= self._tolerance
-            self._choose(_SAFETY * self._tolerance / max(error, 1e-300), accepted)
+            self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted)
         if accepted:
-            self._largest, self._deepest, self._depth = largest, deepest, depth
-            self._time = self._then
-            if self._lands:
-                self._turns = self._step > 0 and self._stops[self._next_stop].kink
-                self._next_stop += 1
+            now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
+            now.time = self._given.time
+            now.after_kink = self._given.kink
+            now.next_stop += self._lands
         return accepted
 
     def state(self) -> State:
-        """Return where the run is, and what the length of the next step depends on."""
-        return {name: getattr(self, f"_{name}") for name in _MEMORY}
+        """Return the position in time and the quantities that set the length of the next step."""
+        return asdict(self._position)
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
-        for name in _MEMORY:
-            setattr(self, f"_{name}", state[name].item())
+        """Continue from there."""
+        self._position = _Position(**{name: state[name].item() for name in asdict(self._position)})
 
-    def _choose(self, room: float, accepted: bool) -> None:
-        """Set the length of the next step, when the error of this one may grow by the factor `room`."""
-        factor = room ** (1 / 3)
+    def _set_next_step(self, room: float, accepted: bool) -> None:
+        """Set the next step so that the error of the last one is multiplied by `room` at most."""
+        now, factor, step = self._position, room ** (1 / 3), self._given.step
         if accepted:
-            growth = _FIRST_GROWTH if self._since_kink < _FIRST_STEPS else _GROWTH
-            # A step that was cut to land somewhere does not shorten those that follow.
-            self._next = max(min(self._next, factor * self._step), min(growth, factor) * self._step)
-            self._since_kink += 1
+            growth = _FIRST_GROWTH if now.steps_since_kink < _FIRST_STEPS else _GROWTH
+            # A step that was cut to land on a stop does not shorten those that follow.
+            now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
+            now.steps_since_kink += 1
         else:
-            self._next = min(max(factor, _SHRINK[0]), _SHRINK[1]) * self._step
-
-    def _shortened(self, left: float) -> float:
-        """Step that does not pass the next stop, nor leaves a splinter of a step before it."""
-        if self._next >= left:
-            return left
-        return min(self._next, left / 2)
+            now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 
 
-def _part(value: float, whole: float) -> float:
-    return value / whole if whole > 0 else 0.0
+def _ratio(value: float, scale: float) -> float:
+    return value / scale if scale > 0 else 0.0

@@ -1,36 +1,46 @@
-"""Integrators over the exact relaxation spectrum: a sum of relaxing modes, each stepped by itself.
+"""Integrators over the exact relaxation spectrum: a sum of relaxing modes, each integrated by itself.
 
-With K(q, s) = K_0(q) + sum_j w_j(q) s theta_j/(1 + s theta_j) each mode j is a spring w_j in series with a
-dashpot w_j theta_j, all of them beside the spring K_0. Its state is the stretch y_j of its spring,
+With K(q, s) = K_0(q) + sum_j w_j(q) s theta_j/(1 + s theta_j) of `relaxation` each mode j is a spring w_j in
+series with a dashpot w_j theta_j, all of them parallel to the spring K_0. Its internal variable is the
+stretch y_j of its spring,
 
     d y_j/dt + y_j/theta_j = du/dt,        sigma = -(K_0 u + sum_j w_j y_j).
 
-One step of length dt from u_0 to u_1 carries the stretch on, and turns work into heat, by
+A step of length dt from u_0 to u_1 changes the stretch and dissipates heat by
 
     y_j <- decay_j y_j + gain_j (u_1 - u_0)
-    heat = w_j [loss_j |y_j + lead_j (u_1 - u_0)|^2 + rest_j |u_1 - u_0|^2]
+    heat = w_j [loss_j |y_j + lead_j (u_1 - u_0)|^2 + remainder_j |u_1 - u_0|^2]
 
-with y_j as it was before the step, and factors that depend on x = dt/theta_j and on the scheme alone:
+with y_j before the step on the right, and factors that depend on x = dt/theta_j and on the scheme alone. At
+the end of the step sigma = -kappa u_1 + b, with
+
+    kappa = K_0 + sum_j w_j gain_j,        b = sum_j w_j (gain_j u_0 - decay_j y_j)
+
+which are lines 5 and 6 of the pseudocode of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68;
+lines 8 and 9 are the change of the stretches. The schemes are
 
 exponential
     u linear over the step, y_j and the heat w_j/theta_j int |y_j|^2 dt exact: of second order in dt, stable
     for any step, and for dt = 0 the glassy response.
 backward Euler
     Of first order, heat w_j |y_j|^2 x. The substitution s -> (1 - 1/z)/dt commutes with partial fractions,
-    so it is the paper's Eq. (24) with backward differences (`third_order`), to rounding and for any material.
+    so it is the paper's Eq. (24) with backward differences, to rounding and for any material.
 
 The stored energy is half of K_0 |u|^2 + sum_j w_j |y_j|^2. Neither it nor the heat can be negative.
 
-What the exponential scheme leaves out is the curvature of u(t). Where c = dt^2 u''/2 is known afterwards,
-the exact history ends with bend_j c more, and the exact heat has w_j times
+The exponential scheme neglects the curvature of u(t). Where c = dt^2 u''/2 is known after the step, the exact
+stretch is larger by curvature_gain_j c, and with y_j' the stretch after the step without it the heat by
 
-    bend_heat_j |c|^2 - bend_j Re (y_j + y_j') c*
+    w_j [curvature_loss_j |c|^2 - curvature_gain_j Re (y_j + y_j') c*]
 
-more, where y_j and y_j' are the stretches before and after the step without it.
+The modes are of two kinds, which are stored differently:
 
-Most modes are of one of two kinds, and each kind is kept as suits it. The layer's own branches have the same
-time at every q and weights that differ by a factor: one array of stretches, and numbers for the rest. The
-others have their own time at each q, and weight at few of them: a list of the (mode, q) that have any.
+branch modes
+    The Maxwell branches of the layer itself (a G(s) of `relaxation`): one relaxation time at all q, and
+    weights w_j(q) = G_j shape(q). A row of stretches for each, and one factor for the row.
+local modes
+    Relaxation times that depend on q, and weights that vanish where the layer is deep, qd >> 1, which is at
+    most q. A list of the pairs (mode, q) with a weight.
 """
 
 from __future__ import annotations
@@ -38,18 +48,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.body.relaxation import Spectrum
-from gfmdlayer.history import mode_kernels as modes_loop
-from gfmdlayer.history.mode_kernels import Factors, exponential
+from gfmdlayer.grid.sums import Sums
+from gfmdlayer.history import mode_kernels as kernels
+from gfmdlayer.history.mode_kernels import BranchModes, Factors, LocalModes, StepTerms, exponential
 from gfmdlayer.resumable import State
 
-# Weights that are products of modulus and shape up to this part of the relaxed stiffness are taken for such.
+# Relative to the relaxed stiffness, the rounding up to which weights are products of a modulus and a shape.
 _ROUNDING = 1e-14
 
-_STRAIGHT = np.empty(0, dtype=np.complex128)  # no curvature
+_NO_CURVATURE = np.empty(0, dtype=np.complex128)
 
 Scheme = Callable[[FloatArray], Factors]
 
@@ -64,146 +74,156 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface, their history and their energy.
+    """The relaxing modes of a surface: their history, stiffness and energy.
 
     Parameters
     ----------
     spectrum : Spectrum
-        Of the wavenumbers of the grid's modes.
+        Relaxing modes at the grid's wavenumbers.
     scheme : callable
         `exponential` or `backward_euler`.
-    measure : ndarray, optional
-        Weight of each wavenumber in the mean over the surface, <f g> = sum_q measure f conj(g), in the shape
-        of the wavenumbers; energies are such means. By default one.
+    sums : Sums, optional
+        Sums over the grid; energies are means over its surface. By default every wavenumber has weight one.
 
     Attributes
     ----------
+    step : float
+        Length of the last step of `terms`.
+    u : ndarray of complex, shape (nq,)
+        Transform of the displacement after the last step.
     stored : float
         Elastic energy in all springs after the last step.
     dissipated : float
-        Heat from all dashpots since the beginning.
-    drag : ndarray, optional
-        Imaginary part of the stiffness, which a punch at rest does not meet.
+        Heat from all dashpots since the start.
+    loss_stiffness : ndarray, optional
+        Imaginary part of the stiffness, for a punch that moves along the surface.
     """
 
     loss_stiffness: FloatArray | None = None
 
-    def __init__(self, spectrum: Spectrum, scheme: Scheme, measure: FloatArray | None = None) -> None:
+    def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
         self.relaxed = np.ravel(spectrum.relaxed)
-        shape = (spectrum.weights.shape[0], self.relaxed.size)
-        weights, times = spectrum.weights.reshape(shape), spectrum.times.reshape(shape)
+        size = self.relaxed.size
+        self._sums = Sums(np.ones(size)) if sums is None else sums
+        weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)
         self._scheme = scheme
         self.step = np.nan
-        self.u = np.zeros(self.relaxed.size, dtype=np.complex128)
+        self.u = np.zeros(size, dtype=np.complex128)
         self.stored = self.dissipated = 0.0
+        self._springs = np.repeat(self.relaxed * self._sums.weights, 2)
 
-        measure = np.ones(self.relaxed.size) if measure is None else np.ravel(measure)
-        self._springs = np.repeat(self.relaxed * measure, 2)
-
-        branches = _proportional(weights, times, self.relaxed)
-        share = weights[branches].sum(axis=0) / max(weights[branches].sum(), np.finfo(float).tiny)
-        self._moduli, self._times = weights[branches].sum(axis=1), times[branches].max(axis=1, initial=0.0)
-        self._shape, self._shares = np.repeat(share, 2), np.repeat(share * measure, 2)
-        self._stretches = np.zeros((self._times.size, 2 * self.relaxed.size))
-
-        others = np.where(branches[:, np.newaxis], 0.0, weights)
-        self._index = np.ascontiguousarray(np.nonzero(others)[1])
-        self._own_weights, self._own_times = others[others > 0], times[others > 0]
-        self._own_shares = self._own_weights * measure[self._index]
-        self._own_stretches = np.zeros((self._index.size, 2))
+        of_branch = _branch_modes(weights, times, self.relaxed, self._sums)
+        total = self._sums.total(float(weights[of_branch].sum()))
+        shape = weights[of_branch].sum(axis=0) / max(total, np.finfo(float).tiny)
+        branch_times = self._sums.maximum(times[of_branch].max(axis=1, initial=0.0))
+        self._branches = BranchModes(
+            moduli=self._sums.total(weights[of_branch].sum(axis=1)),
+            shape=np.repeat(shape, 2),
+            energy_shape=np.repeat(shape * self._sums.weights, 2),
+            stretch=np.zeros((branch_times.size, 2 * size)),
+        )
+        local = np.where(of_branch[:, np.newaxis], 0.0, weights)
+        index, local_weights = np.ascontiguousarray(np.nonzero(local)[1]), local[local > 0]
+        energy_weights = local_weights * self._sums.weights[index]
+        self._local = LocalModes(index, local_weights, energy_weights, np.zeros((index.size, 2)))
+        self._times = np.concatenate((branch_times, times[local > 0]))
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b, sigma = -kappa u + b, at the end of a step of this length (lines 5 and 6)."""
-        self.prepare(step)
-        b = np.empty_like(self.u)
-        modes_loop.intercepts(
-            self._pulls,
-            self._shape,
-            self._stretches,
-            self._index,
-            self._own_pulls,
-            self._own_stretches,
-            self._pull,
-            self.u.view(np.float64),
-            b.view(np.float64),
-        )
-        return self._stiffness, b
-
-    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Carry the history on over the step of the last `terms` (lines 8 and 9).
+        """Return kappa and b, sigma = -kappa u + b, at the end of a step (lines 5 and 6).
 
         Parameters
         ----------
-        spectrum : ndarray
-            The displacement at the end of the step.
-        curvature : ndarray, optional
-            dt^2 u''/2 over the step, where it is known; else u is linear.
+        step : float
+            Length of the step.
+
+        Returns
+        -------
+        ndarray, ndarray of complex
+            Each of shape (nq,).
         """
-        curved = _STRAIGHT if curvature is None else curvature
-        twice, heat = modes_loop.advance(
-            self._moduli,
+        self.prepare(step)
+        self._b = np.empty_like(self.u)
+        kernels.intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(self._b))
+        return self._stiffness, self._b
+
+    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Advance the history over the step of the last `terms` (lines 8 and 9).
+
+        Parameters
+        ----------
+        spectrum : ndarray of complex, shape (nq,)
+            Transform of the displacement at the end of the step.
+        curvature : ndarray of complex, optional
+            dt^2 u''/2 over the step; without it u is linear.
+        """
+        c = _NO_CURVATURE if curvature is None else curvature
+        twice, heat = kernels.advance(
+            self._branches,
             self._factors,
-            self._shares,
-            self._stretches,
-            self._index,
-            self._own_shares,
-            self._own_factors,
-            self._own_stretches,
+            self._local,
+            self._local_factors,
             self._springs,
-            self.u.view(np.float64),
-            spectrum.view(np.float64),
-            curved.view(np.float64),
+            *(_numbers(values) for values in (self.u, spectrum, c)),
         )
-        self.stored = twice / 2
-        self.dissipated += heat
+        self.stored = self._sums.total(twice) / 2
+        self.dissipated += self._sums.total(heat)
 
     def state(self) -> State:
         """Return displacement, stretches and energies."""
         return {
             "u": self.u,
-            "stretches": self._stretches,
-            "own_stretches": self._own_stretches,
+            "branch_stretch": self._branches.stretch,
+            "local_stretch": self._local.stretch,
             "stored": self.stored,
             "dissipated": self.dissipated,
         }
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
+        """Continue from there."""
         self.u[:] = state["u"]
-        self._stretches[:] = state["stretches"]
-        self._own_stretches[:] = state["own_stretches"]
+        self._branches.stretch[:] = state["branch_stretch"]
+        self._local.stretch[:] = state["local_stretch"]
         self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
 
-    def missing(self, curvature: ComplexArray) -> ComplexArray:
-        """What the stress -sigma lacks at the end of the step if dt^2 u''/2 of it was not zero but this."""
-        bend, own = float(self._moduli @ self._factors.bend), self._own_weights * self._own_factors.bend
-        bent = modes_loop.missing(bend, self._shape, self._index, own, curvature.view(np.float64))
-        return np.asarray(bent.view(np.complex128))
+    def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
+        """Part of the stress -sigma at the end of the step that is due to dt^2 u''/2."""
+        gain = float(self._branches.moduli @ self._factors.curvature_gain)
+        local_gains = self._local.weights * self._local_factors.curvature_gain
+        shape, index = self._branches.shape, self._local.position
+        stress = kernels.curvature_stress(gain, shape, index, local_gains, _numbers(curvature))
+        return np.asarray(stress.view(np.complex128))
 
     def prepare(self, step: float) -> None:
-        """Make what depends on the length of the step."""
+        """Compute the stiffness and the factors for the length of a step."""
         if step == self.step:
             return
         self.step = step
-        factors = self._scheme(step / np.concatenate((self._times, self._own_times)))
-        self._factors = Factors(*(factor[: self._times.size] for factor in factors))
-        self._own_factors = Factors(*(factor[self._times.size :] for factor in factors))
-        self._pulls = self._moduli * self._factors.decay
-        self._own_pulls = self._own_weights * self._own_factors.decay
-        gain, own_gains = self._moduli @ self._factors.gain, self._own_weights * self._own_factors.gain
-        self._pull, self._stiffness = modes_loop.slopes(
-            float(gain), self._shape, self._index, own_gains, self.relaxed
-        )
+        factors, count = self._scheme(step / self._times), self._branches.moduli.size
+        self._factors = Factors(*(factor[:count] for factor in factors))
+        self._local_factors = Factors(*(factor[count:] for factor in factors))
+        gain = self._branches.shape[::2] * float(self._branches.moduli @ self._factors.gain)
+        np.add.at(gain, self._local.position, self._local.weights * self._local_factors.gain)
+        self._stiffness = self.relaxed + gain
+        branch_decay = self._branches.moduli * self._factors.decay
+        local_decay = self._local.weights * self._local_factors.decay
+        self._terms = StepTerms(np.repeat(gain, 2), branch_decay, local_decay)
 
 
-def _proportional(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> npt.NDArray[np.bool_]:
-    """Find the modes with one time at all q whose weights are multiples of those of the heaviest of them."""
-    total = weights.sum(axis=1)
-    longest = np.where(weights > 0, times, 0.0).max(axis=1, initial=0.0)
-    found = np.where(weights > 0, times == longest[:, np.newaxis], True).all(axis=1) & (total > 0)
+def _branch_modes(weights: FloatArray, times: FloatArray, relaxed: FloatArray, sums: Sums) -> BoolArray:
+    """Find the modes with one time at all q and weights proportional to those of the heaviest of them."""
+    total = sums.total(weights.sum(axis=1))
+    longest = sums.maximum(np.where(weights > 0, times, 0.0).max(axis=1, initial=0.0))
+    differ = (weights > 0) & (times != longest[:, np.newaxis])
+    found = (sums.total(differ.sum(axis=1)) == 0) & (total > 0)
     if found.any():
         heaviest = np.argmax(np.where(found, total, 0.0))
         shape = weights[heaviest] / total[heaviest]
         scale = _ROUNDING * (relaxed + weights.sum(axis=0))
-        found &= (np.abs(weights - total[:, np.newaxis] * shape) <= scale).all(axis=1)
+        differ = np.abs(weights - total[:, np.newaxis] * shape) > scale
+        found &= sums.total(differ.sum(axis=1)) == 0
     return np.asarray(found)
+
+
+def _numbers(spectrum: ComplexArray) -> FloatArray:
+    """Alternating real and imaginary parts, as the kernels take them."""
+    return spectrum.view(np.float64)

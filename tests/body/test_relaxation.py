@@ -123,11 +123,11 @@ def test_prony_layer_over_twelve_decades_of_time(branches: int) -> None:
         )
 
 
-def test_fifty_branches_and_8193_wavenumbers_sum_to_the_glassy_stiffness_everywhere() -> None:
+def test_fifty_branches_sum_to_the_glassy_stiffness_at_all_wavenumbers() -> None:
     material = Prony(1.0, tuple((1.0 + k % 7, tau) for k, tau in enumerate(np.logspace(-6, 6, 50).tolist())))
-    body, q = LayeredHalfspace(1e-4, 0.5, 1.0), 2 * np.pi * np.arange(8193)
+    body, q = LayeredHalfspace(1e-4, 0.5, 1.0), 16 * np.pi * np.arange(1025)
     spectrum = relaxation_spectrum(body, material, q)
-    assert spectrum.weights.shape == (150, 8193)
+    assert spectrum.weights.shape == (150, 1025)
     np.testing.assert_allclose(spectrum.glassy, body.stiffness(q, material.glassy), rtol=ROUNDING)
     np.testing.assert_array_equal(spectrum.relaxed, body.stiffness(q, 1.0))
 
@@ -142,7 +142,7 @@ def test_branches_of_one_time_are_one_branch() -> None:
 
 @pytest.mark.parametrize(("thickness", "bulk"), [(0.05, 0.0), (0.05, math.inf), (math.inf, 1.0)])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_body_that_is_proportional_to_its_layer_keeps_the_times_of_the_material(
+def test_body_proportional_to_its_layer_has_the_times_of_the_material(
     thickness: float, bulk: float, nu: float
 ) -> None:
     material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
@@ -169,7 +169,7 @@ def test_elastic_body_has_no_modes(body: LayeredHalfspace, material: Material) -
     np.testing.assert_array_equal(spectrum.stiffness(1j), spectrum.relaxed)
 
 
-def test_mean_height_relaxes_on_a_rigid_base_alone() -> None:
+def test_mean_height_relaxes_only_on_a_rigid_base() -> None:
     material, q = Zener(1.0, 10.0, 2.0), np.array([0.0, 1.0])
     rigid = LayeredHalfspace(0.1, 0.3, math.inf)
     confined = relaxation_spectrum(rigid, material, q)
@@ -182,7 +182,7 @@ def test_mean_height_relaxes_on_a_rigid_base_alone() -> None:
         assert free.weights[:, 1].all()
 
 
-def test_deep_layer_is_left_with_the_modes_that_matter() -> None:
+def test_modes_without_weight_in_a_deep_layer_are_left_out() -> None:
     material = Prony(1.0, ((2.0, 0.1), (3.0, 10.0)))
     body = LayeredHalfspace(1.0, 0.3, 2.0)
     deep = relaxation_spectrum(body, material, np.array([25.0, 30.0, 1e3]))
@@ -193,7 +193,7 @@ def test_deep_layer_is_left_with_the_modes_that_matter() -> None:
     assert np.count_nonzero(mixed.weights[:, 1:].any(axis=1)) == 2
 
 
-def test_modes_left_out_weigh_no_more_than_stated() -> None:
+def test_weights_left_out_are_negligible() -> None:
     body, q = LayeredHalfspace(1.0, 0.5, 1.0), np.linspace(10, 25, 61)
     spectrum = relaxation_spectrum(body, Zener(1.0, 10.0, 1.0), q)
     kept = spectrum.weights[spectrum.weights > 0]
@@ -205,7 +205,7 @@ def test_modes_left_out_weigh_no_more_than_stated() -> None:
 
 
 @pytest.mark.parametrize("bulk", [1e12, 1e16, 1e18, 1e25, 1e30])
-def test_a_halfspace_that_is_all_but_rigid_is_none_the_less_one(bulk: float) -> None:
+def test_a_halfspace_may_be_almost_rigid(bulk: float) -> None:
     q = np.geomspace(0.1, 1e3, 9)
     material = Prony(1.0, ((3.0, 0.1), (6.0, 1.0), (2.0, 50.0)))
     assert_exact(LayeredHalfspace(0.05, 0.5, bulk), material, q, [0, 0.1 + 0.03j, 30j])

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gfmdlayer import simulation
 from gfmdlayer.config import Config
-from gfmdlayer.grid.transforms import Transforms, forget
+from gfmdlayer.grid.fftw import forget_wisdom
+from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.simulation import simulate
 
@@ -131,7 +132,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
     shape = (15015,)
     hasty = Transforms(shape, time_limit=0.0)  # which settles for the first plan, and not the best
     state = through_a_file({name: np.asarray(value) for name, value in hasty.state().items()})
-    forget()
+    forget_wisdom()
     careful = Transforms(shape)
     assert careful.description != hasty.description
     again = Transforms(shape, careful.wisdom, time_limit=0.0)
@@ -151,10 +152,10 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     config = Config(name="parts").with_values(
         settings | {"grid.points": 15015, "solver.method": "active_set"}
     )
-    forget()
+    forget_wisdom()
     careful = Transforms((15015,)).wisdom
     monkeypatch.setattr(simulation, "Transforms", partial(Transforms, time_limit=0.0))
-    forget()
+    forget_wisdom()
     whole, parts = Bits(), Bits()
     memory: list[Resumable] = []
     kept: list[State] = []
@@ -165,7 +166,7 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
             kept.append(through_a_file(memory[0].state()))
             raise Stop
 
-    forget()
+    forget_wisdom()
     with pytest.raises(Stop):
         simulate(config, parts, stop, resume=memory.append)
     assert bool(kept[0]["solver.kernel"])

@@ -1,4 +1,4 @@
-"""The transforms against numpy's, and plans that come out the same every time."""
+"""The transforms against numpy's, and plans that are reproduced from wisdom."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer.grid import wisdom
-from gfmdlayer.grid.transforms import Transforms, forget
+from gfmdlayer.grid.fftw import forget_wisdom
+from gfmdlayer.grid.transforms import Transforms
 
 SHAPES = [(8,), (9,), (1024,), (1155,), (6, 8), (5, 9), (6, 9), (7, 8), (32, 64)]
 
@@ -32,7 +33,7 @@ def test_forward_is_the_unnormalised_real_transform(shape: tuple[int, ...]) -> N
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_there_and_back_multiplies_by_the_number_of_points(shape: tuple[int, ...]) -> None:
+def test_backward_of_forward_multiplies_by_the_number_of_points(shape: tuple[int, ...]) -> None:
     transforms, u = Transforms(shape), fields(shape)
     back = transforms.backward(transforms.forward(u))
     n = u.size
@@ -48,32 +49,32 @@ def test_backward_leaves_the_callers_spectrum_alone(shape: tuple[int, ...]) -> N
     np.testing.assert_array_equal(spectrum, before)
 
 
-def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_held() -> None:
+def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_used() -> None:
     shape, u = (48,), fields((48,))
-    forget()
+    forget_wisdom()
     first = Transforms(shape)
     assert Transforms(shape).plans == first.plans
     known, expected = first.wisdom, first.forward(u)
-    told = Transforms(shape, known)
-    assert Transforms(shape, known).plans == told.plans
-    assert Transforms((96,), known).shorter(2).plans == told.plans
-    forget()
+    informed = Transforms(shape, known)
+    assert Transforms(shape, known).plans == informed.plans
+    assert Transforms((96,), known).shorter(2).plans == informed.plans
+    forget_wisdom()
     for _ in range(3):  # new plans, which would take the place of old ones that are gone
         Transforms(shape)
-        forget()
+        forget_wisdom()
     np.testing.assert_array_equal(first.forward(u), expected)
-    np.testing.assert_array_equal(told.forward(u), expected)
+    np.testing.assert_array_equal(informed.forward(u), expected)
 
 
 @pytest.mark.parametrize("shape", [(4096,), (2187,), (48, 64)])
 def test_the_same_wisdom_gives_the_same_bits(shape: tuple[int, ...]) -> None:
     u = fields(shape)
-    forget()
+    forget_wisdom()
     first = Transforms(shape)
     known, forward = first.wisdom, first.forward(u)
     backward = first.backward(forward)
     for _ in range(3):
-        forget()
+        forget_wisdom()
         again = Transforms(shape, known)
         np.testing.assert_array_equal(again.forward(u), forward)
         np.testing.assert_array_equal(again.backward(forward), backward)
@@ -100,12 +101,12 @@ def test_plans_for_threads_are_kept_apart(tmp_path: Path) -> None:
     assert names[0].replace("-2threads", "") == names[1]
 
 
-def test_wisdom_of_another_fftw_is_passed_over() -> None:
+def test_wisdom_of_another_fftw_is_ignored() -> None:
     u = fields((16,))
-    np.testing.assert_allclose(Transforms((16,), "(no such thing)").forward(u), np.fft.rfft(u), atol=1e-14)
+    np.testing.assert_allclose(Transforms((16,), "(not wisdom)").forward(u), np.fft.rfft(u), atol=1e-14)
 
 
-def test_plans_are_kept_and_found_again(tmp_path: Path) -> None:
+def test_wisdom_is_kept_in_the_folder_and_read_from_it(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "cache"
     first = wisdom.planned((64,), folder)
     assert first.startswith("(fftw")
@@ -113,7 +114,7 @@ def test_plans_are_kept_and_found_again(tmp_path: Path) -> None:
     assert [path.read_text() for path in folder.iterdir()] == [first]
 
 
-def test_of_two_runs_that_measure_at_once_both_use_the_plans_of_the_first(
+def test_of_two_runs_that_measure_at_the_same_time_both_use_the_plans_of_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wisdom.planned((64,), tmp_path)
@@ -130,6 +131,6 @@ def test_of_two_runs_that_measure_at_once_both_use_the_plans_of_the_first(
     assert [path.read_text() for path in tmp_path.iterdir()] == ["the other's"]
 
 
-def test_a_folder_that_cannot_be_written_leaves_a_run_its_own_plans(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")  # no folder can be made below a file, whoever runs the test
+def test_a_run_uses_its_own_plans_if_the_folder_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")  # no folder can be made below a file, even by root
     assert wisdom.planned((64,), tmp_path / "file" / "cache").startswith("(fftw")

@@ -1,4 +1,4 @@
-"""Adaptive steps: as accurate as asked, few, and where they have to be."""
+"""Adaptive steps: their error, their number, and the times that they land on."""
 
 from __future__ import annotations
 
@@ -60,7 +60,9 @@ def reference(run: Run) -> Callable[[str], Callable[[Floats], Floats]]:
 
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
-def test_the_error_is_what_was_asked(run: Run, reference: Any, body: str, tolerance: float) -> None:
+def test_the_error_is_of_the_size_of_the_tolerance(
+    run: Run, reference: Any, body: str, tolerance: float
+) -> None:
     recording = run(ADAPTIVE | BODIES[body] | {"time.tolerance": tolerance})
     known = recording["time"] > 0.01  # where the steps of the reference resolve the first touch
     time, pressure = recording["time"][known], recording["mean_pressure"][known]
@@ -100,7 +102,7 @@ def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run: Run,
     assert np.abs(coarse - close).max() <= 1e-4 * recording["mean_pressure"].max()
 
 
-def test_rows_fall_on_every_asked_time_and_snapshot_and_kink(run: Run) -> None:
+def test_rows_fall_on_every_output_time_snapshot_and_kink(run: Run) -> None:
     asked = {"time.end": 3.0, "output.times": 0.3, "output.snapshots": [0.0, 0.7, 3.0]}
     recording = run(ADAPTIVE | {"grid.points": 256, "trajectory.ramp_time": 0.95} | asked)
     for time in [0.0, *(0.3 * np.arange(1, 11)), 0.7, 0.95, 3.0]:
@@ -118,7 +120,7 @@ def test_the_displacement_is_within_the_tolerance_too(run: Run) -> None:
             assert math.sqrt(np.mean((u - exact) ** 2)) < 1.5 * tolerance * 0.01
 
 
-def test_what_a_rejected_attempt_took_is_in_the_next_row(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
+def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     solutions, seen = [], []
     make_solver = simulation.make_solver
 
@@ -140,25 +142,25 @@ def test_what_a_rejected_attempt_took_is_in_the_next_row(monkeypatch: pytest.Mon
     assert len(seen) >= 5
 
 
-class Grading:
-    """An integrator whose error is a power of the step."""
+class CubicModes:
+    """An integrator with an error proportional to the third power of the step."""
 
-    fastest = 1.0
+    shortest_time = 1.0
 
     def __init__(self, steps: list[float], size: float) -> None:
-        self.steps, self.size, self.turns = steps, size, 0
+        self.steps, self.size, self.kinks = steps, size, 0
 
     def error(self, _spectrum: Any, **_moving: bool) -> tuple[float, float]:
         return self.size * self.steps[-1] ** 3, 0.0
 
-    def turn(self) -> None:
-        self.turns += 1
+    def discard_velocity(self) -> None:
+        self.kinks += 1
 
 
-def walk(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, Grading]:
+def accepted_steps(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, CubicModes]:
     """Accepted time points, number of attempts, and the integrator."""
     tried: list[float] = []
-    integrator = Grading(tried, size)
+    integrator = CubicModes(tried, size)
     given = {"snapshots": [], "kinks": []} | stops
     steps: Any = AdaptiveSteps(integrator, 1e-4, end, **given)  # type: ignore[arg-type]
     accepted = []
@@ -169,26 +171,28 @@ def walk(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int,
     return accepted, len(tried), integrator
 
 
-def test_steps_settle_just_below_the_tolerance() -> None:
-    accepted, attempts, _ = walk(size=1.0, end=100.0)
+def test_steps_converge_to_just_below_the_tolerance() -> None:
+    accepted, attempts, _ = accepted_steps(size=1.0, end=100.0)
     longest = (1e-4) ** (1 / 3)
     assert 0.9 * longest < np.median([instant.step for instant in accepted]) < longest
     assert attempts - len(accepted) <= 2
 
 
 def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts() -> None:
-    accepted, _, integrator = walk(size=1e-12, end=1e4, kinks=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7])
+    accepted, _, integrator = accepted_steps(
+        size=1e-12, end=1e4, kinks=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
+    )
     growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
     assert max(growth[:3]) <= 4 * (1 + 1e-9)
     assert {0.5, 77.7} <= {instant.time for instant in accepted if instant.snapshot}
-    assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is none
-    assert integrator.turns == 2
+    assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is not
+    assert integrator.kinks == 2
     assert len(accepted) < 50
 
 
-def test_a_punch_that_rests_between_points_of_the_grid_is_not_taken_for_pressed(run) -> None:  # type: ignore[no-untyped-def]
-    # Its depth at rest is not zero. A first step as short as after a jump had so small a load that heights of
-    # the punch could not be told apart beside it.
+def test_a_punch_at_rest_between_grid_points_is_not_in_contact(run) -> None:  # type: ignore[no-untyped-def]
+    # Its depth at rest is not zero. After a first step as short as after a jump the load would be so small
+    # that the heights of the punch are equal to rounding relative to it.
     recording = run(
         {
             "grid.points": 14,
@@ -205,8 +209,8 @@ def test_a_punch_that_rests_between_points_of_the_grid_is_not_taken_for_pressed(
 
 
 def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path: Path) -> None:
-    # Drawn back to depth zero the punch does no work on the surface that comes back to it: the displacement
-    # is no measure of how the surface follows.
+    # At depth zero the punch does no work on the surface that recovers: the displacement is not proportional
+    # to the derivative with respect to the depth.
     (tmp_path / "back.txt").write_text("time depth\n0 0\n1 0.01\n2 0\n400 0\n")
     times = (3.0, 5.0, 10.0, 20.0, 40.0, 100.0, 400.0)
     values = ADAPTIVE | {
@@ -223,15 +227,15 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path
     assert abs(coarse["mean_pressure"][-1]) < 1e-8
 
 
-def test_a_height_above_the_surface_is_no_depth() -> None:
+def test_a_retracted_punch_is_not_deep() -> None:
     seen: list[bool] = []
 
-    class Watching(Grading):
+    class RecordsDeep(CubicModes):
         def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
             seen.append(known["deep"])
             return 0.0, 0.0
 
-    steps: Any = AdaptiveSteps(Watching([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
+    steps: Any = AdaptiveSteps(RecordsDeep([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
     depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
     for _, depth in zip(steps, depths, strict=False):
         assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)

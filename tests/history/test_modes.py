@@ -35,10 +35,10 @@ def ramp_hold(time: float) -> float:
 
 
 def ramp_hold_stress(spectrum: Spectrum, time: float) -> Floats:
-    """Stress -sigma of u = min(t, 1): each mode relaxes what it gathered in the ramp."""
+    """Stress -sigma of u = min(t, 1): the stretch of each mode after the ramp decays."""
     theta, ramp = spectrum.times, min(time, 1.0)
-    gathered = theta * -np.expm1(-ramp / theta) * np.exp(-(time - ramp) / theta)
-    return np.asarray(spectrum.relaxed * ramp + (spectrum.weights * gathered).sum(axis=0))
+    stretch = theta * -np.expm1(-ramp / theta) * np.exp(-(time - ramp) / theta)
+    return np.asarray(spectrum.relaxed * ramp + (spectrum.weights * stretch).sum(axis=0))
 
 
 def stresses(
@@ -49,11 +49,10 @@ def stresses(
     for time in times:
         kappa, b = integrator.terms(time - last)
         last, spectrum = time, np.full(modes, complex(u(time)))
-        stress = kappa * spectrum - b
-        np.testing.assert_allclose(stress.imag, 0, atol=1e-300)
-        found.append(stress.real)
+        found.append(kappa * spectrum - b)
         integrator.advance(spectrum)
-    return np.array(found)
+    np.testing.assert_allclose(np.imag(found), 0, atol=1e-300)
+    return np.real(found)
 
 
 @materials
@@ -96,7 +95,7 @@ def order(errors: Sequence[float], steps: Sequence[float]) -> float:
 
 
 def sine_stress(spectrum: Spectrum, time: float) -> Floats:
-    """Stress of u = sin t from t = 0 on: the oscillation and what its beginning leaves."""
+    """Stress of u = sin t from t = 0 on: the oscillation and a transient."""
     theta = spectrum.times
     forced = theta * (theta * math.sin(time) + math.cos(time) - np.exp(-time / theta)) / (1 + theta**2)
     return np.asarray(spectrum.relaxed * math.sin(time) + (spectrum.weights * forced).sum(axis=0))
@@ -107,7 +106,7 @@ def sine_stress(spectrum: Spectrum, time: float) -> Floats:
 def test_orders_of_the_schemes(name: str, expected: int, material: Material) -> None:
     spectrum = relaxation_spectrum(BODY, material, Q)
     exact = sine_stress(spectrum, 2.0)
-    # Between the material's times, where dt/theta is small for all that counts; 0.01 is the shortest of them.
+    # dt/theta is small for the shortest relaxation time, 0.01 in the Prony series.
     counts = np.array([400, 800, 1600, 3200] if material is PRONY else [25, 50, 100, 200])
     errors = []
     for count in counts:
@@ -121,7 +120,7 @@ def test_the_papers_integrator_is_of_first_order() -> None:
     spectrum = relaxation_spectrum(BODY, ZENER, Q)
     exact, errors, counts = sine_stress(spectrum, 2.0), [], np.array([50, 100, 200, 400])
     for count in counts:
-        # The first step is one from rest, to t = 0.
+        # The first step is from rest to t = 0.
         paper = ThirdOrder(BODY, ZENER, Q, 2 / count)
         for i in range(count + 1):
             kappa, b = paper.terms(2 / count)
@@ -151,7 +150,7 @@ def test_a_compressible_layer_on_a_rigid_base_relaxes_in_the_mean_too(name: str)
     body = LayeredHalfspace(0.1, 0.3, math.inf)
     spectrum = relaxation_spectrum(body, ZENER, np.array([0.0, 1e-6]))
     found = stresses(Modes(spectrum, SCHEMES[name]), [0.0, *np.linspace(10, 60, 6)], lambda _: 1.0, modes=2)
-    # P-wave modulus over thickness, relaxed: what is left of the rest is nine times exp(-60) or (1 + 10)^-6.
+    # P-wave modulus over thickness, relaxed: the remainder is nine times exp(-60) or (1 + 10)^-6.
     np.testing.assert_allclose(found[-1], 2 * 0.7 / (0.4 * 0.1), rtol=10 * 11.0**-6)
 
 

@@ -1,4 +1,4 @@
-"""The relaxing modes and the contact problem in the frame of a moving punch, each against its equation."""
+"""The relaxing modes and the contact problem in the frame of a moving punch, against their equations."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.sums import Sums
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import Modes
@@ -50,14 +51,14 @@ def test_phi_functions_keep_their_digits(z: complex) -> None:
 def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
     spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
     return SlidingModes(
-        spectrum, exponential, np.ones(1), wavenumbers_x=np.full((2, 1), q), velocity=velocity
+        spectrum, exponential, Sums(np.ones(1)), wavenumbers_x=np.full((2, 1), q), velocity=velocity
     )
 
 
 @pytest.mark.parametrize("theta", [1e-3, 0.4, 50.0])
 @pytest.mark.parametrize("q", [0.0, 0.3, 8.0, 900.0])
 @pytest.mark.parametrize("c", [0.0, 0.3 - 0.2j])
-def test_a_mode_moves_and_heats_as_its_equation_says(theta: float, q: float, c: complex) -> None:
+def test_stretch_and_heat_of_a_mode_solve_its_equation(theta: float, q: float, c: complex) -> None:
     step, v, u_0, u_1 = 0.2, 0.5, 0.6 + 0.1j, 0.2 - 0.4j
     modes = one_mode(theta, q, Constant(v))
     modes.terms(0.0)
@@ -74,22 +75,22 @@ def test_a_mode_moves_and_heats_as_its_equation_says(theta: float, q: float, c: 
 
     start = [complex(u_0), 0j]
     exact = solve_ivp(rate, (0, 1), start, rtol=1e-10, atol=1e-13, method="DOP853").y[:, -1]
-    # Without the curvature the stress at the end lacks what `missing` says.
+    # The stress at the end is that of a linear displacement and `curvature_stress`.
     kappa, b = modes.terms(step)
-    stress = (kappa + 1j * modes.loss_stiffness) * u_1 - b + modes.missing(np.array([c]))
+    stress = (kappa + 1j * modes.loss_stiffness) * u_1 - b + modes.curvature_stress(np.array([c]))
     assert stress[0] == pytest.approx(0.3 * u_1 + 1.7 * exact[0], rel=1e-8)
     modes.advance(np.array([u_1]), np.array([c]))
     assert modes.dissipated == pytest.approx(exact[1].real, rel=1e-7, abs=1e-13)
     assert modes.stored == pytest.approx((0.3 * abs(u_1) ** 2 + 1.7 * abs(exact[0]) ** 2) / 2, rel=1e-8)
 
 
-def test_the_steady_state_is_the_kernel_of_steady_sliding_whatever_the_step() -> None:
+def test_the_steady_state_is_the_kernel_of_steady_sliding_for_any_step() -> None:
     layer, material = LayeredHalfspace(0.05, 0.4, 3.0), Prony(1.0, ((2.0, 0.01), (3.0, 1.0)))
     grid, v = Grid((16,), (1.0,)), 0.7
     q = grid.wavenumbers
     spectrum = relaxation_spectrum(layer, material, q)
     modes = SlidingModes(
-        spectrum, exponential, grid.parseval_weights, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v)
+        spectrum, exponential, grid.sums, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v)
     )
     u = np.exp(1j * np.arange(9))
     u[[0, -1]] = u[[0, -1]].real
@@ -102,29 +103,27 @@ def test_the_steady_state_is_the_kernel_of_steady_sliding_whatever_the_step() ->
     np.testing.assert_allclose(stress, expected, rtol=1e-12)
 
 
-def test_sliding_is_the_same_seen_from_the_body() -> None:
-    # In the body's own frame u = U exp(-i q x0), and small steps tell the same.
+def test_sliding_modes_agree_with_modes_in_the_frame_of_the_body() -> None:
+    # In the frame of the body u = U exp(-i q x0); both agree in the limit of small steps.
     theta, q, v, end, errors = 0.4, 3.0, 0.8, 1.0, []
     for count in (50, 100):
         step = end / count
         sliding = one_mode(theta, q, Constant(v))
         spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
-        body = Modes(spectrum, exponential, np.ones(1))
+        body = Modes(spectrum, exponential)
         for i in range(count + 1):
             time = i * step
-            U, turn = np.array([complex(time, 0.5)]), np.exp(-1j * q * v * time)
+            U, phase = np.array([complex(time, 0.5)]), np.exp(-1j * q * v * time)
             dt = step if i else 0.0
             kappa, b = sliding.terms(dt)
-            seen = ((kappa + 1j * sliding.loss_stiffness) * U - b) * turn
+            seen = ((kappa + 1j * sliding.loss_stiffness) * U - b) * phase
             sliding.advance(U)
             stiffness, intercept = body.terms(dt)
-            own = stiffness * U * turn - intercept
-            body.advance(U * turn)
-        errors.append(abs(seen[0] - own[0]))
-    assert errors[1] < 1e-3 * abs(own[0])
-    assert errors[0] / errors[1] == pytest.approx(
-        4, rel=0.1
-    )  # the second order of straight lines in the body
+            expected = stiffness * U * phase - intercept
+            body.advance(U * phase)
+        errors.append(abs(seen[0] - expected[0]))
+    assert errors[1] < 1e-3 * abs(expected[0])
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)  # second order of linear interpolation
 
 
 def test_a_table_of_velocities_is_integrated_exactly() -> None:
@@ -150,7 +149,7 @@ SOLVERS: dict[str, Callable[[Transforms], Any]] = {
         ("fire", 1e2),
     ],
 )
-def test_contact_with_drag_is_solved_however_large_the_loss(
+def test_contact_with_loss_stiffness_is_solved_for_any_loss(
     method: str, condition: str, contrast: float
 ) -> None:
     # A halfspace of Ginf/G0 = contrast at the speed of most loss for waves of a tenth of the period, where
@@ -180,7 +179,7 @@ def test_contact_with_drag_is_solved_however_large_the_loss(
     assert p.mean() == pytest.approx(load, rel=1e-6) if load else abs(u.mean()) < 1e-12
 
 
-def test_it_settles_when_nothing_has_changed_over_a_whole_window() -> None:
+def test_the_state_is_steady_when_nothing_has_changed_over_a_whole_window() -> None:
     def when(friction: Callable[[float], float], since: float = 0.0) -> float:
         settling = SteadyState(window=2.0, tolerance=1e-3, since=since)
         times = (0.25 * i for i in range(1000))
@@ -188,8 +187,6 @@ def test_it_settles_when_nothing_has_changed_over_a_whole_window() -> None:
 
     assert when(lambda _: 0.1) == 2.0
     assert when(lambda _: 0.1, since=3.1) == 5.25
-    assert (
-        when(lambda t: 0.1 * (1 + math.exp(-t))) == 10.0
-    )  # exp(-8) = 3e-4 is left at the window's beginning
+    assert when(lambda t: 0.1 * (1 + math.exp(-t))) == 10.0  # exp(-8) = 3e-4 at the window's start
     assert when(lambda t: 0.1 * (1 + 0.01 * math.sin(t))) == math.inf
     assert when(lambda t: math.nan if t < 7 else 0.1) == 9.0

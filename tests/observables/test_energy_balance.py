@@ -122,9 +122,9 @@ def test_a_mode_moves_and_heats_as_its_equation_says(x: float, c: float) -> None
     exact = solve_ivp(rate, (0, x), [before, 0.0], rtol=1e-11, atol=1e-14, method="LSODA").y[:, -1]
     f = exponential(np.array([x]))
     straight = f.decay * before + f.gain * change
-    heat = f.loss * (before + f.lead * change) ** 2 + f.rest * change**2
-    heat += f.bend_heat * c**2 - f.bend * c * (before + straight)
-    np.testing.assert_allclose([(straight + f.bend * c).item(), heat.item()], exact, rtol=1e-8)
+    heat = f.loss * (before + f.lead * change) ** 2 + f.remainder * change**2
+    heat += f.curvature_loss * c**2 - f.curvature_gain * c * (before + straight)
+    np.testing.assert_allclose([(straight + f.curvature_gain * c).item(), heat.item()], exact, rtol=1e-8)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES.values(), ids=list(SCHEMES))
@@ -132,7 +132,7 @@ def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
     x = np.concatenate(([0.0], np.logspace(-12, 12, 400)))
     factors = scheme(x)
     assert (factors.loss >= 0).all()
-    assert (factors.rest >= 0).all()
+    assert (factors.remainder >= 0).all()
     assert all(np.isfinite(factor).all() for factor in factors)
 
 

@@ -1,0 +1,74 @@
+"""Sums over the grid: the one place where values at different points and waves are combined.
+
+The rule: a compiled kernel acts on the points and waves that this process holds and returns partial results;
+Python code completes them by a method of `Sums`. One process holds the whole grid, and partial results are
+complete; on a grid over several ranks the methods communicate, and no caller changes.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.kernels import kernel
+
+Partial = TypeVar("Partial", float, FloatArray)
+
+
+class Sums:
+    """Sums, means and extrema over a grid.
+
+    Parameters
+    ----------
+    weights : ndarray
+        Weight of each wave in a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in any
+        shape; f and g are unnormalised transforms.
+    """
+
+    def __init__(self, weights: FloatArray) -> None:
+        self.weights = np.ravel(weights)
+
+    def total(self, partial: Partial) -> Partial:
+        """Complete a sum."""
+        return partial
+
+    def maximum(self, partial: Partial) -> Partial:
+        """Complete a maximum; an array is completed element by element."""
+        return partial
+
+    def minimum(self, partial: Partial) -> Partial:
+        """Complete a minimum; an array is completed element by element."""
+        return partial
+
+    def mean(self, field: FloatArray) -> float:
+        """Mean of a field over the surface."""
+        return float(np.mean(field))
+
+    def spectral_mean(self, f: ComplexArray, g: ComplexArray) -> float:
+        """Mean <f g> over the surface, from the transforms."""
+        return self.spectral_means(f, g, g)[0]
+
+    def spectral_means(self, v: ComplexArray, f: ComplexArray, g: ComplexArray) -> tuple[float, ...]:
+        """Means <v f>, <v g> and <v v> over the surface, from the transforms."""
+        numbers = (spectrum.view(np.float64) for spectrum in (v, f, g))
+        return tuple(self.total(part) for part in _products(self._weights_twice, *numbers))
+
+    @cached_property
+    def _weights_twice(self) -> FloatArray:
+        """Weights of alternating real and imaginary parts."""
+        return np.repeat(self.weights, 2)
+
+
+@kernel(reorder=True)
+def _products(weights: FloatArray, v: FloatArray, f: FloatArray, g: FloatArray) -> tuple[float, float, float]:
+    """Sums of weights v f, weights v g and weights v v; not left to BLAS, whose threads cost more here."""
+    with_f, with_g, squares = 0.0, 0.0, 0.0
+    for i in range(weights.size):
+        part = weights[i] * v[i]
+        with_f += part * f[i]
+        with_g += part * g[i]
+        squares += part * v[i]
+    return with_f, with_g, squares
