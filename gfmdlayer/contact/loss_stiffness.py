@@ -1,18 +1,18 @@
 """Contact under a moving punch, where the stiffness of a mode has an imaginary part.
 
-The force f = IFFT(-(kappa + i drag) FFT(u) + b) has no energy: the pressure of a travelling wave
-runs ahead of the displacement by an angle delta, tan delta = |drag|/kappa. What remains is
-a variational inequality with a monotone operator. It is solved by problems that have an energy, one after the
-other: with a stiffness s of a mode in place of kappa + i drag, and the difference taken from the last u,
+With the loss stiffness mu of a mode the force f = IFFT(-(kappa + i mu) FFT(u) + b) has no energy: the
+pressure of a travelling wave leads the displacement by an angle delta, tan delta = |mu|/kappa. The problem is
+a variational inequality with a monotone operator. It is solved by a sequence of problems that have an energy,
+with a stiffness s of a mode in place of kappa + i mu, and the difference taken from the last u,
 
-    f = IFFT(-s FFT(u) + b + (s - kappa - i drag) FFT(u_last)),        s = (kappa^2 + drag^2)/kappa
+    f = IFFT(-s FFT(u) + b + (s - kappa - i mu) FFT(u_last)),        s = (kappa^2 + mu^2)/kappa
 
-In the norm of s the solution of such a problem depends on its right-hand side without gain, and the
-difference is sin delta of s, the least that a real s gives. So each problem brings u nearer to the solution
-by a factor sin delta at least, which is of the order of dt/tau for short steps. For longer ones the surfaces
-found are mixed (D. G. Anderson, J. ACM 12 (1965) 547-560). Whenever that does not bring them nearer, the
-plain iteration goes on from the best of them, and so the bound holds. Where the loss is so large that even
-this is long, a solution by `pivoting` begins at the contact that was found.
+In the norm of s the solution of each problem is a contraction of its right-hand side, and the difference is
+sin delta of s, the least that a real s gives. So the distance to the solution falls by a factor sin delta at
+least, which is of the order of dt/tau for short steps. For longer ones the surfaces are mixed (D. G.
+Anderson, J. ACM 12 (1965) 547-560). Whenever that brings them no nearer, the plain iteration continues from
+the best of them, so that the bound holds. Where sin delta is close to 1, `pivoting` starts from the contact
+found so far.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.pivoting import Mask, Pivoting
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
+from gfmdlayer.contact.pivoting import Pivoting
 from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
-SHARE = 0.3  # of the tolerance is what a problem without drag may take, lest its error hide the iteration's
+SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12
 _SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
 _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with drag by a solver for problems without.
+    """Solves problems with a loss stiffness by a solver for problems without.
 
     Parameters
     ----------
@@ -43,25 +43,25 @@ class LossStiffnessSolver:
     transforms : Transforms
         Of the grid.
     tolerance : float
-        On the residual, with the force that the drag is a part of.
-    measure : ndarray
+        On the residual, with the loss stiffness in the force.
+    weights : ndarray, one value a mode
         Weight of each mode in the mean over the surface.
     """
 
-    def __init__(self, solver: Solver, transforms: Transforms, tolerance: float, measure: FloatArray) -> None:
+    def __init__(self, solver: Solver, transforms: Transforms, tolerance: float, weights: FloatArray) -> None:
         self.starts_from = solver.starts_from
         self._solver, self._transforms = solver, transforms
-        self._tolerance, self._measure = tolerance, np.ravel(measure)
+        self._tolerance, self._weights = tolerance, np.ravel(weights)
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of what the solver starts from; one that did not converge says so."""
+        """Solve from a first guess of the field that the solver starts from."""
         if problem.loss_stiffness is None:
             return self._solver.solve(problem, start)
         stiff = problem.stiffness > 0
         extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
         symmetric = problem.stiffness + extra
         difference = extra - 1j * problem.loss_stiffness
-        mixture = _Mixture(symmetric * self._measure)
+        mixture = _Mixture(symmetric * self._weights)
         last = self._guess(problem, start)
         transforms, iterations = 1, 0
         for _ in range(_MOST_PROBLEMS):
@@ -88,20 +88,22 @@ class LossStiffnessSolver:
         contact = solution.pressure > 0
         if not state.converged and contact.any():
             state, contact = self._by_pivoting(problem, state, contact)
-        # Where there is no contact, what is within the tolerance is no pressure either.
+        # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
 
     def state(self) -> State:
-        """Return what the solver remembers."""
+        """Return the state of the solver."""
         return self._solver.state()
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
+        """Continue from a state."""
         self._solver.restore(state)
 
-    def _by_pivoting(self, problem: Problem, so_far: Solution, contact: Mask) -> tuple[Solution, Mask]:
+    def _by_pivoting(
+        self, problem: Problem, so_far: Solution, contact: BoolArray
+    ) -> tuple[Solution, BoolArray]:
         transforms, iterations = so_far.transforms, so_far.iterations
-        for share in _SHARES:  # at once, or by way of the contacts with a part of the drag
+        for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
             part = replace(
                 problem,
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
@@ -123,7 +125,7 @@ class LossStiffnessSolver:
         return state, contact
 
     def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:
-        """Spectrum of the displacement that a first guess stands for, but for the mean."""
+        """Spectrum of the displacement that belongs to a first guess, but for the mean."""
         spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
             return spectrum
@@ -135,7 +137,7 @@ class LossStiffnessSolver:
 
 
 class _Mixture:
-    """The displacement to take the drag from, out of those tried and those found with them."""
+    """Anderson mixing: the displacement to try next, from those tried and those found with them."""
 
     def __init__(self, weight: FloatArray) -> None:
         self._weight = weight
@@ -144,7 +146,7 @@ class _Mixture:
         self._best = np.inf
 
     def next(self, tried: ComplexArray, found: ComplexArray) -> ComplexArray:
-        """Take one more; return the next to try."""
+        """Add a displacement tried and the one found with it; return the next to try."""
         step = found - tried
         size = self._mean(step, step)
         if size > self._best:

@@ -1,11 +1,11 @@
-"""Contact with drag by guessing the contact set, for where the iteration of `drag` would be long.
+"""Contact with a large loss stiffness, by guessing the contact set; see `loss_stiffness`.
 
-With the compliance C = 1/(kappa + i drag) of each mode, the gap of a pressure p is g = h - u_free + C p, less
-a rise w of the surface where the mean pressure is given. In contact g = 0: linear equations for p there.
-GMRES solves them after a product with the stiffness, restricted to the contact as they are, so that what is
-left of them is a pressure. Then the points that contradict the guess change sides: those that are pulled, and
-those that are passed through. If that does not make them fewer for a while, only one of them does, which must
-end as C is positive definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
+With the compliance C = 1/(kappa + i mu) of each mode, the gap of a pressure p is g = h - u_free + C p, less a
+rise of the surface where the mean pressure is given. In contact g = 0: linear equations for p there. GMRES
+solves them after a product with the stiffness, restricted to the contact as they are, so that their residual
+is a pressure. Then the points that contradict the guess change sides: those under tension, and those that
+overlap. If that does not make them fewer for a while, only one of them does, which must end as C is positive
+definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 
-Mask = npt.NDArray[np.bool_]
 Spectral = npt.NDArray[np.complexfloating[Any, Any]]
 
 _MOST_ROUNDS, _PATIENCE = 200, 8
@@ -34,7 +33,7 @@ class State(NamedTuple):
     displacement: FloatArray
     spectrum: ComplexArray
     pressure: FloatArray
-    contact: Mask
+    contact: BoolArray
 
 
 class Pivoting:
@@ -51,15 +50,15 @@ class Pivoting:
     def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
         self._problem, self._plans, self._tolerance = problem, transforms, tolerance
         self.transforms = self.rounds = 0
-        drag = problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
-        self._stiffness = problem.stiffness + 1j * drag
+        loss = problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
+        self._stiffness = problem.stiffness + 1j * loss
         self._stiffest = float(np.abs(self._stiffness).max())
         stiff = problem.stiffness > 0
         self._compliance = (stiff / np.where(stiff, self._stiffness, 1)).astype(np.complex128)
-        self._apart = problem.obstacle - self._field(self._compliance * problem.intercept)
+        self._free_gap = problem.obstacle - self._field(self._compliance * problem.intercept)
 
-    def solve(self, contact: Mask) -> State:
-        """Return the state for the contact set that contradicts nothing, or the last one tried."""
+    def solve(self, contact: BoolArray) -> State:
+        """Return the state of the contact set without contradiction, or of the last one tried."""
         fewest, patience = contact.size + 1, _PATIENCE
         for _ in range(_MOST_ROUNDS):
             self.rounds += 1
@@ -77,18 +76,18 @@ class Pivoting:
             contact = contact ^ wrong
         return self._state(gap, pressure, contact)
 
-    def _balanced(self, contact: Mask) -> tuple[FloatArray, FloatArray]:
-        """Pressure on a contact set, and the gap that it leaves."""
-        pressure, load = self._on(contact, -self._apart[contact]), self._problem.mean_pressure
+    def _balanced(self, contact: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Pressure on a contact set, and the gap everywhere."""
+        pressure, load = self._closing(contact, -self._free_gap[contact]), self._problem.mean_pressure
         rise = 0.0
         if load is not None:
-            lifted = self._on(contact, np.ones(int(contact.sum())))
+            lifted = self._closing(contact, np.ones(int(contact.sum())))
             rise = (load - float(pressure.mean())) / float(lifted.mean())
             pressure += rise * lifted
-        return pressure, self._apart + self._bent(pressure) - rise
+        return pressure, self._free_gap + self._response(pressure) - rise
 
-    def _on(self, contact: Mask, gap: FloatArray) -> FloatArray:
-        """Pressure on the contact that opens it by this gap."""
+    def _closing(self, contact: BoolArray, gap: FloatArray) -> FloatArray:
+        """Pressure on the contact that opens it by a gap; zero elsewhere."""
         from scipy.sparse.linalg import LinearOperator, gmres  # a long import for what few runs need
 
         def restricted(spectral: Spectral, values: FloatArray) -> FloatArray:
@@ -108,14 +107,14 @@ class Pivoting:
         pressure[contact] = found
         return pressure
 
-    def _bent(self, pressure: FloatArray) -> FloatArray:
+    def _response(self, pressure: FloatArray) -> FloatArray:
         return self._field(self._compliance * self._plans.forward(pressure))
 
     def _field(self, spectrum: ComplexArray) -> FloatArray:
         self.transforms += 1
         return self._plans.backward(spectrum) / self._problem.obstacle.size
 
-    def _state(self, gap: FloatArray, pressure: FloatArray, contact: Mask) -> State:
+    def _state(self, gap: FloatArray, pressure: FloatArray, contact: BoolArray) -> State:
         """Displacement that satisfies the constraints, and its own pressure."""
         problem = self._problem
         u = np.where(contact, problem.obstacle, problem.obstacle - gap)

@@ -107,8 +107,7 @@ def iterate(
     Whether set and pressure were found, the transforms and the iterations.
     """
     transforms, carried, now = 0, at.p.sum(), work.now[0]
-    guessed = not now.exact
-    if guessed:
+    if not now.exact:
         evaluate(plans, system, at, work)
         transforms += 2
     restart, last, iteration, done = True, 0.0, 0, 0
@@ -116,8 +115,7 @@ def iterate(
     list_near(contact)
     for iteration in range(limit):
         opened, tension, overlap = _violations(system, at, contact, work, shift)
-        good, guessed = guessed and max(opened, tension, overlap) <= tolerance, False
-        if restart and not good:
+        if restart:
             last = 0.0
             work.direction[:] = 0.0
             if _scale_pressure(system, at, contact, work, shift):
