@@ -33,6 +33,7 @@ from gfmdlayer.contact.pressure_form import (
     unconverged,
 )
 from gfmdlayer.contact.problem import Problem, Solution, scales_of
+from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import Stateless
@@ -96,6 +97,11 @@ class ConjugateGradient(Stateless):
                 return solution
             shift = AIM * tolerance * scales_of(solution.pressure, solution.displacement, problem.least)[1]
         return unconverged(problem, system, at, self._transforms, solution)
+
+    def compile(self) -> None:
+        """Compile the kernel that only a failed solve comes to; an ordinary solve compiles the others."""
+        zeros = np.zeros(self._at.p.size)
+        project(zeros, zeros + 1.0, mean_is_fixed=True)
 
 
 def make_search(transforms: Transforms) -> Search:

@@ -53,8 +53,20 @@ class Loading(Protocol):
         """The prescribed quantity as a function of time."""
         ...
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
-        """Contact problem of a step, from its slopes and intercepts."""
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
+        """Return the contact problem of a step.
+
+        Parameters
+        ----------
+        kappa, b : ndarray
+            Slopes and intercepts of the stress.
+        time : float
+            At the end of the step.
+        loss_stiffness : ndarray, optional
+            Imaginary part of the slopes, under a moving punch.
+        """
         ...
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
@@ -79,9 +91,12 @@ class _Prescribed:
 class DepthControl(_Prescribed):
     """The depth of the punch is prescribed."""
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
         """Contact problem of a step."""
-        return Problem(kappa, b, self.punch - self.trajectory(time), height=self.height)
+        obstacle = self.punch - self.trajectory(time)
+        return Problem(kappa, b, obstacle, loss_stiffness=loss_stiffness, height=self.height)
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as it was found."""
@@ -93,10 +108,12 @@ class DepthControl(_Prescribed):
 class LoadControl(_Prescribed):
     """The mean pressure is prescribed."""
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
         """Contact problem of a step, without the mean."""
         kappa, b = _without_mean(kappa), _without_mean(b)
-        return Problem(kappa, b, self.punch, self.trajectory(time), height=self.height)
+        return Problem(kappa, b, self.punch, self.trajectory(time), loss_stiffness, self.height)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""

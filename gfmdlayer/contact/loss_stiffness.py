@@ -91,6 +91,11 @@ class LossStiffnessSolver:
         # Where there is no contact, what is within the tolerance is no pressure either.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
 
+    def compile(self) -> None:
+        """Compile the solver's own kernels."""
+        if hasattr(self._solver, "compile"):
+            self._solver.compile()
+
     def state(self) -> State:
         """Return what the solver remembers."""
         return self._solver.state()

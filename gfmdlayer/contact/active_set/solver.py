@@ -42,11 +42,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact import conjugate_gradient
+from gfmdlayer.contact.active_set.descent import descend
 from gfmdlayer.contact.active_set.loop import attempt, evaluate, iterate
 from gfmdlayer.contact.active_set.safeguard import safeguard
 from gfmdlayer.contact.active_set.start import begin
 from gfmdlayer.contact.active_set.state import Past, make_bank, make_contact, make_work
 from gfmdlayer.contact.active_set.windows import Windows
+from gfmdlayer.contact.conjugate_gradient import make_search
 from gfmdlayer.contact.pressure_form import (
     AIM,
     CLOSE,
@@ -58,6 +61,7 @@ from gfmdlayer.contact.pressure_form import (
     unconverged,
 )
 from gfmdlayer.contact.problem import Problem, ResidualFloor, Solution, scales_of
+from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -185,6 +189,22 @@ class ActiveSet:
         )
         for name, array in self._carried().items():
             array[:] = state[name]
+
+    def compile(self) -> None:
+        """Compile the kernels that only difficult problems come to, by calls that end at once.
+
+        An ordinary solve compiles the others. The state is of no use afterwards.
+        """
+        n, modes, at, plans = self._at.p.size, self._free.size, self._at, self._transforms.plans
+        ones = np.ones(modes)
+        system = System(ones, ones, np.ones(n), np.ones(n), ResidualFloor(1.0, 0.0), False, 0.0)
+        self._iterate(system, 0.0, 0.0, 0)
+        conjugate_gradient.iterate(plans, system, at, make_search(self._transforms), 0.0, 0.0, 0)
+        descend(plans, system, at, self._work.spectrum, 1.0, 0.0, 0.0, 0.0, 0)
+        begin(at, self._contact, self._bank, at.p, False)
+        evaluate(plans, system, at, self._work)
+        satisfied = np.zeros(n)
+        project(satisfied, satisfied + 1.0, mean_is_fixed=True)
 
     def _carried(self) -> dict[str, npt.NDArray[Any]]:
         """Arrays that one step hands to the next, but for the directions."""
