@@ -47,7 +47,7 @@ def simulate(
     wisdom: str | None = None,
     threads: int = 1,
     resume: Callable[[Resumable], None] | None = None,
-) -> None:
+) -> list[str]:
     """Run one case.
 
     Parameters
@@ -65,6 +65,11 @@ def simulate(
     resume : callable, optional
         Called once before the first step with all resumable state: may restore the state of a run of the
         same case, which then goes on bit for bit, and may save the state whenever `progress` is called.
+
+    Returns
+    -------
+    list of str
+        Warnings of the observables, such as that no steady state was reached.
 
     Raises
     ------
@@ -114,6 +119,7 @@ def simulate(
     for observable in observables:
         if observable.attributes:
             recorder.note(**observable.attributes)
+    return [observable.warning for observable in observables if observable.warning]
 
 
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:

@@ -136,7 +136,6 @@ class _StopAfter:
 def _compute(
     config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
 ) -> str:
-    from gfmdlayer import case as numerics
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.observables import columns
     from gfmdlayer.results.writer import CaseWriter
@@ -145,11 +144,10 @@ def _compute(
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
     attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
-    parts = numerics.Case(config, wisdom, threads)
     with CaseWriter(path, coordinates, attributes, columns(config), elapsed=checkpoints.elapsed) as writer:
         recorder = checkpoints.recorder(writer)
-        simulate(parts, recorder, checkpoints.advance, resume=checkpoints.resume)
-    return "; ".join(made.warning for made in parts.observables.values() if made.warning)
+        warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+    return "; ".join(warnings)
 
 
 def _attributes(config: Config) -> dict[str, str | float]:

@@ -185,7 +185,8 @@ class CaseWriter:
         if "time" not in columns:
             raise ValueError(f"{self.path}: a row needs its time")
         if unknown := set(columns) - self._declared.keys():
-            raise KeyError(f"{self.path}: no observable declares the columns {', '.join(sorted(unknown))}")
+            known = ", ".join(sorted(self._declared))
+            raise KeyError(f"{self.path}: no variable {min(unknown)!r} is declared; known: {known}")
         axes = tuple((name, len(values)) for name, values in self._coordinates.items())
         self._h5 = self._file.begin(case_template(tuple(self._declared[name] for name in columns), axes))
         for name, values in self._coordinates.items():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gfmdlayer import simulation
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.grid.transforms import Transforms, forget
 from gfmdlayer.resumable import Resumable, State
@@ -144,7 +144,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
 
 @pytest.mark.parametrize("body", ["depth", "load"])
 def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
-    body: str, monkeypatch: pytest.MonkeyPatch
+    body: str,
 ) -> None:
     """The kernel of a window among it, when the machine has other plans by now."""
     settings = SMALL | STEPS["exponential"] | BODIES[body]
@@ -153,12 +153,12 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     )
     forget()
     careful = Transforms((15015,)).wisdom
-    monkeypatch.setattr(simulation, "Transforms", partial(Transforms, time_limit=0.0))
+    hasty = partial(Transforms, (15015,), time_limit=0.0)
     forget()
     whole, parts = Bits(), Bits()
     memory: list[Resumable] = []
     kept: list[State] = []
-    simulate(config, whole)
+    simulate(Case(config, transforms=hasty()), whole)
 
     def stop(time: float) -> None:
         if time > 1.0:
@@ -167,7 +167,8 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
 
     forget()
     with pytest.raises(Stop):
-        simulate(config, parts, stop, resume=memory.append)
+        simulate(Case(config, transforms=hasty()), parts, stop, resume=memory.append)
     assert bool(kept[0]["solver.kernel"])
-    simulate(config, parts, wisdom=careful, resume=lambda everything: everything.restore(kept[0]))
+    case = Case(config, transforms=hasty(careful))
+    simulate(case, parts, resume=lambda everything: everything.restore(kept[0]))
     assert parts == whole
