@@ -25,6 +25,7 @@ from gfmdlayer.contact.pressure_form import (
     CLOSE,
     Iterate,
     System,
+    compile_failure,
     feasible_solution,
     in_pressures,
     satisfies_kkt,
@@ -33,7 +34,6 @@ from gfmdlayer.contact.pressure_form import (
     unconverged,
 )
 from gfmdlayer.contact.problem import Problem, Solution, scales_of
-from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import Stateless
@@ -99,9 +99,8 @@ class ConjugateGradient(Stateless):
         return unconverged(problem, system, at, self._transforms, solution)
 
     def compile(self) -> None:
-        """Compile the kernel that only a failed solve comes to; an ordinary solve compiles the others."""
-        zeros = np.zeros(self._at.p.size)
-        project(zeros, zeros + 1.0, mean_is_fixed=True)
+        """Compile the kernels that only a failed solve comes to; an ordinary solve compiles the others."""
+        compile_failure(self._at, self._transforms)
 
 
 def make_search(transforms: Transforms) -> Search:

@@ -179,6 +179,20 @@ def unconverged(
     return _state(problem, transforms, u, at.p, pairs, iterations, converged=False)
 
 
+def compile_failure(at: Iterate, transforms: Transforms) -> System:
+    """Compile what hands back a failed solve: of a flat punch above the surface, whose system is returned."""
+    stiffness, size = np.ones_like(at.spectrum, dtype=float), at.p.size
+    stiffness[0] = 0.0
+    problem = Problem(stiffness, np.zeros_like(at.spectrum), np.ones(size))
+    system, free = in_pressures(problem, transforms)
+    for array in at:
+        array[:] = 0.0
+    scales_of(at.p, at.gap, problem.least)
+    failed = feasible_solution(problem, system, free, at, 1.0, 0, 0)
+    unconverged(problem, system, at, transforms, failed)
+    return system
+
+
 def _state(
     problem: Problem,
     transforms: Transforms,

@@ -55,13 +55,13 @@ from gfmdlayer.contact.pressure_form import (
     CLOSE,
     Iterate,
     System,
+    compile_failure,
     feasible_solution,
     per_point,
     trivial_solution,
     unconverged,
 )
 from gfmdlayer.contact.problem import Problem, ResidualFloor, Solution, scales_of
-from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -195,16 +195,13 @@ class ActiveSet:
 
         An ordinary solve compiles the others. The state is of no use afterwards.
         """
-        n, modes, at, plans = self._at.p.size, self._free.size, self._at, self._transforms.plans
-        ones = np.ones(modes)
-        system = System(ones, ones, np.ones(n), np.ones(n), ResidualFloor(1.0, 0.0), False, 0.0)
+        at, plans = self._at, self._transforms.plans
+        system = compile_failure(at, self._transforms)
         self._iterate(system, 0.0, 0.0, 0)
         conjugate_gradient.iterate(plans, system, at, make_search(self._transforms), 0.0, 0.0, 0)
         descend(plans, system, at, self._work.spectrum, 1.0, 0.0, 0.0, 0.0, 0)
         begin(at, self._contact, self._bank, at.p, False)
         evaluate(plans, system, at, self._work)
-        satisfied = np.zeros(n)
-        project(satisfied, satisfied + 1.0, mean_is_fixed=True)
 
     def _carried(self) -> dict[str, npt.NDArray[Any]]:
         """Arrays that one step hands to the next, but for the directions."""
