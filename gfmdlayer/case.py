@@ -1,22 +1,24 @@
-"""The parts of a simulation, as a configuration asks for them: what alone knows all of the numerics."""
+"""The parts of a simulation, as a configuration asks for them; the only module that knows all numerics."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Protocol
+from functools import cached_property
+from typing import Protocol, TypedDict, Unpack
 
+from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material, Prony, Zener
-from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.config import Config
-from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
-from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
+from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction, PressurePrediction
 from gfmdlayer.contact.problem import Solver
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
@@ -24,23 +26,19 @@ from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.inputs import make_grid, make_punch, make_trajectory, make_velocity
-from gfmdlayer.observables.energy_balance import Energy
-from gfmdlayer.observables.steady_state import SteadyState
-from gfmdlayer.resumable import Resumable
-
-SOLVERS: dict[str, type[ActiveSet | ConjugateGradient]] = {
-    "active_set": ActiveSet,
-    "conjugate_gradient": ConjugateGradient,
-}
+from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.observables import Observable, observables
+from gfmdlayer.observables.observable import Energy
+from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
+from gfmdlayer.resumable import CompositeState, Resumable
 
 
 class Integrator(Energy, Resumable, Protocol):
-    """From the history to the slopes and intercepts of the stress."""
+    """Time integration of the history: slopes and intercepts of the stress at the end of a step."""
 
     @property
     def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the slopes at the end of a step; none where the punch does not move."""
+        """Imaginary part of the slopes at the end of the last step; None where the punch does not move."""
         ...
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
@@ -56,103 +54,208 @@ class Steps(Resumable, Protocol):
     """The time points of a run."""
 
     def __iter__(self) -> Iterator[Instant]:
-        """Give them in order; one that was not accepted is followed by an earlier one."""
+        """Return the time points in order; a rejected one is followed by an earlier one."""
         ...
 
     def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
-        """Judge the step by the displacement, by what the contact problem was solved for, and the depth."""
+        """Return whether the last step is accurate enough.
+
+        Parameters
+        ----------
+        spectrum : ndarray of complex
+            Displacement at its end.
+        found : float
+            Mean pressure at a prescribed depth, depth under a prescribed load.
+        depth : float
+            Depth of the punch.
+        """
         ...
 
 
-def make_solver(
-    config: Config, transforms: Transforms, tolerance: float | None = None, max_iterations: int | None = None
-) -> Solver:
-    """The solver of the contact problem; under a moving punch, one that knows of drag.
+class Parts(TypedDict, total=False):
+    """Parts that may be given in place of those of the configuration."""
 
-    Other limits than the configuration's may be given.
-    """
-    given, moves = config.solver, make_velocity(config) is not None
-    within = given.tolerance if tolerance is None else tolerance
-    iterations = given.max_iterations if max_iterations is None else max_iterations
-    limits = SHARE * within if moves else within, iterations
+    grid: Grid
+    transforms: Transforms
+    body: Body
+    punch: FloatArray
+    trajectory: Trajectory
+    velocity: Constant | Table | None
+    interface: InterfaceLaw
+    loading: Loading
+    integrator: Integrator
+    steps: Steps
     solver: Solver
-    if given.method == "fire":
-        solver = Fire(transforms, *limits, mass_weighted=given.inertia == "mass_weighted")
-    else:
-        solver = SOLVERS[given.method](transforms, *limits)
-    return (
-        LossStiffnessSolver(solver, transforms, within, make_grid(config).parseval_weights)
-        if moves
-        else solver
-    )
+    guess: DisplacementPrediction | PressurePrediction
+    observables: dict[str, Observable]
 
 
-def make_integrator(config: Config, grid: Grid) -> Integrator:
-    """The time integrator, over the body's relaxing modes.
+class Case:
+    """The parts of one simulation, each made when it is first used; for one run.
 
-    Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-    material; see `verification.third_order` for the equation itself.
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    **parts
+        Parts in place of those that the configuration describes, see `Parts`: `Case(config, body=mine)`.
+        The other parts are made to fit.
+
+    Raises
+    ------
+    TypeError
+        If there is no such part.
+    TableError
+        In the use of a part that comes from a file that cannot be used.
     """
-    body = LayeredHalfspace(
-        config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
-    )
-    material, q, sums = make_material(config), grid.wavenumbers, grid.sums
-    spectrum = relaxation_spectrum(body, material, q)
-    velocity = make_velocity(config)
-    if velocity is not None:
-        if config.time.step == "adaptive":
-            return ErrorControlledSlidingModes(
-                spectrum, sums, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
-            )
-        return SlidingModes(
-            spectrum, SCHEMES["exponential"], sums, wavenumbers_x=grid.wavenumbers_x, velocity=velocity
+
+    def __init__(
+        self, config: Config, wisdom: str | None = None, threads: int = 1, **parts: Unpack[Parts]
+    ) -> None:
+        if unknown := parts.keys() - Parts.__annotations__.keys():
+            raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        self.config, self._wisdom, self._threads = config, wisdom, threads
+        vars(self).update(parts)  # where the cached properties look first
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The periodic grid."""
+        return inputs.make_grid(self.config)
+
+    @cached_property
+    def transforms(self) -> Transforms:
+        """Fourier transforms of the grid."""
+        return Transforms(self.grid.shape, self._wisdom, threads=self._threads)
+
+    @cached_property
+    def material(self) -> Material:
+        """Material of the layer."""
+        given = self.config.layer.material
+        if given.model == "zener":
+            return Zener(given.G0, given.Ginf, given.tau)
+        return Prony(given.G0, tuple((branch.G, branch.tau) for branch in given.branches))
+
+    @cached_property
+    def body(self) -> Body:
+        """The body under the surface."""
+        layer, halfspace = self.config.layer, self.config.halfspace
+        return ViscoelasticLayer(
+            LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson),
+            self.material,
         )
-    if config.time.step == "adaptive":
-        return ErrorControlledModes(spectrum, sums)
-    return Modes(spectrum, SCHEMES[config.time.integrator], sums)
 
+    @cached_property
+    def punch(self) -> FloatArray:
+        """Height of the punch above its lowest point, one value a point."""
+        return inputs.make_punch(self.config, self.grid)
 
-def make_settling(config: Config, integrator: Integrator, kinks: tuple[float, ...]) -> SteadyState | None:
-    """The judge of the steady state, where one is asked for."""
-    tolerance = config.time.steady
-    if tolerance is None or not isinstance(integrator, SlidingModes):
-        return None
-    return SteadyState(integrator.slowest(tolerance), tolerance, max(kinks, default=0.0))
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Prescribed depth or mean pressure over time."""
+        return inputs.make_trajectory(self.config)
 
+    @cached_property
+    def velocity(self) -> Constant | Table | None:
+        """Velocity of the punch along x over time; None where it stays."""
+        return inputs.make_velocity(self.config)
 
-def make_material(config: Config) -> Material:
-    """The material of the layer."""
-    given = config.layer.material
-    if given.model == "zener":
-        return Zener(given.G0, given.Ginf, given.tau)
-    return Prony(given.G0, tuple((branch.G, branch.tau) for branch in given.branches))
+    @cached_property
+    def interface(self) -> InterfaceLaw:
+        """Interaction of surface and punch across the gap: the paper's hard wall."""
+        return HARD_WALL
 
+    @cached_property
+    def kinks(self) -> tuple[float, ...]:
+        """Times at which the slope of a prescribed quantity jumps."""
+        return (*self.loading.trajectory.kinks, *(self.velocity.kinks if self.velocity is not None else ()))
 
-def make_loading(config: Config, grid: Grid) -> Loading:
-    """The punch and what is prescribed of it."""
-    return CONTROLS[config.trajectory.control](make_punch(config, grid), make_trajectory(config))
+    @cached_property
+    def loading(self) -> Loading:
+        """The punch under its prescribed depth or load."""
+        return CONTROLS[self.config.trajectory.control](self.punch, self.trajectory, self.interface)
 
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The time integrator over the relaxing modes of the body.
 
-def make_steps(config: Config, integrator: Integrator, kinks: tuple[float, ...]) -> Steps:
-    """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-    end, snapshots = config.time.end, config.output.snapshots
-    if isinstance(integrator, ErrorControlledModes):
-        tolerance = config.time.tolerance
-        assert tolerance is not None  # adaptive steps have one
-        return AdaptiveSteps(integrator, tolerance, end, snapshots, kinks, output_times(config))
-    steps = equal_steps if config.time.integrator == "backward_euler" else landing_steps
-    return FixedSteps(steps(end, fixed_step(config), snapshots, kinks))
+        Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
+        material; see `verification.third_order` for the equation itself.
+        """
+        spectrum, sums = self.body.spectrum(self.grid.wavenumbers), self.grid.sums
+        adaptive = self.config.time.step == "adaptive"
+        if self.velocity is not None:
+            waves = self.grid.wavenumbers_x
+            if adaptive:
+                return ErrorControlledSlidingModes(
+                    spectrum, sums, wavenumbers_x=waves, velocity=self.velocity
+                )
+            scheme = SCHEMES["exponential"]
+            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=self.velocity)
+        if adaptive:
+            return ErrorControlledModes(spectrum, sums)
+        return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
+        time, snapshots = self.config.time, self.config.output.snapshots
+        if isinstance(time.step, str):
+            assert isinstance(self.integrator, ErrorControlledModes)
+            assert time.tolerance is not None
+            times = output_times(self.config)
+            return AdaptiveSteps(self.integrator, time.tolerance, time.end, snapshots, self.kinks, times)
+        steps = equal_steps if time.integrator == "backward_euler" else landing_steps
+        return FixedSteps(steps(time.end, time.step, snapshots, self.kinks))
+
+    @cached_property
+    def solver(self) -> Solver:
+        """Solver of the contact problem, within the iterations for an attraction and for a loss stiffness."""
+        given, transforms = self.config.solver, self.transforms
+        declared, tolerance = SOLVERS[given.method], given.tolerance
+        options = {} if given.inertia is None else {"mass_weighted": given.inertia == "mass_weighted"}
+        attracted = self.interface.attracts and not declared.adhesive
+        moved = self.velocity is not None and not declared.nonsymmetric
+        # Each iteration around a solver leaves a part of the tolerance to it.
+        inner = tolerance * (AttractionSolver.SHARE if attracted else 1.0) * (SHARE if moved else 1.0)
+        solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
+        if attracted:
+            within = tolerance * (SHARE if moved else 1.0)
+            solver = AttractionSolver(solver, transforms, within, given.max_iterations)
+        if moved:
+            solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
+        return solver
+
+    @cached_property
+    def guess(self) -> DisplacementPrediction | PressurePrediction:
+        """Extrapolation in time from which the solver starts."""
+        return PREDICTIONS[self.solver.starts_from](self.grid.size)
+
+    @cached_property
+    def observables(self) -> dict[str, Observable]:
+        """Observables of each accepted step, by name."""
+        return observables(self)
+
+    @property
+    def resumable(self) -> CompositeState:
+        """All parts with a state."""
+        # The transforms first: the solver uses their plans when it is restored.
+        return CompositeState(
+            transforms=self.transforms,
+            solver=self.solver,
+            integrator=self.integrator,
+            steps=self.steps,
+            guess=self.guess,
+            observables=CompositeState(**self.observables),
+        )
 
 
 def output_times(config: Config) -> tuple[float, ...]:
-    """The times that adaptive steps land on because rows were asked for there."""
+    """Return the times of the rows that adaptive steps are asked to land on."""
     times = config.output.times
     if isinstance(times, float):
         return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
     return times or ()
-
-
-def fixed_step(config: Config) -> float:
-    """The length of a time step."""
-    assert not isinstance(config.time.step, str)
-    return config.time.step

@@ -68,25 +68,6 @@ def make_trajectory(config: Config) -> Trajectory:
     return RampHold(target, given.ramp_time)
 
 
-def histogram_edges(config: Config) -> dict[str, FloatArray]:
-    """Edges of the bins of each distribution that is kept, of `pressure` and `gap`, from 0 to inf.
-
-    Between these are the edges that were asked for, so that what lies beyond `max` and, on a log scale, below
-    `min` has a bin of its own.
-    """
-    edges = {}
-    for name in ("pressure", "gap"):
-        given = getattr(config.output.histograms, name)
-        if given is not None:
-            inner = (
-                np.linspace(0.0, given.max, given.bins + 1)[1:]
-                if given.scale == "linear"
-                else np.geomspace(given.min, given.max, given.bins + 1)
-            )
-            edges[name] = np.concatenate(([0.0], inner, [np.inf]))
-    return edges
-
-
 def make_velocity(config: Config) -> Constant | Table | None:
     """Velocity of the punch along x over time; none where it stays.
 

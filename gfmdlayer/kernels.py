@@ -7,10 +7,12 @@ Here the cache compares the contents of the module and of all modules of the pac
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, overload
@@ -76,6 +78,16 @@ class _SourceCache(FunctionCache):
         stamp = source_digest(Path(inspect.getfile(function)))
         place = self._cache_path, self._impl.filename_base
         self._cache_file = IndexDataCacheFile(*place, stamp)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Let one process at a time compile; those that wait then find the kernels in the cache."""
+    with ExitStack() as stack:
+        with suppress(OSError):  # on a file system without locks all may compile
+            file = stack.enter_context((_PACKAGE / "__pycache__" / "compiling.lock").open("w"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @cache

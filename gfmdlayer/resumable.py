@@ -1,6 +1,6 @@
-"""What carries a memory from one time step to the next, and how it is handed over.
+"""State that a run carries from one time step to the next: how it is saved and restored.
 
-Whoever is restored to a state of its like goes on as that one did, to the last bit.
+Restoring the state of an object made in the same way reproduces the run bit for bit.
 """
 
 from __future__ import annotations
@@ -8,25 +8,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-import numpy as np
-
-State = Mapping[str, Any]  # arrays, numbers and text by name; all of them are arrays when they come back
+State = Mapping[str, Any]  # arrays, numbers and text by name; all of them come back as arrays
 
 
 class Resumable(Protocol):
-    """Has a memory that can be taken out and put back."""
+    """Has a state that can be saved and restored."""
 
     def state(self) -> State:
-        """Return the memory, which later steps may change: to be written or copied at once."""
+        """Return the state, which later steps may change: to be written or copied at once."""
         ...
 
     def restore(self, state: State) -> None:
-        """Take over the memory of another one that was made in the same way."""
+        """Continue from the state of an object made in the same way."""
         ...
 
 
 class Stateless:
-    """Begins each step anew."""
+    """Carries nothing from one step to the next."""
 
     def state(self) -> State:
         """Return nothing."""
@@ -37,13 +35,15 @@ class Stateless:
 
 
 class CompositeState:
-    """Several of them as one; their names come before those of their memory, with a dot between."""
+    """Several states as one; each name gets the name of its part before it, with a dot between."""
 
     def __init__(self, **parts: Resumable) -> None:
         self._parts = parts
 
     def state(self) -> State:
-        """Return the memory of all."""
+        """Return the states of all parts, as arrays."""
+        import numpy as np
+
         return {
             f"{name}.{key}": np.asarray(value)
             for name, part in self._parts.items()
@@ -51,7 +51,7 @@ class CompositeState:
         }
 
     def restore(self, state: State) -> None:
-        """Give each its own."""
+        """Restore each part from its own names."""
         for name, part in self._parts.items():
             own = f"{name}."
             part.restore({key.removeprefix(own): state[key] for key in state if key.startswith(own)})

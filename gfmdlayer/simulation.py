@@ -1,4 +1,4 @@
-"""The time loop: indentation of a viscoelastic layer by a rigid punch, after Petrenko et al. (2024).
+"""The time loop: indentation of a viscoelastic body by a rigid punch, after Petrenko et al. (2024).
 
 The numbers in the comments of `simulate` are the lines of their pseudocode.
 """
@@ -7,31 +7,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import (
-    fixed_step,
-    make_integrator,
-    make_loading,
-    make_settling,
-    make_solver,
-    make_steps,
-)
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.contact.prediction import PREDICTIONS
-from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.grid.wisdom import planned
-from gfmdlayer.inputs import histogram_edges, make_grid, make_velocity
-from gfmdlayer.observables.contact_statistics import Statistics
-from gfmdlayer.observables.effort import Effort
-from gfmdlayer.observables.energy_balance import EnergyBalance
-from gfmdlayer.observables.friction import make_travel
-from gfmdlayer.resumable import CompositeState, Resumable, Stateless
+from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.resumable import Resumable
 
 
 class ConvergenceError(RuntimeError):
@@ -39,39 +23,39 @@ class ConvergenceError(RuntimeError):
 
 
 class Recorder(Protocol):
-    """Takes what a simulation finds."""
+    """Records the results of a simulation."""
 
     def row(self, **values: float | FloatArray) -> None:
-        """Take the observables of an accepted step: numbers, and histograms."""
+        """Record the columns of an accepted step: numbers, and histograms."""
         ...
 
     def snapshot(
         self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
     ) -> None:
-        """Take the surface at an asked time; arrays of the grid's shape."""
+        """Record the surface at a time; arrays of the grid's shape."""
         ...
 
     def note(self, **attributes: float) -> None:
-        """Take what became known of the run as a whole."""
+        """Record attributes of the run that are known at its end."""
         ...
 
 
 def simulate(
-    config: Config,
+    config: Config | Case,
     recorder: Recorder,
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
     resume: Callable[[Resumable], None] | None = None,
-) -> None:
+) -> list[str]:
     """Run one case.
 
     Parameters
     ----------
-    config : Config
-        The case.
+    config : Config or Case
+        The configuration, or the parts of a simulation where some are one's own; these are used up.
     recorder : Recorder
-        Takes a row for each time step, the first at t = 0, and the snapshots.
+        Records a row for each time step, the first at t = 0, and the snapshots.
     progress : callable, optional
         Called with the simulated time after each attempt at a step; may raise to stop.
     wisdom : str, optional
@@ -79,8 +63,13 @@ def simulate(
     threads : int
         Threads that the transforms of a large grid may use.
     resume : callable, optional
-        Handed everything that has a memory, before the first step: may put back a state of such a run, which
-        then goes on to the last bit, and may take out the state whenever `progress` is called.
+        Called once before the first step with all resumable state: may restore the state of a run of the
+        same case, which then goes on bit for bit, and may save the state whenever `progress` is called.
+
+    Returns
+    -------
+    list of str
+        Warnings of the observables, such as that no steady state was reached.
 
     Raises
     ------
@@ -89,118 +78,107 @@ def simulate(
     TableError
         If the file of a punch or a trajectory cannot be used.
     """
-    grid = make_grid(config)
-    transforms = Transforms(grid.shape, wisdom, threads=threads)
-    solver = make_solver(config, transforms)
-    travel = make_travel(make_velocity(config), grid, transforms)
-    integrator = make_integrator(config, grid)
-    loading = make_loading(config, grid)
-    kinks = (*loading.trajectory.kinks, *travel.kinks)
-    steps = make_steps(config, integrator, kinks)
-    statistics = Statistics(grid.shape, histogram_edges(config), patches=config.output.patches)
-    guess, ledger, attempts = PREDICTIONS[solver.starts_from](grid.size), EnergyBalance(), Effort()
-    settling = make_settling(config, integrator, kinks)
+    case = config if isinstance(config, Case) else Case(config, wisdom, threads)
+    loading, integrator, steps, solver, guess = (
+        case.loading, case.integrator, case.steps, case.solver, case.guess,
+    )  # fmt: skip
+    shape, observables = case.grid.shape, tuple(case.observables.values())
     if resume is not None:
-        judge = Stateless() if settling is None else settling
-        memory = {"integrator": integrator, "steps": steps, "guess": guess, "settling": judge}
-        # The transforms first: the solver makes use of them when it is put back.
-        resume(
-            CompositeState(transforms=transforms, solver=solver, **memory, ledger=ledger, attempts=attempts)
-        )
+        resume(case.resumable)
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
-        problem = loading.problem(kappa, b, instant.time)  # 0
-        if integrator.loss_stiffness is not None:
-            problem = replace(problem, loss_stiffness=integrator.loss_stiffness)
+        problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
         solution = solver.solve(problem, guess.at(instant.time))  # 7
-        attempts.add(solution)
         if not solution.converged:
+            given = case.config.solver
             raise ConvergenceError(
                 f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-                f"iterations of {config.solver.method}; the tolerance is {config.solver.tolerance:.2e}"
+                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}"
             )
+        for observable in observables:
+            observable.attempt(solution)
         surface = loading.surface(solution, kappa, b, instant.time)
         if steps.accepts(surface.spectrum, surface.response, surface.depth):
             integrator.advance(surface.spectrum)  # 8, 9
-            remembered = getattr(solution, solver.starts_from)
-            guess.remember(instant.time, remembered, solution.gap, kink=instant.kink)
-            resistance = travel.columns(instant.time, solution.pressure, surface)
-            settled = settling is not None and settling.reached(
-                instant.time, solution.mean_pressure, surface.depth, **resistance
+            guess.remember(
+                instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
-            recorder.row(
-                time=instant.time,
-                contact_area=solution.contact_area,
-                mean_pressure=solution.mean_pressure / (2 * config.layer.material.G0),
-                depth=surface.depth,
-                residual=solution.residual,
-                **attempts.taken(),
-                **resistance,
-                **ledger.entry(solution.mean_pressure, surface.depth, integrator, resistance),
-                **statistics.of(problem, solution),
-            )
-            if instant.snapshot or settled:
-                recorder.snapshot(
-                    instant.time,
-                    surface.displacement.reshape(grid.shape),
-                    solution.pressure.reshape(grid.shape),
-                    solution.gap.reshape(grid.shape),
-                )
-            if settled:
+            step = AcceptedStep(instant.time, problem, solution, surface, integrator)
+            for observable in observables:
+                step.row.update(observable.measure(step))
+            recorder.row(**step.row)
+            finished = any(observable.finished for observable in observables)
+            if instant.snapshot or finished:
+                fields = surface.displacement, solution.pressure, solution.gap
+                recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
+            if finished:
                 break
         if progress is not None:
             progress(instant.time)
-    if settling is not None:
-        recorder.note(**settling.verdict)
+    for observable in observables:
+        if observable.attributes:
+            recorder.note(**observable.attributes)
+    return [observable.warning for observable in observables if observable.warning]
 
 
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
-    """Compile the kernels that a case needs and plan its transforms; return FFTW's wisdom for `simulate`.
+    """Compile the kernels that a case needs and plan its transforms.
 
-    Plans are kept in the wisdom folder, by default the user's cache: runs with the same plans agree in every
-    bit.
+    Plans are kept in the wisdom folder: runs with the same plans agree in every bit.
+
+    Parameters
+    ----------
+    config : Config
+        The case.
+    wisdom_folder : Path, optional
+        By default the user's cache.
+    threads : int
+        Threads that the transforms may use.
+
+    Returns
+    -------
+    str
+        FFTW's wisdom, for `simulate`.
     """
     small = _in_small(config)
-    simulate(small, _Nobody())
-    # What only a solver that fails comes to must not be compiled by all ranks at once either.
-    grid = make_grid(small)
-    loading, integrator = make_loading(small, grid), make_integrator(small, grid)
-    kappa, b = integrator.terms(1.0 if config.time.step == "adaptive" else fixed_step(small))
-    hopeless = make_solver(small, Transforms(grid.shape), tolerance=0.0, max_iterations=300)
-    hopeless.solve(loading.problem(kappa, b, small.time.end), np.zeros(grid.size))
+    simulate(small, _NoRecorder())
+    solver = Case(small).solver
+    if hasattr(solver, "compile"):
+        solver.compile()
     return planned(config.grid.points, wisdom_folder or user_cache(), threads)
 
 
 def _in_small(config: Config) -> Config:
-    """The same kind of case over a ramp and a hold of few steps, on as few points as a window takes."""
-    control, adaptive = config.trajectory.control, config.time.step == "adaptive"
-    ramp_time = 1.0 if adaptive else 2 * fixed_step(config)
-    moves = {} if make_velocity(config) is None else {"velocity": 1.0}
+    """The same kind of case over a ramp and a hold of few steps, on the smallest grid that has windows."""
+    control, step, output = config.trajectory.control, config.time.step, config.output
+    ramp_time = 1.0 if isinstance(step, str) else 2 * step
+    moves = {"velocity": 1.0} if config.trajectory.moves else {}
+    times = {"times": ramp_time} if isinstance(step, str) else {}
     return config.with_values(
         {
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
             "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
-            "output": {"times": ramp_time} if adaptive else {},
+            "output": output.model_dump(include={"patches", "histograms"}, exclude_none=True) | times,
         }
     )
 
 
-class _Nobody:
-    """Takes what a simulation finds and forgets it."""
+class _NoRecorder:
+    """Records nothing."""
 
     def row(self, **values: object) -> None:
-        """Forget an accepted step."""
+        """Do nothing."""
 
     def note(self, **values: object) -> None:
-        """Forget a verdict."""
+        """Do nothing."""
 
     def snapshot(self, *fields: object) -> None:
-        """Forget a surface."""
+        """Do nothing."""
 
 
 def user_cache() -> Path:
-    """Where a user's caches lie."""
+    """Return the folder of the user's caches."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gfmdlayer"

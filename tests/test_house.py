@@ -15,7 +15,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
     "arrays", "resumable", "kernels", "files", "validation", "body", "grid", "punch", "interface", "contact",
-    "history", "observables", "config", "inputs", "results", "figures", "case", "simulation", "fitting",
+    "history", "config", "inputs", "observables", "results", "figures", "case", "simulation", "fitting",
     "execution", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 

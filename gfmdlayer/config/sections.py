@@ -236,6 +236,11 @@ class Trajectory(Section):
     velocity_file: Annotated[File | None, given] = None
     """two columns, time and velocity; in place of velocity"""
 
+    @property
+    def moves(self) -> bool:
+        """Whether the punch moves along the surface."""
+        return self.velocity is not None or self.velocity_file is not None
+
 
 class Time(Section):
     """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps.

@@ -25,6 +25,7 @@ from gfmdlayer.contact.pressure_form import (
     CLOSE,
     Iterate,
     System,
+    compile_failure,
     feasible_solution,
     in_pressures,
     satisfies_kkt,
@@ -99,6 +100,10 @@ class ConjugateGradient(Stateless):
                 AIM * tolerance * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
             )
         return unconverged(problem, system, at, self._transforms, solution)
+
+    def compile(self) -> None:
+        """Compile the kernels that only a failed solve comes to; an ordinary solve compiles the others."""
+        compile_failure(self._at, self._transforms)
 
 
 def make_search(transforms: Transforms) -> Search:

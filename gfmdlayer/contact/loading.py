@@ -18,6 +18,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.punch.trajectory import Trajectory
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
@@ -53,8 +54,20 @@ class Loading(Protocol):
         """The prescribed quantity as a function of time."""
         ...
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
-        """Contact problem of a step, from its slopes and intercepts."""
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
+        """Return the contact problem of a step.
+
+        Parameters
+        ----------
+        kappa, b : ndarray
+            Slopes and intercepts of the stress.
+        time : float
+            At the end of the step.
+        loss_stiffness : ndarray, optional
+            Imaginary part of the slopes, under a moving punch.
+        """
         ...
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
@@ -68,6 +81,7 @@ class _Prescribed:
 
     punch: FloatArray
     trajectory: Trajectory
+    interface: InterfaceLaw = HARD_WALL
 
     @cached_property
     def height(self) -> float:
@@ -79,9 +93,12 @@ class _Prescribed:
 class DepthControl(_Prescribed):
     """The depth of the punch is prescribed."""
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
         """Contact problem of a step."""
-        return Problem(kappa, b, self.punch - self.trajectory(time), height=self.height)
+        obstacle = self.punch - self.trajectory(time)
+        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface)
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as the solver found it."""
@@ -93,10 +110,13 @@ class DepthControl(_Prescribed):
 class LoadControl(_Prescribed):
     """The mean pressure is prescribed."""
 
-    def problem(self, kappa: FloatArray, b: ComplexArray, time: float) -> Problem:
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
         """Contact problem of a step, without the mean."""
         kappa, b = _without_mean(kappa), _without_mean(b)
-        return Problem(kappa, b, self.punch, self.trajectory(time), height=self.height)
+        load = self.trajectory(time)
+        return Problem(kappa, b, self.punch, load, loss_stiffness, self.height, self.interface)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""
@@ -115,7 +135,7 @@ def _without_mean(values: Values) -> Values:
     return rest
 
 
-CONTROLS: dict[str, Callable[[FloatArray, Trajectory], Loading]] = {
+CONTROLS: dict[str, Callable[[FloatArray, Trajectory, InterfaceLaw], Loading]] = {
     "depth": DepthControl,
     "load": LoadControl,
 }

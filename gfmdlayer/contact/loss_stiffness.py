@@ -91,6 +91,11 @@ class LossStiffnessSolver:
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
 
+    def compile(self) -> None:
+        """Compile the solver's own kernels."""
+        if hasattr(self._solver, "compile"):
+            self._solver.compile()
+
     def state(self) -> State:
         """Return the state of the solver."""
         return self._solver.state()

@@ -215,6 +215,19 @@ def unconverged(
     )
 
 
+def compile_failure(at: Iterate, transforms: Transforms) -> System:
+    """Compile the kernels of a failed solve, by that of a flat punch above the surface; return its system."""
+    stiffness, size = np.ones(at.spectrum.size), at.p.size
+    stiffness[0] = 0.0
+    problem = Problem(stiffness, np.zeros_like(at.spectrum), np.ones(size))
+    system, free = in_pressures(problem, transforms)
+    for array in at:
+        array[:] = 0.0
+    failed = feasible_solution(problem, system, free, at, 1.0, transforms=0, iterations=0)
+    unconverged(problem, system, at, transforms, failed)
+    return system
+
+
 def _solution_of(
     problem: Problem,
     transforms: Transforms,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
@@ -83,44 +84,70 @@ def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> 
 
 
 def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, checkpoint_every: float) -> str:
-    """Run the case; return what there is to note on it."""
+    """Run the case; return the warnings of its observables."""
     from gfmdlayer.results.checkpoint import CheckpointError
+    from gfmdlayer.simulation import ConvergenceError
 
     config, hashed = case.config, digest(case.config)
+    compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
+    keeper = partial(Checkpoints, folder, case.index, hashed)
     with (
         StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
-        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
+        closing(keeper(checkpoint_every, status.advance)) as checkpoints,
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)
-        compute = partial(_compute, config, hashed, folder.case(case.index), checkpoints, wisdom, threads)
         try:
             checkpoints.find()
-            note = compute()
+            note = compute(checkpoints)
         except CheckpointError as error:
             checkpoints.set_aside(str(error))
-            note = compute()
+            note = compute(checkpoints)
+        except ConvergenceError as error:
+            checkpoints.close()
+            if checkpoints.attempts:
+                with closing(keeper(math.inf, _StopAfter(checkpoints.attempts, status.advance))) as again:
+                    again.find()
+                    with suppress(Stopped):
+                        compute(again)
+            if not folder.case(case.index, "checkpoint").exists():
+                raise
+            raise ConvergenceError(f"{error}; state kept at t = {checkpoints.time:.6g}") from error
         checkpoints.remove()
     return note
 
 
+class _StopAfter:
+    """Stops a run after a number of attempts at a step, as a signal does.
+
+    A failed solve has changed the solver's state. So the attempts since the last checkpoint are repeated, and
+    the state after the last of them is the one that an uninterrupted run had before it failed.
+    """
+
+    def __init__(self, attempts: int, advance: Callable[[float], None]) -> None:
+        self._left, self._advance = attempts, advance
+
+    def __call__(self, simulated_time: float) -> None:
+        self._advance(simulated_time)
+        self._left -= 1
+        if self._left == 0:
+            raise Stopped
+
+
 def _compute(
-    config: Config, hashed: str, path: Path, checkpoints: Checkpoints, wisdom: str | None, threads: int
+    config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
 ) -> str:
     from gfmdlayer.grid.grid import Grid
-    from gfmdlayer.inputs import histogram_edges
+    from gfmdlayer.observables import columns
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
 
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
     attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
-    edges = histogram_edges(config)
-    with CaseWriter(path, coordinates, attributes, edges, elapsed=checkpoints.elapsed) as writer:
+    with CaseWriter(path, coordinates, attributes, columns(config), elapsed=checkpoints.elapsed) as writer:
         recorder = checkpoints.recorder(writer)
-        simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
-    if writer.noted.get("settled") == 0:
-        return f"NOT STEADY within {config.time.steady:g} at time.end = {config.time.end:g}"
-    return ""
+        warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+    return "; ".join(warnings)
 
 
 def _attributes(config: Config) -> dict[str, str | float]:
@@ -129,7 +156,7 @@ def _attributes(config: Config) -> dict[str, str | float]:
         found["tau"] = config.layer.material.tau
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
-    if config.trajectory.velocity is not None or config.trajectory.velocity_file is not None:
+    if config.trajectory.moves:
         found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
@@ -139,12 +166,7 @@ def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
     from gfmdlayer import simulation
 
     wisdom: Wisdom = {}
-    for config in {_kind(case.config): case.config for case in todo}.values():
+    for config in {case.kind: case.config for case in todo}.values():
         with suppress(Exception):  # the case will meet it again, and be recorded as failed
             wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
     return wisdom
-
-
-def _kind(config: Config) -> tuple[object, ...]:
-    """What decides which kernels are compiled and which transforms are planned."""
-    return config.grid.points, config.solver, config.time.integrator, config.layer.material.model

@@ -7,7 +7,8 @@
 The state is kept at an interval and when the run is asked to stop. Whoever takes a case up writes the journal
 that the checkpoint does not name, so that the way back is open until there is a new checkpoint. A case that
 fails leaves its last checkpoint, and tried again goes on from there: what failed for want of a disk goes
-through, and what cannot work fails again soon.
+through, and what cannot work fails again soon. Where a step does not converge, the steps since the last
+checkpoint are repeated up to the one before it, whose state is kept.
 """
 
 from __future__ import annotations
@@ -56,6 +57,10 @@ class Checkpoints:
         When the case was begun for the first time.
     elapsed : float
         Seconds that went into the state that was found.
+    attempts : int
+        Attempts at a step since the last state was kept.
+    time : float
+        Simulated time of the last attempt, or of the state that was found.
     """
 
     def __init__(
@@ -83,11 +88,13 @@ class Checkpoints:
         if self._path.exists():
             self._found = read_checkpoint(self._path, self._made_by)
             self.started, self.elapsed = self._found.about["started"], self._found.about["elapsed"]
+            self.time = self._found.about["time"]
 
     def _begin(self) -> None:
         from gfmdlayer.results.provenance import now
 
         self.started, self.elapsed = now(), 0.0
+        self.attempts, self.time = 0, 0.0
 
     def recorder(self, writer: CaseWriter) -> Journal:
         """Return what records for the writer; what was recorded before is in it already.
@@ -141,6 +148,7 @@ class Checkpoints:
         Stopped
             Where the run is to stop.
         """
+        self.attempts, self.time = self.attempts + 1, simulated_time
         try:
             self._tell_time(simulated_time)
         except Stopped:
@@ -188,6 +196,7 @@ class Checkpoints:
                 "journal": self._journal.kept().plain(),
             }
             Checkpoint(self._made_by, about, self._memory.state()).write(self._path)
+            self.attempts = 0
             self._done_with.unlink(missing_ok=True)
         except OSError as error:
             self._warn(f"goes on, but its state cannot be kept: {error.strerror or error}")

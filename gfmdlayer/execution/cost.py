@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gfmdlayer.config import Config
+from gfmdlayer.observables import columns
 
 # Adaptive steps of a ramp and a hold at a tolerance of 1e-4, and the power of the tolerance; measured on the
 # default case from 1e-3 to 1e-4, with 0 to 400 times to land on.
@@ -29,7 +30,7 @@ REAL = 8  # bytes
 # branch of the material. Peak of the process, measured at 2^17 to 2^19 points in one and two directions.
 FIELDS = {"fire": 35, "conjugate_gradient": 32, "active_set": 62}
 BRANCH_FIELDS = 5
-COLUMNS, ROWS = 13, 512  # of a row; in a block of the file
+ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
 
@@ -63,11 +64,9 @@ def estimate(config: Config) -> Cost:
     steps = _steps(config)
     solver = config.solver
     inertia = solver.inertia if solver.method == "fire" else None
-    kept = config.output.histograms
-    columns = COLUMNS + sum(given.bins for given in (kept.pressure, kept.gap) if given is not None)
+    width = sum(column.size for column in columns(config))
     at_4096, power = PAIRS[solver.method, inertia]
-    moves = config.trajectory.velocity is not None or config.trajectory.velocity_file is not None
-    pairs = steps * at_4096 * (size / 4096) ** power * (SLIDING if moves else 1)
+    pairs = steps * at_4096 * (size / 4096) ** power * (SLIDING if config.trajectory.moves else 1)
     if solver.method == "active_set" and config.punch.shape in ("self_affine", "topography"):
         pairs *= ROUGH
     material = config.layer.material
@@ -79,7 +78,7 @@ def estimate(config: Config) -> Cost:
         pairs=pairs,
         work=size * pairs,
         memory=PROGRAM + fields * REAL * size,
-        storage=HEADER + REAL * (columns * rows + sum(config.grid.points) + 3 * size * snapshots),
+        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + 3 * size * snapshots),
     )
 
 

@@ -13,7 +13,6 @@ from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
 from statistics import median
 
-from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import Case
@@ -72,12 +71,7 @@ def finished(folder: Folder, cases: Sequence[Case]) -> list[tuple[Case, float]]:
 
 
 def _levels(case: Case) -> list[Hashable]:
-    return [_kind(case.config), *(repr(value) for value in case.values.values())]
-
-
-def _kind(config: Config) -> Hashable:
-    solver, time = config.solver, config.time
-    return config.grid.points, solver.method, solver.inertia, time.integrator, time.step == "adaptive"
+    return [case.kind, *(repr(value) for value in case.values.values())]
 
 
 def _medians(levels: Sequence[Hashable], values: Sequence[float]) -> dict[Hashable, float]:

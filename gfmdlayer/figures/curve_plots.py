@@ -28,6 +28,7 @@ from gfmdlayer.figures.plot_style import (
     time_axis,
     value_titles,
 )
+from gfmdlayer.observables import known_columns
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 LEGEND_ENTRIES = 12
-PANELS = {"contact_area": r"$\tilde{a}$", "mean_pressure": r"$\tilde{p}$", "friction": r"$\mu$"}
+PANELS = {name: f"${column.symbol}$" for name, column in known_columns().items() if column.symbol}
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,43 @@
-"""What a step reports: effort, contact statistics, friction, energy balance, steady state."""
+"""Observables of a step: contact, effort, friction, energy balance, contact statistics, steady state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gfmdlayer.observables.contact_means import ContactMeans
+from gfmdlayer.observables.contact_statistics import ContactStatistics
+from gfmdlayer.observables.effort import Effort
+from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.friction import Friction
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.steady_state import SteadyState
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+
+__all__ = ["OBSERVABLES", "AcceptedStep", "Column", "Observable", "columns", "known_columns", "observables"]
+
+# In the order of the columns; each may read the columns of those before it.
+OBSERVABLES: dict[str, type[Observable]] = {
+    "contact": ContactMeans,
+    "effort": Effort,
+    "friction": Friction,
+    "energy": EnergyBalance,
+    "statistics": ContactStatistics,
+    "steady_state": SteadyState,
+}
+
+
+def observables(case: Parts) -> dict[str, Observable]:
+    """Make the observables that the configuration of a simulation asks for, by name."""
+    return {name: made(case) for name, made in OBSERVABLES.items() if made.columns(case.config) is not None}
+
+
+def columns(config: Config) -> tuple[Column, ...]:
+    """Return the columns of a case, in the order of its rows."""
+    return tuple(column for each in OBSERVABLES.values() for column in each.columns(config) or ())
+
+
+def known_columns() -> dict[str, Column]:
+    """Return the columns that are the same in every case that has them, by name."""
+    return {column.name: column for each in OBSERVABLES.values() for column in each.COLUMNS}

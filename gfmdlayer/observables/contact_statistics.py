@@ -1,106 +1,81 @@
-"""What a rough contact is described by: mean gap, patches of contact, distributions of pressure and gap.
+"""Statistics of a rough contact: mean gap, patches of contact, distributions of pressure and gap.
 
-A point is in contact where its pressure, and not its gap, is the larger of the two in the scales of the
-residual, as for the contact area. The distribution of the pressure is over the points in contact, that of the
-gap over the others, both as parts of the whole surface: the first sums to the contact area, the second to
-what the contact leaves of 1.
+The distribution of the pressure is over the points in contact and sums to the contact area, that of the gap
+over the other points and sums to the rest of 1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
+from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value
 
-from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.residual import residual_scales
-from gfmdlayer.kernels import kernel
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+    from gfmdlayer.config.output import Histogram
+
+MEAN_GAP = Column("mean_gap", "mean gap between surface and punch", "length")
+PATCHES = Column("patches", "number of connected patches of contact", dtype="i8")
 
 
-class Statistics:
-    """Observables of a solved contact problem that go beyond means.
+class ContactStatistics(Observable):
+    """Mean gap and, where the configuration asks for them, patches and histograms of pressure and gap."""
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the grid.
-    edges : mapping
-        `pressure`, `gap` or both -> edges of the bins of their histograms, increasing from 0 to inf.
-    patches : bool
-        Whether to count the patches of contact.
-    """
+    COLUMNS = (MEAN_GAP,)
 
-    def __init__(
-        self, shape: tuple[int, ...], edges: Mapping[str, FloatArray], *, patches: bool = False
-    ) -> None:
-        self._shape = shape
-        self._edges = dict(edges)
-        self._patches = patches
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...]:
+        """Return the mean gap, and what `output` asks for."""
+        asked, found = config.output, [MEAN_GAP]
+        if asked.patches:
+            found.append(PATCHES)
+        if asked.histograms.pressure is not None:
+            bins = Bins("pressure_bin", "pressure", "pressure", _bin_edges(asked.histograms.pressure))
+            name = "part of the surface in contact with a pressure in the bin; the sum is the contact area"
+            found.append(Column("pressure_histogram", name, along=bins))
+        if asked.histograms.gap is not None:
+            bins = Bins("gap_bin", "the gap", "length", _bin_edges(asked.histograms.gap))
+            name = "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area"
+            found.append(Column("gap_histogram", name, along=bins))
+        return tuple(found)
 
-    def of(self, problem: Problem, solution: Solution) -> dict[str, float | FloatArray]:
-        """Return mean_gap and, where asked for, patches, pressure_histogram and gap_histogram."""
-        found: dict[str, float | FloatArray] = {"mean_gap": solution.mean_gap}
-        if not (self._patches or self._edges):
+    def __init__(self, case: Parts) -> None:
+        import numpy as np
+
+        asked = {column.name: column.along for column in self.columns(case.config)}
+        self._shape, self._counts_patches = case.grid.shape, PATCHES.name in asked
+        self._edges = {name: np.array(bins.edges) for name, bins in asked.items() if bins is not None}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+        """Return them."""
+        solution = step.solution
+        found: dict[str, Value] = {"mean_gap": solution.mean_gap}
+        if not (self._counts_patches or self._edges):
             return found
-        touching = in_contact(problem, solution)
-        if self._patches:
+        from gfmdlayer.observables.distributions import count_patches, histogram, in_contact
+
+        touching = in_contact(step.problem, solution)
+        if self._counts_patches:
             found["patches"] = count_patches(touching.reshape(self._shape))
-        if "pressure" in self._edges:
-            found["pressure_histogram"] = histogram(solution.pressure, touching, self._edges["pressure"])
-        if "gap" in self._edges:
-            found["gap_histogram"] = histogram(solution.gap, ~touching, self._edges["gap"])
+        for name, edges in self._edges.items():
+            of_pressure = name == "pressure_histogram"
+            values, chosen = (solution.pressure, touching) if of_pressure else (solution.gap, ~touching)
+            found[name] = histogram(values, chosen, edges)
         return found
 
 
-def in_contact(problem: Problem, solution: Solution) -> BoolArray:
-    """Tell of each point whether it is in contact."""
-    pressure_scale, depth = residual_scales(solution.pressure, solution.displacement, problem.residual_floor)
-    return np.asarray(solution.pressure * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
+def _bin_edges(asked: Histogram) -> tuple[float, ...]:
+    """Edges of the bins of a histogram, from 0 to inf.
 
-
-def histogram(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> FloatArray:
-    """Return the part of all points that is chosen and has a value within each bin, lower edge included.
-
-    Parameters
-    ----------
-    values : ndarray
-        One value a point; one below the first edge, by rounding, counts in the first bin.
-    chosen : ndarray of bool
-        Which points count.
-    edges : ndarray
-        Increasing, the last inf.
+    Between these are the edges that were asked for, so that values beyond `max` and, on a log scale, below
+    `min` have a bin of their own.
     """
-    return _counts(values, chosen, edges) / values.size
+    import numpy as np
 
-
-@kernel
-def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> npt.NDArray[np.int64]:
-    counts = np.zeros(edges.size - 1, np.int64)
-    for i in range(values.size):
-        if chosen[i]:
-            counts[max(np.searchsorted(edges, values[i], side="right") - 1, 0)] += 1
-    return counts
-
-
-def count_patches(touching: BoolArray) -> int:
-    """Count the connected patches of a periodic surface; points are neighbours along the axes.
-
-    Parameters
-    ----------
-    touching : ndarray of bool
-        Of the grid's shape, in one dimension or two.
-    """
-    from scipy import ndimage
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    labels, count = ndimage.label(touching)
-    # Patches that meet across an edge of the cell are one: components of the graph of such meetings.
-    ends = [(labels.take(0, axis).ravel(), labels.take(-1, axis).ravel()) for axis in range(labels.ndim)]
-    first, last = (np.concatenate(side) for side in zip(*ends, strict=True))
-    meet = (first > 0) & (last > 0)
-    pairs = (np.ones(np.count_nonzero(meet)), (first[meet] - 1, last[meet] - 1))
-    graph = coo_array(pairs, shape=(count, count))
-    return int(connected_components(graph, directed=False)[0]) if count else 0
+    if asked.scale == "linear":
+        inner = np.linspace(0.0, asked.max, asked.bins + 1)[1:]
+    else:
+        assert asked.min is not None
+        inner = np.geomspace(asked.min, asked.max, asked.bins + 1)
+    return (0.0, *inner.tolist(), np.inf)

@@ -1,38 +1,55 @@
-"""What the attempts at a step took, up to the accepted one."""
+"""Transforms and iterations of all attempts at a step, and how many attempts were rejected."""
 
 from __future__ import annotations
 
-from gfmdlayer.contact.problem import Solution
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 
+if TYPE_CHECKING:
+    from gfmdlayer.contact.problem import Solution
 
-class Effort:
-    """Counts what is spent until a step is accepted."""
+_PAIRS = (
+    "pairs of Fourier transforms (forward and backward) spent on the step; "
+    "of a window, the part of the surface that it is"
+)
 
-    def __init__(self) -> None:
-        self._transforms = self._iterations = self._number = 0
 
-    def add(self, solution: Solution) -> None:
+class Effort(Observable):
+    """Counts transforms, iterations and attempts until a step is accepted."""
+
+    COLUMNS = (
+        Column("transforms", _PAIRS, dtype="i8"),
+        Column("iterations", "iterations of the contact solver in the step", dtype="i8"),
+        Column("rejected", "attempts at the step that were rejected", dtype="i8"),
+    )
+
+    def __init__(self, _case: Parts) -> None:
+        self._transforms = self._iterations = self._attempts = 0
+
+    def attempt(self, solution: Solution) -> None:
         """Count an attempt."""
         self._transforms += solution.transforms
         self._iterations += solution.iterations
-        self._number += 1
+        self._attempts += 1
 
-    def taken(self) -> dict[str, int]:
-        """Columns of the accepted step's row; counting begins anew."""
-        columns = {
-            "transforms": self._transforms,
-            "iterations": self._iterations,
-            "rejected": self._number - 1,
-        }
-        self._transforms = self._iterations = self._number = 0
-        return columns
+    def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
+        """Return the counts and begin at zero for the next step."""
+        counts = self._transforms, self._iterations, self._attempts - 1
+        self._transforms = self._iterations = self._attempts = 0
+        return dict(zip(("transforms", "iterations", "rejected"), counts, strict=True))
 
     def state(self) -> State:
         """Return the counts."""
-        return {"transforms": self._transforms, "iterations": self._iterations, "number": self._number}
+        return {
+            "transforms": self._transforms,
+            "iterations": self._iterations,
+            "attempts": self._attempts,
+        }
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
+        """Continue from the counts of another run."""
         self._transforms, self._iterations = int(state["transforms"]), int(state["iterations"])
-        self._number = int(state["number"])
+        self._attempts = int(state["attempts"])

@@ -1,81 +1,74 @@
-"""Where the work of the punch goes: work = stored + dissipated, each an energy per area of the surface.
+"""Energy balance: work of the punch = stored + dissipated, each per area of the surface.
 
-The work is the integral of the mean pressure over the depth, and of the mean tangential stress over the way
-along the surface, and owes nothing to the modes that know what is
-stored and what is dissipated. What the balance lacks is an error of the integration in time: of second order
-in dt with the exponential scheme and of first with backward Euler.
+The work is the integral of the mean pressure over the depth, plus that of the mean tangential stress over the
+position of a punch that moves along the surface. It does not use the modes, from which stored and dissipated
+energy follow. The residual of the balance is an error of the time integration: of second order in dt with the
+exponential scheme and of first order with backward Euler.
+
+A punch that is pressed in at once, in the first step, has done the work that is stored after it: without
+friction at the interface the energy of an elastic contact does not depend on the path to it.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Protocol
 
-import numpy as np
-
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 
+_UNITS = "pressure length"
 
-class Energy(Protocol):
-    """An integrator that knows the energy of its modes."""
-
-    @property
-    def stored(self) -> float:
-        """Elastic energy per area after the last step."""
-        ...
-
-    @property
-    def dissipated(self) -> float:
-        """Energy per area that became heat since the beginning."""
-        ...
+Point = tuple[float, float]
 
 
-class EnergyBalance:
-    """The balance, entered step by step."""
+class EnergyBalance(Observable):
+    """Work, stored and dissipated energy, and what the balance lacks."""
 
-    def __init__(self) -> None:
+    COLUMNS = (
+        Column("work", "work done by the punch per area", _UNITS),
+        Column("stored", "elastic energy stored per area", _UNITS),
+        Column("dissipated", "energy dissipated per area", _UNITS),
+        Column("energy_residual", "work - stored - dissipated, per area", _UNITS),
+    )
+
+    def __init__(self, _case: Parts) -> None:
         self._work = 0.0
-        self._past: deque[tuple[float, float]] = deque(maxlen=2)  # depths and pressures
-        self._way: deque[tuple[float, float]] = deque(maxlen=2)  # positions and tangential stresses
+        self._normal: deque[Point] = deque(maxlen=2)  # depths and mean pressures
+        self._tangential: deque[Point] = deque(maxlen=2)  # positions and tangential stresses
 
-    def entry(
-        self, pressure: float, depth: float, energy: Energy, resistance: Mapping[str, float] | None = None
-    ) -> dict[str, float]:
-        """Enter an accepted step, which `energy` has been carried over; return the columns of its row.
-
-        Of a punch that moves along the surface, `resistance` has position and tangential_force.
-
-        A punch that is pressed in at once, in the first step, does the work that is there after it: without
-        friction the energy of an elastic contact does not depend on the way to it.
-        """
-        way = (resistance["position"], resistance["tangential_force"]) if resistance else (0.0, 0.0)
-        if not self._past:
-            self._work = energy.stored + energy.dissipated
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the balance; position and tangential force are read from the row, if it has them."""
+        stored, dissipated = step.energy.stored, step.energy.dissipated
+        normal = step.surface.depth, step.solution.mean_pressure
+        tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
+        if self._normal:
+            self._work += _area(*self._normal, normal) + _area(*self._tangential, tangential)
         else:
-            self._work += _area(*self._past, (depth, pressure)) + _area(*self._way, way)
-        self._past.append((depth, pressure))
-        self._way.append(way)
+            self._work = stored + dissipated
+        self._normal.append(normal)
+        self._tangential.append(tangential)
         return {
             "work": self._work,
-            "stored": energy.stored,
-            "dissipated": energy.dissipated,
-            "energy_residual": self._work - energy.stored - energy.dissipated,
+            "stored": stored,
+            "dissipated": dissipated,
+            "energy_residual": self._work - stored - dissipated,
         }
 
     def state(self) -> State:
-        """Return the work, and the last two points of each curve under which it is the area."""
-        return {"work": self._work, "past": np.reshape([*self._past, *self._way], (2, -1, 2))}
+        """Return the work, and the last two points of both curves."""
+        curves = {"normal": list(self._normal), "tangential": list(self._tangential)}
+        return {"work": self._work, **curves}
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
+        """Continue from the work and the points of another run."""
         self._work = float(state["work"])
-        for curve, points in zip((self._past, self._way), state["past"].tolist(), strict=True):
-            curve.extend((x, y) for x, y in points)
+        self._normal.extend((x, y) for x, y in state["normal"].tolist())
+        self._tangential.extend((x, y) for x, y in state["tangential"].tolist())
 
 
-def _area(*points: tuple[float, float]) -> float:
-    """Area under a curve (x, y) between the last two points, by a parabola if the third goes the same way."""
+def _area(*points: Point) -> float:
+    """Area under y(x) between the last two points, by a parabola if the third lies in the same direction."""
     *earlier, (x0, y0), (x1, y1) = points
     width, slope = x1 - x0, 0.0
     area = width * (y0 + y1) / 2

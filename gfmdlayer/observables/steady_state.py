@@ -1,72 +1,76 @@
-"""When a moving punch has reached its steady state.
+"""Steady state of a moving punch, at which the run ends.
 
-It has when friction, mean pressure and depth have each stayed within a tolerance, relative to their largest
-value, over a whole window of time: that of the slowest thing on the way there (`SlidingModes.slowest`).
+It is reached when mean pressure, depth and friction have each stayed within a tolerance, relative to their
+largest value, over a whole window of time: that of the slowest process on the way (`SlidingModes.slowest`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import numpy as np
-
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
 
 _ROUNDING = 1e-12  # of friction, where the body is elastic
 
 
-class SteadyState:
-    """Watches the accepted steps.
+class SteadyState(Observable):
+    """Compares the accepted steps of a window of time; has no column.
 
-    Parameters
-    ----------
-    window : float
-        Time over which nothing may change any more.
-    tolerance : float
-        Allowed change, relative to the largest value in the window.
-    since : float
-        Time from which on nothing that is prescribed changes.
-
-    Attributes
-    ----------
-    verdict : dict
-        settled (0 or 1), and the steady_time at which it was.
+    The window begins with the last kink of what is prescribed, and with each window that was not steady. Its
+    attributes of the result file are `settled`, 0 or 1, and the `steady_time` at which it was.
     """
 
-    def __init__(self, window: float, tolerance: float, since: float) -> None:
-        self._window, self._tolerance, self._since = window, tolerance, since
-        self.verdict: dict[str, float] = {"settled": 0}
-        self._begun = math.inf
-        self._least = self._most = np.empty(0)
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return no columns, where a steady state is asked for."""
+        return None if config.time.steady is None else ()
 
-    def reached(
-        self, time: float, pressure: float, depth: float, friction: float = math.nan, **_others: float
-    ) -> bool:
-        """Take the values of a row; tell whether the steady state is reached with it."""
-        values = (pressure, depth, friction)
-        if time < self._since or math.isnan(friction):
-            return False
+    def __init__(self, case: Parts) -> None:
+        time = case.config.time
+        assert time.steady is not None
+        self._tolerance = time.steady
+        self._window = case.integrator.slowest(self._tolerance)
+        self._since = max(case.kinks, default=0.0)
+        self._begun = math.inf
+        self._least: tuple[float, ...] = ()
+        self._most: tuple[float, ...] = ()
+        self.attributes = {"settled": 0}
+        self.warning = f"NOT STEADY within {time.steady:g} at time.end = {time.end:g}"
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Compare the step with the others of its window."""
+        values = step.solution.mean_pressure, step.surface.depth, float(step.row["friction"])
+        if step.time < self._since or math.isnan(values[-1]):
+            return {}
         if self._begun == math.inf:
-            self._begin(time, values)
-            return False
-        self._least, self._most = np.minimum(self._least, values), np.maximum(self._most, values)
-        if time - self._begun < self._window * (1 - 1e-9):
-            return False
-        largest = np.maximum(np.abs(self._least), np.abs(self._most))
-        settled = bool((self._most - self._least <= self._tolerance * largest + _ROUNDING).all())
-        self._begin(time, values)
-        if settled:
-            self.verdict = {"settled": 1, "steady_time": time}
-        return settled
+            self._begin(step.time, values)
+            return {}
+        self._least = tuple(map(min, self._least, values))
+        self._most = tuple(map(max, self._most, values))
+        if step.time - self._begun >= self._window * (1 - 1e-9):
+            if all(map(self._is_steady, self._least, self._most)):
+                self.finished, self.warning = True, ""
+                self.attributes = {"settled": 1, "steady_time": step.time}
+            self._begin(step.time, values)
+        return {}
 
     def state(self) -> State:
-        """Return the window that was begun; there is a verdict only after the last step."""
+        """Return the window that was begun; the steady state ends a run, so that none is resumed from it."""
         return {"begun": self._begun, "least": self._least, "most": self._most}
 
     def restore(self, state: State) -> None:
-        """Go on from there."""
-        self._begun, self._least, self._most = float(state["begun"]), state["least"], state["most"]
+        """Continue with the window of another run."""
+        self._begun = float(state["begun"])
+        self._least, self._most = tuple(state["least"].tolist()), tuple(state["most"].tolist())
+
+    def _is_steady(self, least: float, most: float) -> bool:
+        return most - least <= self._tolerance * max(abs(least), abs(most)) + _ROUNDING
 
     def _begin(self, time: float, values: tuple[float, ...]) -> None:
-        self._begun, self._least = time, np.array(values)
-        self._most = self._least.copy()
+        self._begun, self._least, self._most = time, values, values

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gfmdlayer.observables import Column, known_columns
+from gfmdlayer.observables.contact_means import ContactMeans
 from gfmdlayer.results import scan
 
 LOST = "no complete result file"
@@ -44,8 +46,8 @@ class Survey:
     common
         The times that all complete cases share, and `same_steps` whether these are all they have. A case that
         ended when it was steady has every later time too.
-    moves
-        Whether a punch moves in any.
+    columns
+        Columns of the sweep file: those of every case, and those that any complete case has.
     shared
         The attributes that they share.
     """
@@ -54,7 +56,7 @@ class Survey:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
         self.common: NDArray[np.float64] = np.empty(0)
         self.same_steps = True
-        self.moves = False
+        self._held: set[str] = set()
         self.shared: dict[str, object] = {}
         self._complete, self._go_on = 0, True
         for record in records:
@@ -69,7 +71,8 @@ class Survey:
                 if scan.attribute(file, "complete") != 1 or scan.attribute(file, "rows") != len(times):
                     return False
                 shared = self._shared_with(file)
-                settled, moves = bool(scan.attribute(file, "settled")), scan.holds(file, "friction")
+                settled = bool(scan.attribute(file, "settled"))
+                held = {column.name for column in sweep_columns() if scan.holds(file, column.name)}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         if not self._complete:
@@ -79,7 +82,7 @@ class Survey:
             later = times[times > self.common.max(initial=0.0)] if self._go_on else times[:0]
             self.common = np.append(self.common[rows_at(times, self.common, goes_on=settled) >= 0], later)
         self._go_on &= settled
-        self.moves |= moves
+        self._held |= held
         self.shared = shared
         self._complete += 1
         return True
@@ -90,9 +93,20 @@ class Survey:
             return {name: scan.attribute(file, name) for name in names}
         return {name: value for name, value in self.shared.items() if scan.attribute(file, name) == value}
 
+    @property
+    def columns(self) -> list[Column]:
+        """Return the columns of the sweep file."""
+        held = self._held.union(column.name for column in ContactMeans.COLUMNS)
+        return [column for column in sweep_columns() if column.name in held]
+
     def report(self) -> str:
         """Name the failed cases, a line each."""
         return "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(self.failed.items()))
+
+
+def sweep_columns() -> list[Column]:
+    """Return the columns that sweep files may have."""
+    return [column for column in known_columns().values() if column.in_sweep]
 
 
 def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, goes_on: bool) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""The names in result files: what each variable means, its units and its type.
+"""Names in result files: coordinates, fields and swept parameters, their meaning, units and type.
 
 Units are those of the config that was run. In the paper's convention lengths are in L, moduli in G0 and times
 in tau, so a file says "length", "pressure" or "time" where a unit is wanted, products of these such as
@@ -16,15 +16,11 @@ class ResultsError(OSError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Meaning, units and numpy type of one variable of a result file.
-
-    A column of rows has one number a row, or one for each place along the dimension `along`.
-    """
+    """Meaning, units and numpy type of a coordinate or field; columns of rows are declared by observables."""
 
     long_name: str
     units: str = "1"
     dtype: str = "f8"
-    along: str | None = None
 
 
 @dataclass(frozen=True)
@@ -38,42 +34,12 @@ class Parameter:
 
 
 VARIABLES: dict[str, Variable] = {
-    "time": Variable("time", "time"),
     "x": Variable("position along x", "length"),
     "y": Variable("position along y", "length"),
     "snapshot": Variable("time of the snapshot", "time"),
-    "contact_area": Variable("relative contact area atilde, contact points / all points"),
-    "mean_pressure": Variable("mean contact pressure ptilde = pbar / (2 G0)"),
-    "depth": Variable("indentation depth of the punch", "length"),
-    "position": Variable("position of the punch along x", "length"),
-    "tangential_force": Variable("mean tangential stress against the motion along x", "pressure"),
-    "friction": Variable("tangential force / normal force"),
-    "contact_centre": Variable("centre of pressure along x, from the middle of the punch", "length"),
     "displacement": Variable("normal displacement of the surface, positive upward", "length"),
     "pressure": Variable("contact pressure, positive in compression", "pressure"),
     "gap": Variable("gap between surface and punch, zero in contact", "length"),
-    "mean_gap": Variable("mean gap between surface and punch", "length"),
-    "patches": Variable("number of connected patches of contact", "1", "i8"),
-    "pressure_bin": Variable("lower end of the bin of pressure", "pressure"),
-    "pressure_bin_end": Variable("upper end of the bin of pressure", "pressure", along="pressure_bin"),
-    "pressure_histogram": Variable(
-        "part of the surface in contact with a pressure in the bin; the sum is the contact area",
-        along="pressure_bin",
-    ),
-    "gap_bin": Variable("lower end of the bin of the gap", "length"),
-    "gap_bin_end": Variable("upper end of the bin of the gap", "length", along="gap_bin"),
-    "gap_histogram": Variable(
-        "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area",
-        along="gap_bin",
-    ),
-    "transforms": Variable("pairs of Fourier transforms spent on the step, XX", "1", "i8"),
-    "iterations": Variable("iterations of the contact solver in the step", "1", "i8"),
-    "residual": Variable("residual of the contact problem when the step was accepted"),
-    "rejected": Variable("attempts at the step that were rejected", "1", "i8"),
-    "work": Variable("work done by the punch per area", "pressure length"),
-    "stored": Variable("elastic energy stored per area", "pressure length"),
-    "dissipated": Variable("energy dissipated per area", "pressure length"),
-    "energy_residual": Variable("work - stored - dissipated, per area", "pressure length"),
     "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
 }
 
@@ -104,7 +70,7 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def variable(name: str) -> Variable:
-    """Look up a variable of the result files.
+    """Return a coordinate or field of the result files.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""The sweep file: contact area and mean pressure of all cases, labelled by what was swept.
+"""The sweep file: curves of all cases, labelled by the swept values.
 
     contact_area, mean_pressure (swept key, ..., time)      case (swept key, ...)
-    friction, tangential_force of punches that move
+    friction, tangential_force of punches that move, and other columns that are declared `in_sweep`
 
-A case that ended when it was steady goes on with its last row.
+A case that ended at its steady state is continued with its last row.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
@@ -25,16 +25,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables import Column
+from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results import scan
-from gfmdlayer.results.case_metadata import LOST, CaseRecord, Survey, rows_at
+from gfmdlayer.results.case_metadata import LOST, CaseRecord, Survey, rows_at, sweep_columns
 from gfmdlayer.results.netcdf import add_values, add_variable, new_file
 from gfmdlayer.results.reader import sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
 
 __all__ = ["CaseRecord", "collect", "dimension_names"]
 
-OBSERVABLES = ("contact_area", "mean_pressure")
-OF_MOTION = ("friction", "tangential_force")
 CHUNK = 1 << 16  # values: half a megabyte, which fits the cache of HDF5
 
 
@@ -89,11 +89,11 @@ def collect(
     rows = survey.common if times is None or survey.same_steps else np.asarray(times, dtype=float)
     layout = _layout(records, keys, listed)
     with new_file(path) as file:
-        observables = OBSERVABLES + OF_MOTION * survey.moves
-        _add_coordinates(file.begin(), layout, records, rows, observables)
+        names = [column.name for column in survey.columns]
+        _add_coordinates(file.begin(), layout, records, rows, survey.columns)
         for block in _blocks(layout.places, rows.size):
-            curves = _curves(records[block], survey.failed, rows, observables)
-            _write(file.h5, layout.places[block], dict(zip(observables, curves, strict=True)))
+            curves = _curves(records[block], survey.failed, rows, names)
+            _write(file.h5, layout.places[block], dict(zip(names, curves, strict=True)))
             file.check()
         own = {"swept": " ".join(keys), "complete": 1, "failed": survey.report()}
         file.h5.attrs.update({**survey.shared, **(attributes or {}), **own})
@@ -103,7 +103,7 @@ def collect(
 def dimension_names(keys: Sequence[str]) -> list[str]:
     """Name the swept keys by their last parts, or by the whole key where that is taken."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *OBSERVABLES, *OF_MOTION])
+    taken = Counter([*last, "time", "case", *(column.name for column in sweep_columns())])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
@@ -139,9 +139,9 @@ def _add_coordinates(
     layout: _Layout,
     records: Sequence[CaseRecord],
     rows: NDArray[np.float64],
-    observables: tuple[str, ...],
+    columns: Sequence[Column],
 ) -> None:
-    add_values(h5, "time", ("time",), rows)
+    add_variable(h5, "time", ("time",), TIME.described, data=rows)
     dimensions = tuple(layout.lengths)
     numbers = np.empty(tuple(layout.lengths.values()), dtype=VARIABLES["case"].dtype)
     for record, place in zip(records, layout.places, strict=True):
@@ -153,7 +153,7 @@ def _add_coordinates(
     if "case" not in dimensions:
         add_values(h5, "case", dimensions, numbers)
     beside = " ".join(sorted({"case", *layout.labels} - set(dimensions)))
-    for name in observables:
+    for column in columns:
         shape = (*numbers.shape, rows.size)
         chunks = _chunks(shape)
         packed: dict[str, Any] = {
@@ -163,7 +163,10 @@ def _add_coordinates(
             "shuffle": True,
         }
         options = packed if chunks else {}
-        dataset = add_variable(h5, name, (*dimensions, "time"), shape=shape, fillvalue=np.nan, **options)
+        dataset = add_variable(
+            h5, column.name, (*dimensions, "time"), column.described,
+            shape=shape, dtype="f8", fillvalue=np.nan, **options,
+        )  # fmt: skip
         dataset.attrs["coordinates"] = beside
 
 
@@ -201,14 +204,14 @@ def _curves(
     records: Sequence[CaseRecord],
     failed: dict[int, str],
     times: NDArray[np.float64],
-    observables: Sequence[str],
+    names: Sequence[str],
 ) -> NDArray[np.float64]:
     """Read the curves of neighbours; one that turns out to be damaged joins the failed ones."""
-    curves = np.full((len(observables), len(records), times.size), np.nan)
+    curves = np.full((len(names), len(records), times.size), np.nan)
     for i, record in enumerate(records):
         if record.index not in failed:
             try:
-                _read(record.path, times, observables, curves[:, i])
+                _read(record.path, times, names, curves[:, i])
             except ResultsError:
                 raise
             except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
@@ -216,14 +219,12 @@ def _curves(
     return curves
 
 
-def _read(
-    path: Path, times: NDArray[np.float64], observables: Sequence[str], curves: NDArray[np.float64]
-) -> None:
+def _read(path: Path, times: NDArray[np.float64], names: Sequence[str], curves: NDArray[np.float64]) -> None:
     with scan.opened(path) as case:
         rows = rows_at(scan.column(case, "time"), times, goes_on=bool(scan.attribute(case, "settled")))
         if np.any(rows < 0):
             raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
-        for curve, name in zip(curves, observables, strict=True):
+        for curve, name in zip(curves, names, strict=True):
             if scan.holds(case, name):
                 curve[:] = scan.column(case, name)[rows]
 

@@ -1,6 +1,6 @@
 """The file of one case: rows in time, snapshots of the surface, and where they come from.
 
-    time(time), one column for each name given with the rows      x(x)[, y(y)]
+    time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
 
 Rows are gathered in memory and appended when ROWS_HELD of them wait or FLUSH_INTERVAL has passed, and a
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -22,7 +22,8 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.results.case_template import SNAPSHOTS, add_field, blank
+from gfmdlayer.observables import Column, known_columns
+from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
 from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
@@ -49,8 +50,8 @@ class CaseWriter:
         Attributes of the file, such as `config`, `digest`, `name` and `tau`. They take precedence over the
         provenance that is added (versions, commit, host, started, finished, wall_seconds), so that a
         resumed case can tell its first start.
-    edges
-        The edges of the bins of histograms, {"pressure": edges, "gap": edges}, for rows that have them.
+    columns
+        Columns that rows may have; by default those that are the same in every case.
     flush_interval
         Seconds after which what has been recorded is handed to the operating system.
     elapsed
@@ -67,7 +68,7 @@ class CaseWriter:
         path: str | Path,
         coordinates: Mapping[str, ArrayLike],
         attributes: Mapping[str, Attribute] | None = None,
-        edges: Mapping[str, NDArray[np.float64]] | None = None,
+        columns: Iterable[Column] | None = None,
         flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
     ) -> None:
@@ -75,8 +76,9 @@ class CaseWriter:
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
         self._shape = tuple(len(values) for values in self._coordinates.values())
         self._attributes = dict(attributes or {})
-        self._edges = dict(edges or {})
-        self.noted: dict[str, Attribute] = {}
+        declared = known_columns().values() if columns is None else columns
+        self._declared = {column.name: column for column in declared}
+        self._noted: dict[str, Attribute] = {}
         self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5d.DatasetID] = {}
@@ -121,7 +123,7 @@ class CaseWriter:
         Raises
         ------
         KeyError
-            For a name that the table of variables does not have.
+            For a column that is not declared.
         ValueError
             For columns other than the first row's, no time, or a time that does not grow.
         """
@@ -175,18 +177,19 @@ class CaseWriter:
         self._file.check()
 
     def note(self, **attributes: Attribute) -> None:
-        """Add attributes of the file that only the run can tell."""
-        self.noted.update(attributes)
+        """Add attributes of the file that are known at the end of the run."""
+        self._noted.update(attributes)
 
     def _begin(self, columns: tuple[str, ...]) -> None:
-        """Begin the file, now that it is known what it will hold."""
+        """Begin the file with the columns of the first row."""
         if "time" not in columns:
             raise ValueError(f"{self.path}: a row needs its time")
-        bins = {f"{name}_bin": edges[:-1] for name, edges in self._edges.items()}
-        ends = {f"{name}_bin_end": edges[1:] for name, edges in self._edges.items()}
-        lengths = [tuple((name, len(v)) for name, v in known.items()) for known in (self._coordinates, bins)]
-        self._h5 = self._file.begin(blank(columns, *lengths))
-        for name, values in (self._coordinates | bins | ends).items():
+        if unknown := set(columns) - self._declared.keys():
+            known = ", ".join(sorted(self._declared))
+            raise KeyError(f"{self.path}: no variable {min(unknown)!r} is declared; known: {known}")
+        axes = tuple((name, len(values)) for name, values in self._coordinates.items())
+        self._h5 = self._file.begin(case_template(tuple(self._declared[name] for name in columns), axes))
+        for name, values in self._coordinates.items():
             self._h5[name][...] = values
         growing = dict.fromkeys((*columns, *SNAPSHOTS))
         self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
@@ -213,6 +216,6 @@ class CaseWriter:
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
         counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
         untold = {name: value for name, value in ended.items() if name not in self._attributes}
-        set_attributes(self._h5, {**untold, **self.noted, **counts, "complete": 1})
+        set_attributes(self._h5, {**untold, **self._noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

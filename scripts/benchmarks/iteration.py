@@ -6,11 +6,10 @@ import numpy as np
 from benchmarks.common import STEP, bare_pairs, default_case, ratio
 from benchmarks.tables import Effort, Table
 
-from gfmdlayer.case import make_integrator
+from gfmdlayer.case import Case
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
@@ -39,9 +38,9 @@ def measure(effort: Effort) -> list[Table]:
 def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
     config = default_case(grid__points=points)
     transforms = Transforms((points,), warm_up(config))
-    grid = make_grid(config)
-    kappa, b = make_integrator(config, grid).terms(STEP)
-    problem = Problem(kappa, b, make_punch(config, grid) - 0.01)
+    case = Case(config)
+    kappa, b = case.integrator.terms(STEP)
+    problem = Problem(kappa, b, case.punch - 0.01)
     iterations = max(1, _POINTS_MOVED // points)
     solver = Fire(transforms, tolerance=-1.0, max_iterations=iterations, mass_weighted=mass_weighted)
     start = np.zeros(points)

@@ -16,8 +16,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer import simulation
 from gfmdlayer.cli import main
+from gfmdlayer.config import load
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.results.writer import CaseWriter
 
 
@@ -40,30 +41,24 @@ class Clock:
 
         return counted
 
-    def around_solves(self, make_solver: Callable[..., Any]) -> Callable[..., Any]:
+    def around_solves(self, solve: Callable[..., Any]) -> Callable[..., Any]:
         """Add up the time of every solve."""
 
-        def make(*arguments: Any) -> Any:
-            solver = make_solver(*arguments)
-            solve = solver.solve
+        def timed(*given: Any) -> Any:
+            begun = time.perf_counter()
+            solution = solve(*given)
+            self.solving += time.perf_counter() - begun
+            return solution
 
-            def timed(*problem: Any) -> Any:
-                begun = time.perf_counter()
-                solution = solve(*problem)
-                self.solving += time.perf_counter() - begun
-                return solution
-
-            solver.solve = timed
-            return solver
-
-        return make
+        return timed
 
 
 def run(clock_file: str, config: str, directory: str) -> int:
     """Run the command line and write down what was spent."""
     clock = Clock()
     CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)
-    simulation.make_solver = clock.around_solves(simulation.make_solver)
+    solver = SOLVERS[load(Path(config)).solver.method].load()
+    solver.solve = clock.around_solves(solver.solve)
     status = main(["run", config, "--out", directory])
     Path(f"{clock_file}-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
     return status

@@ -8,11 +8,8 @@ from benchmarks.common import METHODS, STEP, Trace, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import make_integrator, make_loading, make_steps
-from gfmdlayer.contact.fire import Fire
+from gfmdlayer.case import Case
 from gfmdlayer.contact.prediction import DisplacementPrediction
-from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.inputs import make_grid
 from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
@@ -82,12 +79,11 @@ def _mean(values: FloatArray) -> float | None:
 def _fire(points: int, steps: int, inertia: str, past: int) -> Trace:
     """The run with FIRE started from a polynomial through as many of the last fields as asked."""
     config = default_case(grid__points=points, time__end=steps * STEP, solver__inertia=inertia)
-    grid = make_grid(config)
-    solver = Fire(Transforms(grid.shape, warm_up(config)), mass_weighted=inertia == "mass_weighted")
-    integrator, loading = make_integrator(config, grid), make_loading(config, grid)
+    case = Case(config, warm_up(config))
+    solver, integrator, loading = case.solver, case.integrator, case.loading
     trace, fields = Trace(), deque[tuple[float, FloatArray]](maxlen=past)
-    for instant in make_steps(config, integrator, loading.trajectory.kinks):
-        guess = DisplacementPrediction(grid.size)
+    for instant in case.steps:
+        guess = DisplacementPrediction(case.grid.size)
         for time, field in fields:
             guess.remember(time, field, field)
         problem = loading.problem(*integrator.terms(instant.step), instant.time)

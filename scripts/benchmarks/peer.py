@@ -18,12 +18,11 @@ from benchmarks.tables import Cell, Effort, Table
 from benchmarks.work import reference
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import make_integrator
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import simulate, warm_up
 
 if TYPE_CHECKING:
@@ -134,12 +133,8 @@ def _equal_tolerance(config: Config) -> float:
 
 def _residuals(config: Config, step: float, steps: list[Step]) -> FloatArray:
     """Our residual of each step, the pressure from our integrator for its displacement and load."""
-    grid = make_grid(config)
-    transforms, integrator, punch = (
-        Transforms(grid.shape),
-        make_integrator(config, grid),
-        make_punch(config, grid),
-    )
+    case = Case(config)
+    grid, transforms, integrator, punch = case.grid, case.transforms, case.integrator, case.punch
     found = []
     for each in steps:
         kappa, b = integrator.terms(step)

@@ -17,7 +17,7 @@ from benchmarks.common import METHODS, bare_pairs, seconds
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.whole_run import run_to_file
 
-from gfmdlayer.case import make_solver
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
@@ -110,7 +110,7 @@ def _compare(points: int, repetitions: int) -> Table:
         }
     ]
     for method in METHODS:
-        solver = make_solver(config.with_values({"solver": {"method": method}}), transforms)
+        solver = Case(config.with_values({"solver": {"method": method}}), transforms=transforms).solver
         taken, solution = _solved(solver, problem, repetitions)
         own_gap = float(np.mean(punch - solution.displacement))
         rows.append(

@@ -14,9 +14,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer import inputs
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.simulation import make_integrator, make_loading, simulate
+from gfmdlayer.simulation import simulate
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -122,13 +123,13 @@ def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     }
     data["punch"] = draw(punches(length, coarsest))
     bare = Config.model_validate({**data, "trajectory": {"depth": 0.0}})
-    height = float(inputs.make_punch(bare, inputs.make_grid(bare)).mean())
+    height = float(Case(bare).punch.mean())
     material = bare.layer.material
     tau = material.tau if material.model == "zener" else material.branches[0].tau
     control = draw(st.sampled_from(["depth", "depth", "load"]))
     most = 0.95 * height
     if control == "load":  # up to what presses the softest mode flat
-        kappa, _ = make_integrator(bare, inputs.make_grid(bare)).terms(0.0)
+        kappa, _ = Case(bare).integrator.terms(0.0)
         most = 2 * float(kappa[1:].min()) * height
     # Gaps are known to 1e-16 of the heights. A load that presses less than this over the tolerance deep makes
     # a residual that rounding decides: 1e-3 of the largest, 1e-6 of it in a first adaptive step, and 1e-6.
@@ -175,8 +176,8 @@ def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> 
     assert (found["residual"] <= tolerance).all()
     assert ((found["contact_area"] >= 0) & (found["contact_area"] <= 1)).all()
     # Where less than the least presses it may pull, by the tolerance.
-    kappa, b = make_integrator(config, grid).terms(0.0)
-    least, _ = scales(0.0, 0.0, make_loading(config, grid).problem(kappa, b, 0.0).least)
+    case = Case(config)
+    least, _ = scales(0.0, 0.0, case.loading.problem(*case.integrator.terms(0.0), 0.0).residual_floor)
     assert (found["mean_pressure"] >= -tolerance * least / (2 * config.layer.material.G0)).all()
     if config.trajectory.control == "load":
         loads = [inputs.make_trajectory(config)(time) for time in found["time"]]

@@ -14,8 +14,8 @@ import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer import simulation
 from gfmdlayer.config import Config
+from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.execution import case_run as cases
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status_file import StatusFile, running
@@ -171,22 +171,15 @@ def test_a_case_that_raises_is_recorded_and_goes_on_from_its_checkpoint_when_tri
     for each in (folder, whole):
         each.cases.mkdir(parents=True)
     cases.run_case(case, whole)
-    make_solver = simulation.make_solver
+    solve, calls = ActiveSet.solve, count()
 
-    def exhausted(*arguments: object) -> object:
-        solver, calls = make_solver(*arguments), count()  # type: ignore[arg-type]
-        solve = solver.solve
-
-        def solve_or_fail(*given: object) -> object:
-            if next(calls) == 3:
-                raise MemoryError("no room")
-            return solve(*given)  # type: ignore[arg-type]
-
-        monkeypatch.setattr(solver, "solve", solve_or_fail)
-        return solver
+    def exhausted(*given: object) -> object:
+        if next(calls) == 3:
+            raise MemoryError("no room")
+        return solve(*given)  # type: ignore[arg-type]
 
     with monkeypatch.context() as once:
-        once.setattr(simulation, "make_solver", exhausted)
+        once.setattr(ActiveSet, "solve", exhausted)
         outcome = cases.run_case(case, folder, checkpoint_every=0)
     assert (outcome.state, outcome.reason) == ("failed", "MemoryError: no room")
     assert names() == {"0003.failed", "0003.checkpoint", "0003.journal0"}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gfmdlayer import simulation
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
@@ -145,7 +145,7 @@ def test_a_resumed_run_uses_the_plans_that_it_began_with() -> None:
 
 @pytest.mark.parametrize("body", ["depth", "load"])
 def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
-    body: str, monkeypatch: pytest.MonkeyPatch
+    body: str,
 ) -> None:
     """The kernel of a window among it, when the machine has other plans by now."""
     settings = SMALL | STEPS["exponential"] | BODIES[body]
@@ -154,12 +154,12 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
     )
     forget_wisdom()
     careful = Transforms((15015,)).wisdom
-    monkeypatch.setattr(simulation, "Transforms", partial(Transforms, time_limit=0.0))
+    hasty = partial(Transforms, (15015,), time_limit=0.0)
     forget_wisdom()
     whole, parts = Bits(), Bits()
     memory: list[Resumable] = []
     kept: list[State] = []
-    simulate(config, whole)
+    simulate(Case(config, transforms=hasty()), whole)
 
     def stop(time: float) -> None:
         if time > 1.0:
@@ -168,7 +168,8 @@ def test_what_the_solver_makes_of_its_state_it_makes_by_the_plans_of_the_state(
 
     forget_wisdom()
     with pytest.raises(Stop):
-        simulate(config, parts, stop, resume=memory.append)
+        simulate(Case(config, transforms=hasty()), parts, stop, resume=memory.append)
     assert bool(kept[0]["solver.kernel"])
-    simulate(config, parts, wisdom=careful, resume=lambda everything: everything.restore(kept[0]))
+    case = Case(config, transforms=hasty(careful))
+    simulate(case, parts, resume=lambda everything: everything.restore(kept[0]))
     assert parts == whole

@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from gfmdlayer import cli
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material, Prony
-from gfmdlayer.case import make_material
+from gfmdlayer.case import Case
 from gfmdlayer.config import load
 from gfmdlayer.config import sections as config
 from gfmdlayer.files.tables import TableError
@@ -354,7 +354,7 @@ def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
     read_back = load("rubber 1.yaml", ["grid.points=32", "time.end=0.03", "time.step=0.01"])
     assert read_back.name == "rubber-1"
     assert isinstance(read_back.layer.material, config.Prony)
-    material = make_material(read_back)
+    material = Case(read_back).material
     assert material.relaxed == 1
     # The search's tolerance as above, and seven digits.
     np.testing.assert_allclose(material.branch_times, KNOWN.branch_times * shift.factor, rtol=1e-4)

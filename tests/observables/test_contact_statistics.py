@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from gfmdlayer.observables.contact_statistics import count_patches, histogram
+from gfmdlayer.observables.distributions import count_patches, histogram
 
 Run = Callable[[dict[str, object]], Any]
 

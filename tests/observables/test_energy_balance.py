@@ -1,15 +1,18 @@
-"""The energy ledger: work = stored + dissipated, and what each of them must do."""
+"""Energy balance: work = stored + dissipated, and the signs and limits of each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from gfmdlayer.case import Case
+from gfmdlayer.config import Config
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.observables.energy_balance import EnergyBalance
@@ -136,15 +139,17 @@ def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
     assert all(np.isfinite(factor).all() for factor in factors)
 
 
-class Energies:
-    stored, dissipated = 2.0, 0.5
-
-
 def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
-    ledger, energies = EnergyBalance(), Energies()
-    assert ledger.entry(0.01, 0.1, energies)["work"] == 2.5  # whatever it took to get there
+    balance, energy = EnergyBalance(Case(Config(name="x"))), SimpleNamespace(stored=2.0, dissipated=0.5)
+
+    def work_at(depth: float) -> float:
+        surface, solution = SimpleNamespace(depth=depth), SimpleNamespace(mean_pressure=depth**2)
+        step: Any = SimpleNamespace(row={}, energy=energy, surface=surface, solution=solution)
+        return balance.measure(step)["work"]
+
+    assert work_at(0.1) == 2.5  # stored and dissipated, on any path to this depth
     depths = [0.3, 0.45, 0.8, 0.8, 0.4]
-    work = [ledger.entry(depth**2, depth, energies)["work"] for depth in depths]
+    work = [work_at(depth) for depth in depths]
     # A parabola is integrated exactly from the third point of a way on; a way back begins anew.
     assert work[1] - work[0] == pytest.approx((0.45**3 - 0.3**3) / 3, rel=1e-12)
     assert work[2] - work[1] == pytest.approx((0.8**3 - 0.45**3) / 3, rel=1e-12)

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gfmdlayer.results import case_template as blank
-from gfmdlayer.results import writer
+from gfmdlayer.observables import Column, known_columns
+from gfmdlayer.observables.observable import Bins
+from gfmdlayer.results import case_template, writer
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
@@ -53,8 +54,9 @@ def test_case_is_read_by_xarray_with_names_coordinates_and_units(tmp_path: Path)
         np.testing.assert_array_equal(data["pressure"].sel(snapshot=1.0), X**2)
         assert data["transforms"].dtype == np.int64
         for name, array in data.variables.items():
-            assert array.attrs["units"] == VARIABLES[str(name)].units
-            assert array.attrs["long_name"] == VARIABLES[str(name)].long_name
+            declared = (VARIABLES | known_columns())[str(name)]
+            assert array.attrs["units"] == declared.units
+            assert array.attrs["long_name"] == declared.long_name
 
 
 def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
@@ -71,7 +73,9 @@ def test_two_dimensional_surface_keeps_its_axes(tmp_path: Path) -> None:
 def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
     edges, path = np.array([0.0, 1.0, 2.0, np.inf]), tmp_path / "0000.h5"
     parts = np.random.default_rng(1).random((2 * writer.ROWS_HELD + 1, 3))
-    with CaseWriter(path, {"x": X}, edges={"gap": edges}) as case:
+    bins = Bins("gap_bin", "the gap", "length", tuple(edges))
+    columns = [Column("time", "time", "time"), Column("gap_histogram", "part of the surface", along=bins)]
+    with CaseWriter(path, {"x": X}, columns=columns) as case:
         for time, part in enumerate(parts):
             case.row(time=float(time), gap_histogram=part)
     with open_case(path) as data:
@@ -85,8 +89,8 @@ def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
 
 
 def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blank, "BLOCK", 24)
-    monkeypatch.setattr(writer, "blank", blank.blank.__wrapped__)  # none that is kept
+    monkeypatch.setattr(case_template, "BLOCK", 24)
+    monkeypatch.setattr(writer, "case_template", case_template.case_template.__wrapped__)  # none that is kept
     field = np.arange(16.0 * 10).reshape(16, 10)
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
         case.snapshot(0.5, field, -field, 2 * field)

@@ -12,6 +12,7 @@ from gfmdlayer.contact.conjugate_gradient import iterate, make_search
 from gfmdlayer.contact.pressure_form import Iterate, System, set_pressure
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.kernels import compiling
 
 _PORTION = 200  # iterations between two looks at signals
 
@@ -47,6 +48,10 @@ def safeguard(
     Whether the tolerance was reached, the transforms and the iterations.
     """
     found, taken, done, search = False, 0, 0, make_search(transforms)
+    if not iterate.signatures:  # type: ignore[attr-defined]
+        with compiling():  # rarely needed, and thus not compiled beforehand
+            iterate(transforms.plans, system, at, search, shift, tolerance, 0)
+            descend(transforms.plans, system, at, search.work, 1.0, 0.0, shift, tolerance, 0)
     set_pressure(at, system, problem, at.p)
     while not found and done < limit // 2:
         portion = min(_PORTION, limit // 2 - done)

@@ -46,6 +46,7 @@ from gfmdlayer.contact.pressure_form import (
     CLOSE,
     Iterate,
     System,
+    compile_failure,
     feasible_solution,
     per_point,
     trivial_solution,
@@ -161,6 +162,14 @@ class ActiveSet:
         self._set_stiffness(state["stiffness"], floor, load_given=bool(state["load_given"]))
         if state["kernel"]:  # whose transform is counted already
             self._windows.make_kernel()
+
+    def compile(self) -> None:
+        """Compile the kernels of the whole surface and of failed solves, rare in ordinary steps."""
+        plans, at, work = self._transforms.plans, self._at, self._work
+        system = compile_failure(at, self._transforms)
+        begin(plans, system, self._free, self._free, at, self._contact, work, at.gap, 0.0)
+        self._iterate(system, 0.0, 0.0, 1)
+        evaluate(plans, system, at, work)
 
     def _iterate(self, system: System, shift: float, within: float, limit: int) -> tuple[bool, int, int]:
         """`iterate` in portions, between which a signal is noticed."""

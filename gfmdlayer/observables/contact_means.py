@@ -1,0 +1,38 @@
+"""Contact area, mean pressure and depth of the punch, each with the residual that it is known to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+
+TIME = Column("time", "time", "time")
+AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
+              in_sweep=True, symbol=r"\tilde{a}")  # fmt: skip
+PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)",
+                  in_sweep=True, symbol=r"\tilde{p}")  # fmt: skip
+
+
+class ContactMeans(Observable):
+    """Time, contact area, mean pressure in units of twice the relaxed modulus, depth, and residual."""
+
+    COLUMNS = (
+        TIME,
+        AREA,
+        PRESSURE,
+        Column("depth", "indentation depth of the punch", "length"),
+        Column("residual", "residual of the contact problem when the step was accepted"),
+    )
+
+    def __init__(self, case: Parts) -> None:
+        self._unit = 2 * case.config.layer.material.G0
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return them."""
+        return {
+            "time": step.time,
+            "contact_area": step.solution.contact_area,
+            "mean_pressure": step.solution.mean_pressure / self._unit,
+            "depth": step.surface.depth,
+            "residual": step.solution.residual,
+        }

@@ -1,0 +1,199 @@
+"""The interface of observables: their columns, and the accepted step that they are measured on.
+
+An observable is a class in a file of this folder and a line in the table `OBSERVABLES`. Result files, sweep
+files, checkpoints, estimates of storage and plots follow from its columns. Configurations are checked and
+costs estimated by these modules, so that they import neither numpy nor a compiled kernel at the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
+
+from gfmdlayer.resumable import Stateless
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.config import Config
+    from gfmdlayer.contact.loading import Surface
+    from gfmdlayer.contact.problem import Problem, Solution
+    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.grid.transforms import Transforms
+    from gfmdlayer.punch.trajectory import Constant, Table
+
+Value: TypeAlias = "float | FloatArray"
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Bins of a distribution, a dimension of the result files.
+
+    Parameters
+    ----------
+    name : str
+        Of the dimension; its coordinates are NAME and NAME_end, the lower and upper ends of the bins.
+    quantity, units : str
+        Quantity whose distribution it is.
+    edges : tuple of float
+        Increasing; one more than there are bins.
+    """
+
+    name: str
+    quantity: str
+    units: str
+    edges: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the rows: a number for each accepted step, or one for each bin.
+
+    Parameters
+    ----------
+    name, long_name : str
+        Name in the files, and its meaning.
+    units : str
+        In words, see `results.schema`; "1" for dimensionless quantities.
+    dtype : str
+        Type in the files, as numpy names it.
+    along : Bins, optional
+        Bins of a distribution; a number without them.
+    in_sweep : bool
+        Whether the sweep file has it, for numbers.
+    symbol : str
+        In mathtext; a number of the sweep file with a symbol has a panel among the curves.
+    """
+
+    name: str
+    long_name: str
+    units: str = "1"
+    dtype: str = "f8"
+    along: Bins | None = None
+    in_sweep: bool = False
+    symbol: str = ""
+
+    @property
+    def size(self) -> int:
+        """Numbers in a row."""
+        return 1 if self.along is None else len(self.along.edges) - 1
+
+    @property
+    def described(self) -> dict[str, str]:
+        """Attributes of the variable in a file."""
+        return {"long_name": self.long_name, "units": self.units}
+
+
+class Energy(Protocol):
+    """An integrator that knows the energy of its modes."""
+
+    @property
+    def stored(self) -> float:
+        """Elastic energy per area after the last step."""
+        ...
+
+    @property
+    def dissipated(self) -> float:
+        """Heat per area since the beginning."""
+        ...
+
+
+@dataclass(slots=True)
+class AcceptedStep:
+    """An accepted step.
+
+    Attributes
+    ----------
+    time : float
+        At its end.
+    problem, solution : Problem, Solution
+        The contact problem at its end.
+    surface : Surface
+        Displacement of the surface and depth of the punch.
+    energy : Energy
+        Of the body after the step.
+    row : dict
+        Columns measured so far, by the observables before this one in the table.
+    """
+
+    time: float
+    problem: Problem
+    solution: Solution
+    surface: Surface
+    energy: Energy
+    row: dict[str, Value] = field(default_factory=dict)
+
+
+class Parts(Protocol):
+    """Parts of a simulation that an observable may need (`gfmdlayer.case.Case`)."""
+
+    config: Config
+
+    @property
+    def grid(self) -> Grid:
+        """The periodic grid."""
+        ...
+
+    @property
+    def transforms(self) -> Transforms:
+        """Fourier transforms of the grid."""
+        ...
+
+    @property
+    def integrator(self) -> Any:
+        """The time integrator, of the kind that the configuration asks for."""
+        ...
+
+    @property
+    def velocity(self) -> Constant | Table | None:
+        """Velocity of the punch along x; None where it stays."""
+        ...
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times at which the slope of a prescribed quantity jumps."""
+        ...
+
+
+class Observable(Stateless):
+    """Measures columns of each accepted step.
+
+    What is remembered from step to step is returned by `state` and put back by `restore`.
+
+    Parameters
+    ----------
+    case : Parts
+        The simulation that is about to begin.
+
+    Attributes
+    ----------
+    COLUMNS : tuple of Column
+        Columns that are the same in every case that has the observable.
+    finished : bool
+        Whether the run may end after the last accepted step.
+    attributes : dict
+        Attributes of the result file, known at the end of the run.
+    warning : str
+        A line for the log at the end of the run; empty where all is well.
+    """
+
+    COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    finished: bool = False
+    attributes: Mapping[str, float] = MappingProxyType({})
+    warning: str = ""
+
+    def __init__(self, case: Parts) -> None:
+        """Take what is needed of the simulation."""
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:  # noqa: ARG003
+        """Return the columns of a case, or None where the case does not have this observable."""
+        return cls.COLUMNS
+
+    def attempt(self, solution: Solution) -> None:
+        """Take note of a solution of a step that is not yet accepted, and may be rejected."""
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:  # noqa: ARG002
+        """Return the values of the columns, by name."""
+        return {}

@@ -1,0 +1,113 @@
+"""An observable is one class and one line in the table: files, sweep, checkpoints and costs follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gfmdlayer.config import Config
+from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.cost import estimate
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.sweep import Case
+from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
+from gfmdlayer.observables.observable import Parts
+from gfmdlayer.results.reader import open_case
+from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.resumable import State
+
+CONFIG = Config(name="rms").with_values(
+    {"grid.points": 32, "time": {"end": 1.5, "step": 0.125}, "output.snapshots": [0.5, 1.0, 1.5]}
+)
+
+
+class RmsPressure(Observable):
+    """Root mean square pressure, and its largest value so far, which a resumed run has to remember."""
+
+    COLUMNS = (
+        Column("rms_pressure", "root mean square of the contact pressure", "pressure", in_sweep=True),
+        Column("largest_rms", "largest rms pressure so far", "pressure"),
+    )
+
+    def __init__(self, _case: Parts) -> None:
+        self._largest = 0.0
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        rms = float(np.sqrt(np.mean(step.solution.pressure**2)))
+        self._largest = max(self._largest, rms)
+        return {"rms_pressure": rms, "largest_rms": self._largest}
+
+    def state(self) -> State:
+        return {"largest": self._largest}
+
+    def restore(self, state: State) -> None:
+        self._largest = float(state["largest"])
+
+
+def stop_at(time: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the next run stop after a simulated time, as a signal does."""
+    advance = StatusFile.advance
+
+    def stopping(self: StatusFile, simulated_time: float) -> None:
+        advance(self, simulated_time)
+        if simulated_time >= time:
+            raise Stopped
+
+    monkeypatch.setattr(StatusFile, "advance", stopping)
+
+
+def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = estimate(CONFIG).storage
+    monkeypatch.setitem(OBSERVABLES, "rms_pressure", RmsPressure)
+    assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
+    folder, case = Folder(tmp_path), Case(0, CONFIG, {})
+    folder.cases.mkdir()
+    with monkeypatch.context() as once:
+        stop_at(1.25, once)  # after the largest pressure, at the end of the ramp
+        assert run_case(case, folder).state == "stopped"
+    assert run_case(case, folder).state == "complete"
+    with open_case(folder.case(0)) as found:
+        rms = found["rms_pressure"]
+        assert rms.attrs["long_name"] == "root mean square of the contact pressure"
+        assert rms.attrs["units"] == "pressure"
+        pressure = found["pressure"]
+        np.testing.assert_allclose(
+            rms.sel(time=pressure["snapshot"].values), np.sqrt((pressure**2).mean("x")), rtol=1e-12
+        )
+        np.testing.assert_array_equal(found["largest_rms"], np.maximum.accumulate(rms.values))
+        assert rms.values.argmax() == 8
+        rows = rms.values
+    collect(tmp_path, [CaseRecord(0, folder.case(0), {})], [])
+    with xr.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as sweep:
+        np.testing.assert_array_equal(sweep["rms_pressure"], rows)
+        assert sweep["rms_pressure"].attrs["units"] == "pressure"
+        assert "largest_rms" not in sweep
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, set()),
+        ({"trajectory.velocity": 0.1}, {"position", "tangential_force", "friction", "contact_centre"}),
+        ({"output.patches": True}, {"patches"}),
+        ({"output.histograms.gap": {"max": 0.1, "bins": 7}}, {"gap_histogram"}),
+    ],
+    ids=str,
+)
+def test_a_configuration_has_the_columns_that_it_asks_for(
+    values: dict[str, object], expected: set[str]
+) -> None:
+    always = {column.name for column in columns(CONFIG)}
+    asked = {column.name: column for column in columns(CONFIG.with_values(values))}
+    assert asked.keys() - always == expected
+    assert always <= asked.keys()
+    if "gap_histogram" in asked:
+        assert asked["gap_histogram"].size == 8  # the last bin is beyond max

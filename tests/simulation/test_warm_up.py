@@ -1,0 +1,53 @@
+"""Warming up compiles everything that a case may come to: later, all ranks would compile at once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from gfmdlayer.config import Config
+from gfmdlayer.simulation import ConvergenceError, simulate, warm_up
+
+class Nothing:
+    def row(self, **_): ...
+    def note(self, **_): ...
+    def snapshot(self, *_): ...
+
+def compiled():
+    modules = [module for name, module in sys.modules.items() if name.startswith("gfmdlayer")]
+    kernels = {id(kernel): kernel for module in modules for kernel in vars(module).values()
+               if isinstance(kernel, Dispatcher)}
+    return {kernel.py_func.__qualname__: len(kernel.overloads) for kernel in kernels.values()}
+
+SHORT = {"grid.points": 512, "time": {"end": 0.2, "step": 0.05}, "trajectory.depth": 0.003}
+ADAPTIVE = {"time": {"end": 0.05, "step": "adaptive"}}
+CASES = [
+    SHORT,
+    SHORT | ADAPTIVE | {"output.histograms.gap": {"max": 0.1}},
+    SHORT | {"trajectory.velocity": 0.2},
+    SHORT | {"solver.method": "conjugate_gradient"},
+    SHORT | {"solver.method": "fire"},
+]
+for values in CASES:
+    config = Config(name="warm").with_values(values)
+    warm_up(config, Path(sys.argv[1]))
+    before = compiled()
+    simulate(config, Nothing())
+    # Too few iterations for a tolerance at the edge of rounding: every fallback is tried.
+    try:
+        simulate(config.with_values({"solver.tolerance": 1e-13, "solver.max_iterations": 8}), Nothing())
+    except ConvergenceError:
+        pass
+    else:
+        assert config.solver.method == "active_set"
+    late = {name: count for name, count in compiled().items() if count != before.get(name, 0)}
+    assert not late, (values, late)
+"""
+
+
+def test_nothing_is_left_to_compile(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], check=True)
