@@ -49,7 +49,7 @@ def verify(
     quick: bool = False,
     jobs: int = 1,
     report: Callable[[Check, Outcome], None] = lambda _check, _outcome: None,
-    checks: Sequence[Check] = CHECKS,
+    checks: Sequence[Check] | None = None,
 ) -> bool:
     """Carry out the checks and write the report.
 
@@ -63,8 +63,8 @@ def verify(
         Number of processes.
     report : callable
         Called with each check and its outcome, in the order of the table.
-    checks : sequence of Check
-        The checks to carry out; by default the whole table.
+    checks : sequence of Check, optional
+        The checks to carry out; by default all of `CHECKS`.
 
     Returns
     -------
@@ -76,6 +76,7 @@ def verify(
     ResultsError
         The report cannot be written.
     """
+    checks = CHECKS if checks is None else checks
     if out is not None:
         write_report(out, [], quick)  # before the work, to find out whether it can be written
     outcomes = []

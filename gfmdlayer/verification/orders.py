@@ -118,8 +118,8 @@ def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
     """Error against the tolerance of the solvers.
 
     At a residual r the error of the mean pressure is r (p_max + depth d pbar/d(depth)) at most, and Ginf/G0
-    of that in a run with a history. A method stops between a tenth of the tolerance and all of it: a factor of
-    three either way about the line, which over five decades tilts it by 0.26.
+    of that in a run with a history. A method stops between a tenth of the tolerance and all of it: a factor
+    of three either way about the line, which over five decades tilts it by 0.26.
     """
     n = 2**10 if quick else 2**13
     values = {"grid.points": n, "time.end": 1.0, "time.step": 0.1}

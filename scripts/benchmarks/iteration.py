@@ -1,4 +1,4 @@
-"""A whole iteration of FIRE over the bare FFT pairs in it."""
+"""A FIRE iteration over the bare FFT pairs in it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gfmdlayer.simulation import warm_up
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)
 
-_POINTS_MOVED = 1 << 23  # in one measured run: some 40 ms of it, so that setting up does not count
+_POINTS_MOVED = 1 << 23  # in one measured run, some 40 ms, which makes the setting up negligible
 _TARGETS = {1024: "≤ 1.35", 16384: "≤ 1.25"}
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Iterate without an end on one step's problem, in turns with as many bare pairs."""
+    """Iterate on the problem of one step to the limit, in turns with as many bare pairs."""
     rows = [
         {
             "inertia": "mass-weighted" if mass_weighted else "uniform",

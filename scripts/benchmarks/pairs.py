@@ -1,10 +1,10 @@
-"""FFT pairs per time step: of each solver, on growing grids, and what each ingredient of FIRE brings."""
+"""FFT pairs per time step, of each solver on growing grids, and of FIRE by inertia and first guess."""
 
 from __future__ import annotations
 
 from collections import deque
 
-from benchmarks.common import METHODS, STEP, Trace, default_case, run
+from benchmarks.common import METHODS, STEP, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
@@ -14,13 +14,14 @@ from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid
 from gfmdlayer.simulation import warm_up
+from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
 LARGE = 1 << 20  # for the active set alone
 
 _INGREDIENTS_AT = 1 << 14
-_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps that make it
+_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps used
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -44,9 +45,7 @@ def measure(effort: Effort) -> list[Table]:
     ]
     return [
         Table("pairs", title, rows, note),
-        Table(
-            "ingredients", f"What the ingredients of FIRE bring: FFT pairs per step, n = {at}", ingredients
-        ),
+        Table("ingredients", f"FIRE by inertia and first guess: FFT pairs per step, n = {at}", ingredients),
     ]
 
 
@@ -64,7 +63,7 @@ def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
     }
 
 
-def _counts(trace: Trace) -> dict[str, Cell]:
+def _counts(trace: Recording) -> dict[str, Cell]:
     """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
     times, pairs = trace["time"][1:], trace["transforms"][1:]
     in_ramp = times <= 1 + STEP / 2
@@ -79,13 +78,13 @@ def _mean(values: FloatArray) -> float | None:
     return float(values.mean()) if values.size else None
 
 
-def _fire(points: int, steps: int, inertia: str, past: int) -> Trace:
-    """The run with FIRE started from a polynomial through as many of the last fields as asked."""
+def _fire(points: int, steps: int, inertia: str, past: int) -> Recording:
+    """Run FIRE, started from a polynomial through `past` earlier fields."""
     config = default_case(grid__points=points, time__end=steps * STEP, solver__inertia=inertia)
     grid = make_grid(config)
     solver = Fire(Transforms(grid.shape, warm_up(config)), mass_weighted=inertia == "mass_weighted")
     integrator, loading = make_integrator(config, grid), make_loading(config, grid)
-    trace, fields = Trace(), deque[tuple[float, FloatArray]](maxlen=past)
+    trace, fields = Recording(), deque[tuple[float, FloatArray]](maxlen=past)
     for instant in make_steps(config, integrator, loading.trajectory.kinks):
         guess = DisplacementPrediction(grid.size)
         for time, field in fields:

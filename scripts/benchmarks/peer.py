@@ -1,4 +1,4 @@
-"""The same halfspace by Tamaas: the work of a step at equal residual, and the way to 8 tau at equal error.
+"""A viscoelastic halfspace beside Tamaas: a step at equal residual, a run to 8 tau at equal error.
 
 Equal residual means this project's residual, computed from Tamaas's displacements: Tamaas's own tolerance is
 chosen for it.
@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from benchmarks.common import STEP, Trace, bare_pairs, default_case, run, seconds
+from benchmarks.common import STEP, bare_pairs, default_case, run, seconds
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.work import reference
 
@@ -24,6 +24,7 @@ from gfmdlayer.contact.problem import Problem, assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.verification.runs import Recording
 
 if TYPE_CHECKING:
     from benchmarks.tamaas_halfspace import Step
@@ -43,7 +44,7 @@ _Row = tuple[str, Cell, Cell, Cell, Cell]  # quantity, ours, theirs, theirs / ou
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Run both on each grid; without Tamaas there is nothing to say."""
+    """Run both on each grid; no table without Tamaas."""
     if find_spec("tamaas") is None:
         print("Tamaas is not installed; the extra bench installs it", file=sys.stderr)
         return []
@@ -62,19 +63,19 @@ def _compare(points: int, effort: Effort) -> Table:
     own_times, bare_times = [], []
     for part in np.array_split(np.arange(effort.steps), effort.repetitions):
         theirs += [peer.advance() for _ in part]
-        own_times.append(seconds(lambda: simulate(config, Trace(), wisdom=wisdom)))
+        own_times.append(seconds(lambda: simulate(config, Recording(), wisdom=wisdom)))
         bare_times.append(seconds(pairs) / _BARE)
     bare = float(np.median(bare_times))
-    way = _way(config, theirs, effort.repetitions)
+    whole = _whole_runs(config, theirs, effort.repetitions)
     name = f"Tamaas {VERSION}"
     found = [
         *_steps(config, theirs, float(np.median(own_times)) / effort.steps, bare),
-        ("error of ptilde to 8 tau", way.own_error, way.peer_error, None, ""),
+        ("error of ptilde to 8 tau", whole.own_error, whole.peer_error, None, ""),
         (
             "time to 8 tau [bare FFT pairs], Tamaas's extrapolated",
-            way.own / bare,
-            way.peer / bare,
-            way.peer / way.own,
+            whole.own / bare,
+            whole.peer / bare,
+            whole.peer / whole.own,
             "≥ 5000",
         ),
     ]
@@ -86,8 +87,8 @@ def _compare(points: int, effort: Effort) -> Table:
     note = (
         f"Both by backward Euler; Tamaas's own tolerance, {tolerance:g}, is the loosest at which the median "
         f"residual of trial steps of {_TRIAL_STEP} tau is within {_RESIDUAL:g}.  To 8 tau: gfmdlayer with "
-        f"adaptive steps, tolerance {way.tolerance:.2g}; Tamaas extrapolated from {effort.steps} steps to "
-        f"{way.steps}, the ramp and the hold each with its own time per step."
+        f"adaptive steps, tolerance {whole.tolerance:.2g}; Tamaas extrapolated from {effort.steps} steps to "
+        f"{whole.steps}, the ramp and the hold each with its own time per step."
     )
     return Table(f"peer-{points}", title, rows, note)
 
@@ -150,8 +151,8 @@ def _residuals(config: Config, step: float, steps: list[Step]) -> FloatArray:
     return np.array(found)
 
 
-class _Way(NamedTuple):
-    """To 8 tau: seconds and errors of both, our tolerance and their steps."""
+class _Durations(NamedTuple):
+    """Seconds and errors of the runs to 8 tau, tolerance of the adaptive steps, number of Tamaas's."""
 
     own: float
     peer: float
@@ -161,11 +162,11 @@ class _Way(NamedTuple):
     steps: int
 
 
-def _way(config: Config, theirs: list[Step], repetitions: int) -> _Way:
-    """Take our adaptive steps at the loosest tolerance that is as accurate as Tamaas's steps."""
+def _whole_runs(config: Config, theirs: list[Step], repetitions: int) -> _Durations:
+    """Compare with adaptive steps at the loosest tolerance that is as accurate as Tamaas's steps."""
     fixed = config.with_values({"time.end": _END})
     exact = reference(fixed)
-    # The same scheme with the same steps has the same error, and we get through it sooner.
+    # The same scheme with the same steps has the same error, and runs faster here.
     peer_error = exact.error(run(fixed))
     for tolerance in _TOLERANCES.tolist():
         adaptive = {"end": _END, "integrator": "exponential", "step": "adaptive", "tolerance": tolerance}
@@ -175,13 +176,13 @@ def _way(config: Config, theirs: list[Step], repetitions: int) -> _Way:
             break
     wisdom = warm_up(ours)
     own = float(
-        np.median([seconds(lambda: simulate(ours, Trace(), wisdom=wisdom)) for _ in range(repetitions)])
+        np.median([seconds(lambda: simulate(ours, Recording(), wisdom=wisdom)) for _ in range(repetitions)])
     )
     count = round(_END / STEP)
     ramp = [each.seconds for each in theirs if each.time <= 1 + STEP / 2]
     hold = [each.seconds for each in theirs[len(ramp) :]] or ramp
     in_ramp = round(1 / STEP)
-    return _Way(
+    return _Durations(
         own, in_ramp * _mean(ramp) + (count - in_ramp) * _mean(hold), error, peer_error, tolerance, count
     )
 

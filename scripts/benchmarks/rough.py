@@ -1,6 +1,6 @@
-"""Rough surfaces: a viscoelastic run on growing grids, and an elastic halfspace beside Tamaas.
+"""A rough surface in two directions: a viscoelastic run, and an elastic halfspace beside Tamaas.
 
-`points` counts along each of the two axes.  The surface is that of configs/rough-layer.yaml, the same on any
+`points` counts along each of the two axes. The surface is that of configs/rough-layer.yaml, the same on any
 grid that resolves it.
 """
 
@@ -87,7 +87,7 @@ def _compare(points: int, repetitions: int) -> Table:
         peer.max_iter = 100_000
         theirs = math.inf
         for _ in range(repetitions):
-            model.traction[:] = 0.0  # it would start from what it found last
+            model.traction[:] = 0.0  # or it starts from the last solution
             theirs = min(theirs, seconds(lambda: peer.solve(mean_pressure)))  # noqa: B023
         pressure, displacement = np.ravel(model.traction), -np.ravel(model.displacement)
         residual, area, *_ = assess(pressure, displacement, punch, problem.least)
@@ -128,7 +128,7 @@ def _compare(points: int, repetitions: int) -> Table:
     title = f"A rough elastic halfspace of {points} x {points} points, pbar = {_PART} E* g'"
     note = (
         f"Tamaas's own tolerance, {tolerance:g}, is the loosest power of ten at which its residual is within "
-        f"{_RESIDUAL:g}.  Targets: differences ≤ 1e-3."
+        f"{_RESIDUAL:g}. Targets: differences ≤ 1e-3."
     )
     return Table(f"rough-halfspace-{points}", title, rows, note)
 

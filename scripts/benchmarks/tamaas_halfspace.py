@@ -56,7 +56,7 @@ class Step:
 
 
 class _Iterations(tamaas.Functional):  # type: ignore[misc]
-    """Adds nothing to the energy, and counts how often it is asked for its gradient: once an iteration."""
+    """A term of zero energy that counts the calls of its gradient, one an iteration."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,7 +70,7 @@ class _Iterations(tamaas.Functional):  # type: ignore[misc]
 
 
 class TamaasHalfspace:
-    """One run.
+    """A run by Tamaas.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class TamaasHalfspace:
         self._count = 0
 
     def advance(self) -> Step:
-        """Carry the run on by one step."""
+        """Advance the run by one step."""
         begun, before = time.perf_counter(), self._iterations.count
         self._count += 1
         now = self._count * self._step
@@ -119,7 +119,7 @@ class TamaasHalfspace:
             if solves == _SECANTS:
                 raise RuntimeError(f"Tamaas at t = {now:g}: no load for the depth {target:g}")
             tried, reached = load, found
-            load = max(load + self._stiffness * (target - found), load / 2)  # which stays a pressure
+            load = max(load + self._stiffness * (target - found), load / 2)  # so that it stays positive
             found, solves = self._depth(load), solves + 1
             self._stiffness = (load - tried) / (found - reached)
         self._solver.updateState()
@@ -137,6 +137,6 @@ class TamaasHalfspace:
         )
 
     def _depth(self, load: float) -> float:
-        """Solve for a mean pressure; return the depth that belongs to it."""
+        """Solve for a mean pressure and return the depth."""
         self._solver.solve(load)
         return -float(self._model.displacement.mean())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
@@ -23,10 +23,9 @@ def test_the_command_line_offers_all_of_them() -> None:
 
 
 @pytest.mark.parametrize("like", new.LIKE)
-def test_each_runs_as_it_is_written(like: str) -> None:
+def test_each_runs_as_it_is_written(like: str, gfmdlayer: Callable[..., CompletedProcess[str]]) -> None:
     assert main(["new", "--like", like]) == 0
-    command = [sys.executable, "-m", "gfmdlayer", "run", f"{like}.yaml"]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    ran = gfmdlayer("run", f"{like}.yaml")
     assert (ran.returncode, ran.stdout) == (0, f"complete: results/{like}/sweep.h5\n"), ran.stderr
 
 
@@ -71,7 +70,7 @@ def test_the_file_names_the_results(capsys: pytest.CaptureFixture[str]) -> None:
 def test_nothing_is_overwritten_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
-    assert "mine.yaml: is there already" in capsys.readouterr().err
+    assert "mine.yaml: exists" in capsys.readouterr().err
     assert Path("mine.yaml").read_text() == "mine"
     assert main(["new", "mine.yaml", "--force"]) == 0
     assert load("mine.yaml").name == "mine"
