@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.execution.case_run import prepare
@@ -157,8 +158,9 @@ def reproduce(number: int, options: argparse.Namespace, pool: WorkerPool) -> lis
     found = [compare(case, folders) for case in every]
     print(f"\n### {name.capitalize()}: n = {every[0].config.grid.points[0]}\n\n{HEAD}")
     print("\n".join(each.line() for each in found), flush=True)
+    figure = comparison_figure(folders)
     for picture in (options.out / f"{name}.png", options.out / f"{name}.pdf"):
-        draw(folders, picture)
+        save(figure, picture)
         print(f"{picture}: lines, the paper's method; circles, the fast one", file=sys.stderr)
     return found
 
@@ -208,7 +210,7 @@ def _at(times: Iterable[float], rows: Any) -> list[int]:
     return places
 
 
-def draw(folders: dict[str, Path], picture: Path) -> None:
+def comparison_figure(folders: dict[str, Path]) -> Figure:
     """Draw the paper's two panels: its own method as lines, the steps of the fast one as circles."""
     with open_results(folders["paper"]) as paper:
         figure = curves_figure(paper)
@@ -219,7 +221,7 @@ def draw(folders: dict[str, Path], picture: Path) -> None:
                     axes.plot(
                         fast["time"], fast[name], "o", color="black", markersize=2.2, mfc="none", mew=0.5
                     )
-    save(figure, picture)
+    return figure
 
 
 def _summary(found: list[Comparison]) -> list[str]:

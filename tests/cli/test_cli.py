@@ -44,9 +44,9 @@ TERMINAL = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120"}
 LAST_FAILS = TINY.replace(
     "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {solver.max_iterations: [20000, 1]}"
 )
-# The first case is complete at once; the second takes seconds, long enough to be caught at work.
+# The first case is complete at once; the second takes seconds, long enough for a signal to arrive in it.
 SECOND_TAKES_LONG = TINY.replace(
-    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 150]}"
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {time.end: [0.03, 60]}"
 )
 
 
@@ -115,9 +115,12 @@ def test_version_is_that_of_the_distribution(gfmdlayer: Command) -> None:
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) -> Path:
-    """A folder with the configurations, where the example of `gfmdlayer --help` was run."""
+    """A folder with small configurations, where the example of `gfmdlayer --help` was run."""
     folder = tmp_path_factory.mktemp("clone")
-    (folder / "configs").symlink_to(ROOT / "configs")
+    shutil.copytree(ROOT / "configs", folder / "configs")
+    quick = folder / "configs/figure2-quick.yaml"
+    small = quick.read_text().replace("points: 1024", "points: 128").replace("[0.5, 1.0, 2.0, 8.0]", "[8.0]")
+    quick.write_text(re.sub(r"thickness: \[.*\]", "thickness: [0, 0.25]", small))
     paste(example(gfmdlayer), folder)
     return folder
 
@@ -330,7 +333,7 @@ def test_status_needs_no_file_but_the_results(gfmdlayer: Command) -> None:
 
 def test_a_killed_worker_costs_the_cases_at_work_and_no_other(gfmdlayer: Command) -> None:
     Path("tiny.yaml").write_text(
-        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "60")
+        TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "20")
     )
     command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

@@ -124,6 +124,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(
     assert main(["verify", "--jobs", "0"]) == 2
 
 
+@pytest.mark.slow  # that both methods agree is a row of the verification, too
 def test_a_figure_of_the_paper_is_reproduced_by_both_methods(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
