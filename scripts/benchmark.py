@@ -31,7 +31,6 @@ NAMES = (
     "iteration",
     "pairs",
     "whole_run",
-    "work",
     "scheduling",
     "overhead",
     "ranks",
@@ -39,7 +38,7 @@ NAMES = (
     "rough",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("work", "ranks", "peer", "rough")  # left out by --quick, unless named by --only
+OPTIONAL = ("ranks", "peer", "rough")  # left out by --quick, unless named by --only
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import pty
@@ -13,17 +12,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
+from unittest import mock
 
 import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer.cli import VERBS
+from gfmdlayer.cli import VERBS, main
+from gfmdlayer.execution.interrupts import STOP_SIGNALS
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numba", "pyfftw", "h5py", "matplotlib", "xarray", "mpi4py", "numpy", "scipy")
 TINY = """\
@@ -54,6 +56,29 @@ SECOND_TAKES_LONG = TINY.replace(
 def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("tiny.yaml").write_text(TINY)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def signals() -> Iterator[None]:
+    """Undo what `run` does in this process."""
+    handlers = {signum: signal.getsignal(signum) for signum in STOP_SIGNALS}
+    yield
+    for signum, handler in handlers.items():
+        signal.signal(signum, handler)
+
+
+def gfmdlayer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line in this process, which starts no other Python."""
+    with (
+        redirect_stdout(StringIO()) as output,
+        redirect_stderr(StringIO()) as errors,
+        mock.patch.dict(os.environ),
+    ):
+        try:
+            status = main(arguments)
+        except SystemExit as end:
+            status = int(end.code or 0)
+    return subprocess.CompletedProcess(arguments, status, output.getvalue(), errors.getvalue())
 
 
 def interrupted(signum: signal.Signals, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -109,23 +134,23 @@ print(pstats.Stats(profile, stream=io.StringIO()).total_calls)
     assert 1_000 < int(calls) < most
 
 
-def test_version_is_that_of_the_distribution(gfmdlayer: Command) -> None:
+def test_version_is_that_of_the_distribution() -> None:
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 
 
 @pytest.fixture(scope="module")
-def clone(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) -> Path:
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with small configurations, where the example of `gfmdlayer --help` was run."""
     folder = tmp_path_factory.mktemp("clone")
     shutil.copytree(ROOT / "configs", folder / "configs")
     quick = folder / "configs/figure2-quick.yaml"
     small = quick.read_text().replace("points: 1024", "points: 128").replace("[0.5, 1.0, 2.0, 8.0]", "[8.0]")
     quick.write_text(re.sub(r"thickness: \[.*\]", "thickness: [0, 0.25]", small))
-    paste(example(gfmdlayer), folder)
+    paste(example(), folder)
     return folder
 
 
-def example(gfmdlayer: Command, *verb: str) -> str:
+def example(*verb: str) -> str:
     """Return the example in a verb's help."""
     return gfmdlayer(*verb, "--help").stdout.partition("example:\n")[2].splitlines()[0].strip()
 
@@ -140,8 +165,8 @@ def paste(command: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2].replace("_", "-") for verb in VERBS])
-def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path, gfmdlayer: Command) -> None:
-    command = example(gfmdlayer, verb)
+def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path) -> None:
+    command = example(verb)
     assert f"gfmdlayer {verb}" in command
     if verb == "verify":  # which tests/verification runs
         assert command == "gfmdlayer verify --quick"
@@ -152,7 +177,7 @@ def test_the_example_in_each_verbs_help_works_when_pasted(verb: str, clone: Path
 @pytest.mark.parametrize(
     "arguments", [[], ["rum", "tiny.yaml"], ["run"], ["run", "tiny.yaml", "--jobs", "x"]]
 )
-def test_bad_usage_is_explained(arguments: list[str], gfmdlayer: Command) -> None:
+def test_bad_usage_is_explained(arguments: list[str]) -> None:
     process = gfmdlayer(*arguments)
     assert process.returncode == 2
     assert process.stderr.startswith("usage: gfmdlayer")
@@ -175,9 +200,7 @@ def test_bad_usage_is_explained(arguments: list[str], gfmdlayer: Command) -> Non
         (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
     ],
 )
-def test_bad_input_is_refused_in_a_line_without_a_traceback(
-    arguments: list[str], message: str, gfmdlayer: Command
-) -> None:
+def test_bad_input_is_refused_in_a_line_without_a_traceback(arguments: list[str], message: str) -> None:
     process = gfmdlayer(*arguments)
     assert process.returncode == 2
     assert message in process.stderr
@@ -186,7 +209,7 @@ def test_bad_input_is_refused_in_a_line_without_a_traceback(
     assert not Path("results").exists()
 
 
-def test_check_lists_cases_and_work_and_runs_nothing(gfmdlayer: Command) -> None:
+def test_check_lists_cases_and_work_and_runs_nothing() -> None:
     shown = gfmdlayer("check", "tiny.yaml").stdout
     assert "tiny: 3 cases" in shown
     assert "0002  thickness = inf" in shown
@@ -194,7 +217,7 @@ def test_check_lists_cases_and_work_and_runs_nothing(gfmdlayer: Command) -> None
     assert [path.name for path in Path().iterdir()] == ["tiny.yaml"]
 
 
-def test_run_status_and_plot_follow_each_other(gfmdlayer: Command) -> None:
+def test_run_status_and_plot_follow_each_other() -> None:
     process = gfmdlayer("run", "tiny.yaml")
     assert (process.returncode, process.stdout) == (0, "complete: results/tiny/sweep.h5\n")
     shown = gfmdlayer("status", "results/tiny").stdout
@@ -204,9 +227,7 @@ def test_run_status_and_plot_follow_each_other(gfmdlayer: Command) -> None:
     assert Path("tiny.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart(
-    gfmdlayer: Command,
-) -> None:
+def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed_by_restart() -> None:
     Path("surface.yaml").write_text(SURFACE)
     assert gfmdlayer("run", "surface.yaml").returncode == 0
     described = Path("results/surface/cases/0000.xdmf")
@@ -220,13 +241,13 @@ def test_a_surface_in_two_dimensions_is_described_for_paraview_drawn_and_removed
     assert not described.exists()
 
 
-def test_processes_give_the_same_bits_as_one(gfmdlayer: Command, complete: Path) -> None:
+def test_processes_give_the_same_bits_as_one(complete: Path) -> None:
     assert gfmdlayer("run", "tiny.yaml", "--out", "jobs", "--jobs", "2").returncode == 0
     assert_same_bits(complete, Path("jobs"))
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_failing_case_makes_the_status_1_and_is_reported(jobs: str, gfmdlayer: Command) -> None:
+def test_a_failing_case_makes_the_status_1_and_is_reported(jobs: str) -> None:
     Path("tiny.yaml").write_text(LAST_FAILS)
     process = gfmdlayer("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
     assert process.returncode == 1
@@ -238,7 +259,7 @@ def test_a_failing_case_makes_the_status_1_and_is_reported(jobs: str, gfmdlayer:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) -> Path:
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of the sweep with the long case, run without a signal."""
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "tiny.yaml").write_text(SECOND_TAKES_LONG)
@@ -250,7 +271,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) ->
     ("signum", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "2"), (signal.SIGUSR1, "1")]
 )
 def test_a_signal_stops_a_run_that_the_same_command_resumes(
-    signum: signal.Signals, jobs: str, gfmdlayer: Command, undisturbed: Path
+    signum: signal.Signals, jobs: str, undisturbed: Path
 ) -> None:
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     command = ("run", "tiny.yaml", "--out", "out", "--jobs", jobs)
@@ -271,7 +292,7 @@ def test_a_signal_stops_a_run_that_the_same_command_resumes(
 
 
 @pytest.fixture(scope="module")
-def complete(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) -> Path:
+def complete(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of the tiny sweep."""
     folder = tmp_path_factory.mktemp("complete")
     (folder / "tiny.yaml").write_text(TINY)
@@ -279,7 +300,7 @@ def complete(tmp_path_factory: pytest.TempPathFactory, gfmdlayer: Command) -> Pa
     return folder / "out"
 
 
-def test_a_case_runs_again_from_its_file(gfmdlayer: Command, complete: Path) -> None:
+def test_a_case_runs_again_from_its_file(complete: Path) -> None:
     process = gfmdlayer("run", str(complete / "cases/0001.h5"))
     assert (process.returncode, process.stdout) == (0, "complete: results/tiny-0001/sweep.h5\n")
     for name, other in (
@@ -295,16 +316,14 @@ def test_a_case_runs_again_from_its_file(gfmdlayer: Command, complete: Path) -> 
     ("sweep.h5", "sweep.h5: holds no configuration; must be YAML, or the file of a case"),
     ("half.h5", "half.h5: not a complete result file"),
 ])  # fmt: skip
-def test_a_file_without_a_configuration_is_refused(
-    name: str, reason: str, gfmdlayer: Command, complete: Path
-) -> None:
+def test_a_file_without_a_configuration_is_refused(name: str, reason: str, complete: Path) -> None:
     shutil.copy(complete / "sweep.h5", "sweep.h5")
     Path("half.h5").write_bytes((complete / "cases/0000.h5").read_bytes()[:5000])
     process = gfmdlayer("run", name)
     assert (process.returncode, process.stderr) == (2, f"gfmdlayer: {reason}\n")
 
 
-def test_a_case_whose_input_file_has_changed_is_not_run_again(gfmdlayer: Command) -> None:
+def test_a_case_whose_input_file_has_changed_is_not_run_again() -> None:
     Path("path.txt").write_text("0 0\n1 0.001\n")
     Path("tiny.yaml").write_text(TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}"))
     assert gfmdlayer("run", "tiny.yaml", "--out", "out").returncode == 0
@@ -316,13 +335,13 @@ def test_a_case_whose_input_file_has_changed_is_not_run_again(gfmdlayer: Command
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "often"])
-def test_an_impossible_interval_is_refused(seconds: str, gfmdlayer: Command) -> None:
+def test_an_impossible_interval_is_refused(seconds: str) -> None:
     process = gfmdlayer("run", "tiny.yaml", "--checkpoint-every", seconds)
     assert process.returncode == 2
     assert f"got {seconds}; must be a number of seconds >= 0, or inf" in process.stderr
 
 
-def test_status_needs_no_file_but_the_results(gfmdlayer: Command) -> None:
+def test_status_needs_no_file_but_the_results() -> None:
     Path("path.txt").write_text("0 0\n1 0.001\n")
     table = TINY.replace("{ramp_time: 0.03}", "{kind: table, file: path.txt}")
     Path("tiny.yaml").write_text(table)
@@ -331,7 +350,7 @@ def test_status_needs_no_file_but_the_results(gfmdlayer: Command) -> None:
     assert "3 complete, 0 running, 0 failed, 0 waiting" in gfmdlayer("status", "out").stdout
 
 
-def test_a_killed_worker_costs_the_cases_at_work_and_no_other(gfmdlayer: Command) -> None:
+def test_a_killed_worker_costs_the_cases_at_work_and_no_other() -> None:
     Path("tiny.yaml").write_text(
         TINY.replace("[0.02, 0.1, .inf]}", "[0.02, 0.1, 0.2, 0.3, .inf]}").replace("0.03", "20")
     )
@@ -354,7 +373,7 @@ def test_a_killed_worker_costs_the_cases_at_work_and_no_other(gfmdlayer: Command
     assert f"{5 - lost} complete, 0 running, {failed} failed, {lost - failed} waiting" in status
 
 
-def test_workers_do_not_outlive_a_killed_run(gfmdlayer: Command) -> None:
+def test_workers_do_not_outlive_a_killed_run() -> None:
     Path("tiny.yaml").write_text(SECOND_TAKES_LONG)
     interrupted(signal.SIGKILL, "run", "tiny.yaml", "--out", "out", "--jobs", "2")
     deadline = time.monotonic() + 10
@@ -366,7 +385,7 @@ def test_workers_do_not_outlive_a_killed_run(gfmdlayer: Command) -> None:
 def read_terminal(keyboard: int) -> str:
     """Read what a closed terminal still holds; the system ends it with an error where there is no more."""
     found = b""
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         while part := os.read(keyboard, 65536):
             found += part
     os.close(keyboard)
@@ -400,9 +419,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert process.stderr == "0\n"
 
 
-def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_the_file(
-    gfmdlayer: Command,
-) -> None:
+def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_the_file() -> None:
     heights = np.cos(2 * np.pi * np.arange(32) / 32) + 0.1 * np.arange(32)
     heights[5] = np.nan
     np.save("measured.npy", heights)
@@ -430,7 +447,7 @@ def test_changes_to_a_measured_surface_are_reported_by_check_by_the_log_and_by_t
         assert text in kept
 
 
-def test_threads_are_logged_and_fewer_than_one_refused(gfmdlayer: Command) -> None:
+def test_threads_are_logged_and_fewer_than_one_refused() -> None:
     ran = gfmdlayer("run", "tiny.yaml", "--out", "out", "--threads", "2")
     assert ran.returncode == 0
     assert "1 process, 2 threads each" in ran.stderr

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from subprocess import CompletedProcess
 
 import pytest
 
 from gfmdlayer.cli import main, new
 from gfmdlayer.config import load
 from gfmdlayer.config.templates import STARTS, commented
+from gfmdlayer.execution.run import run_sweep
+from gfmdlayer.execution.workers import assemble
 
 
 @pytest.fixture(autouse=True)
@@ -23,10 +23,10 @@ def test_the_command_line_offers_all_of_them() -> None:
 
 
 @pytest.mark.parametrize("like", new.LIKE)
-def test_each_runs_as_it_is_written(like: str, gfmdlayer: Callable[..., CompletedProcess[str]]) -> None:
+def test_each_runs_as_it_is_written(like: str) -> None:
     assert main(["new", "--like", like]) == 0
-    ran = gfmdlayer("run", f"{like}.yaml")
-    assert (ran.returncode, ran.stdout) == (0, f"complete: results/{like}/sweep.h5\n"), ran.stderr
+    with assemble() as pool:
+        assert run_sweep(load(f"{like}.yaml"), "out", pool).collected
 
 
 @pytest.mark.parametrize("like", new.LIKE)
