@@ -42,7 +42,7 @@ def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
 
 @pytest.mark.parametrize("like", new.LIKE)
 def test_what_is_commented_out_has_no_default(like: str) -> None:
-    """So that the file says all, and nothing but, what is computed."""
+    """So that the file shows every value of the computation, and no other."""
     Path("case.yaml").write_text(commented("case", like))
     config = load("case.yaml")
     assert load_text(config.dump()) == config
