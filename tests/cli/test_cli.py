@@ -282,7 +282,7 @@ def test_a_signal_stops_a_run_that_the_same_command_resumes(
     assert left == {".lock", "0000.h5", "0001.checkpoint", "0001.journal0"}
     assert "1 complete, 0 running, 0 failed, 1 waiting" in gfmdlayer("status", "out").stdout
     before = Path("out/cases/0000.h5").read_bytes()
-    # In a process of its own: a checkpoint of another commit is set aside, and this process remembers its own.
+    # In another process: a checkpoint of another commit is set aside, and this process keeps the old one.
     process = subprocess.run(
         [sys.executable, "-m", "gfmdlayer", *command], capture_output=True, text=True, check=False
     )
