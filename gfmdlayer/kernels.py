@@ -78,6 +78,8 @@ class _SourceCache(FunctionCache):
         stamp = source_digest(Path(inspect.getfile(function)))
         place = self._cache_path, self._impl.filename_base
         self._cache_file = IndexDataCacheFile(*place, stamp)  # type: ignore[no-untyped-call]
+        # Compared before the index is read, which may name types that are gone from the sources.
+        self._cache_file._version = f"{nb.__version__} {stamp}"
 
 
 @contextmanager

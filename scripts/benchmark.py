@@ -1,23 +1,12 @@
-"""How much work a time step takes, and how near it comes to its FFT pairs.
+"""Work of a time step in FFT pairs, and time beside the bare FFT pairs.
 
-Every figure is a count, or a ratio of times taken in turns within the run, so that it holds elsewhere.
+Every figure is a count, or a ratio of times measured in turns within the run, so that it holds elsewhere.
 
     python scripts/benchmark.py                     all sections: some minutes
-    python scripts/benchmark.py --quick             a look: about a minute
-    python scripts/benchmark.py --only pairs run --points 16384
+    python scripts/benchmark.py --quick             small grids: about a minute
+    python scripts/benchmark.py --only pairs whole_run --points 16384
     python scripts/benchmark.py --only overhead --cases 10000
-    python scripts/benchmark.py --json all.json --markdown all.md --plot work.png
-
-Sections
-    iteration   a FIRE iteration over its bare FFT pairs
-    pairs       FFT pairs per step, and what the ingredients of FIRE bring
-    run         a whole run over its bare FFT pairs
-    work        error against work: integrator, solver, step length
-    scheduling  a sweep of 100 000 cases on 1 to 4096 ranks, simulated around the real scheduler
-    ranks       Figures 2 to 4 on two MPI ranks against one
-    overhead    what a case of a sweep costs beside its solves, alone and over two ranks
-    peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
-    rough       a rough surface in two dimensions: a viscoelastic run, an elastic halfspace beside Tamaas
+    python scripts/benchmark.py --json all.json --markdown all.md
 """
 
 from __future__ import annotations
@@ -28,80 +17,75 @@ import platform
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, overhead, pairs, peer, ranks, rough, scheduling, whole_run, work
 from benchmarks.tables import Effort, Table
 
-from gfmdlayer.figures.plot_style import check_suffix
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.results.schema import ResultsError
 
-SECTIONS = {
-    "iteration": iteration,
-    "pairs": pairs,
-    "run": whole_run,
-    "work": work,
-    "scheduling": scheduling,
-    "overhead": overhead,
-    "ranks": ranks,
-    "peer": peer,
-    "rough": rough,
-}
-QUICK = ("iteration", "pairs", "run", "overhead", "scheduling")
+# A section is a module of scripts/benchmarks with `measure(effort)`, which returns tables, and the efforts
+# `EFFORT` and `QUICK`. The first line of its docstring is its help. To add one, name it here.
+NAMES = (
+    "iteration",
+    "pairs",
+    "whole_run",
+    "scheduling",
+    "overhead",
+    "ranks",
+    "peer",
+    "rough",
+)
+SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
+OPTIONAL = ("ranks", "peer", "rough")  # left out by --quick, unless named by --only
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure the asked sections and write what they find."""
-    asked = _parse(arguments)
+    """Measure the sections and write their tables."""
+    options = _parse(arguments)
     tables: list[Table] = []
     machine = _machine()
     print("\n".join(f"- {key}: {value}" for key, value in machine.items()), end="\n\n")
-    for name in asked.only or (QUICK if asked.quick else SECTIONS):
+    for name in options.only or [name for name in SECTIONS if not (options.quick and name in OPTIONAL)]:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)
-        for table in SECTIONS[name].measure(_effort(name, asked)):
+        for table in SECTIONS[name].measure(_effort(name, options)):
             print(table.markdown(), flush=True)
             tables.append(table)
-    if asked.markdown:
-        asked.markdown.write_text("\n".join(table.markdown() for table in tables), encoding="utf-8")
-    if asked.json:
-        found = {"machine": machine, "tables": {table.name: asdict(table) for table in tables}}
-        asked.json.write_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    if options.markdown:
+        options.markdown.write_text("\n".join(table.markdown() for table in tables), encoding="utf-8")
+    if options.json:
+        content = {"machine": machine, "tables": {table.name: asdict(table) for table in tables}}
+        options.json.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    sections = "\n".join(f"    {name:11} {_first_line(module.__doc__)}" for name, module in SECTIONS.items())
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=f"{__doc__}\nSections\n{sections}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--quick", action="store_true", help="small grids, few steps and repetitions")
-    parser.add_argument("--large", action="store_true", help="FFT pairs of the active set at n = 2^20 too")
-    parser.add_argument("--only", nargs="+", choices=SECTIONS, metavar="NAME", help=", ".join(SECTIONS))
-    parser.add_argument(
-        "--points", nargs="+", type=_positive, metavar="N", help="grid points in place of a section's own"
+    add = parser.add_argument
+    add("--quick", action="store_true", help="small grids, few steps and repetitions")
+    add("--large", action="store_true", help="FFT pairs of the active set at n = 2^20 too")
+    add("--only", nargs="+", choices=SECTIONS, metavar="NAME", help="these sections")
+    add("--points", nargs="+", type=_positive, metavar="N", help="grid points (default: the section's)")
+    add(
+        "--steps", type=_positive, metavar="N", help="time steps, or simulated cases (default: the section's)"
     )
-    parser.add_argument(
-        "--steps", type=_positive, metavar="N", help="time steps, or cases, in place of a section's own"
-    )
-    parser.add_argument(
-        "--cases", type=_positive, metavar="N", help="of the sweep whose overhead is measured"
-    )
-    parser.add_argument("--repetitions", type=_positive, metavar="N", help="of each measured time")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything, with the machine")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables")
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw error against work (.png, .pdf, .svg)"
-    )
-    asked = parser.parse_args(arguments)
-    for file in (asked.json, asked.markdown, asked.plot):
+    add("--cases", type=_positive, metavar="N", help="cases of the sweep whose overhead is measured")
+    add("--repetitions", type=_positive, metavar="N", help="repetitions of each measured time")
+    add("--json", type=Path, metavar="FILE", help="write the tables and the machine")
+    add("--markdown", type=Path, metavar="FILE", help="write the tables")
+    options = parser.parse_args(arguments)
+    for file in (options.json, options.markdown):
         if file and not file.parent.is_dir():
             parser.error(f"{file}: there is no folder {file.parent}")
-    if asked.plot:
-        try:
-            check_suffix(asked.plot)
-        except ResultsError as error:
-            parser.error(str(error))
-    return asked
+    return options
+
+
+def _first_line(text: str | None) -> str:
+    return (text or "").partition("\n")[0].rstrip(".")
 
 
 def _positive(text: str) -> int:
@@ -111,15 +95,13 @@ def _positive(text: str) -> int:
     return value
 
 
-def _effort(name: str, asked: argparse.Namespace) -> Effort:
+def _effort(name: str, options: argparse.Namespace) -> Effort:
     section = SECTIONS[name]
-    effort: Effort = section.QUICK if asked.quick else section.EFFORT
-    given = {
-        key: getattr(asked, key) for key in ("steps", "repetitions", "cases", "plot") if getattr(asked, key)
-    }
-    points = tuple(asked.points or effort.points)
-    if asked.large and name == "pairs":
-        points += (pairs.LARGE,)
+    effort: Effort = section.QUICK if options.quick else section.EFFORT
+    given = {key: value for key in ("steps", "repetitions", "cases") if (value := getattr(options, key))}
+    points = tuple(options.points or effort.points)
+    if options.large and name == "pairs":
+        points += (section.LARGE,)
     return replace(effort, points=points, **given)
 
 
@@ -130,11 +112,9 @@ def _machine() -> dict[str, str]:
 
 def _cpu() -> str:
     cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        for line in cpuinfo.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    lines = cpuinfo.read_text(encoding="utf-8").splitlines() if cpuinfo.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Kill runs at random, run them again, and see that nothing is lost, doubled, wrong or unreadable.
+"""Kill runs at random, resume them, and check that nothing is lost, doubled, wrong or unreadable.
 
-A small sweep is run by one process, by two, and by two MPI ranks in turn. Each run loses a process to SIGKILL
-at a random moment, be it the launcher, the leader or a worker, and the next run takes up what is left. When a
-sweep is complete it is compared, bit by bit, with one that nobody disturbed, and the next one begins.
+A small sweep is run by one process, by two, and by two MPI ranks in turn. In each run one process, the
+launcher, the leader or a worker, gets SIGKILL at a random moment, and the next run resumes the sweep. A
+complete sweep is compared, bit by bit, with an undisturbed one, and the next one begins.
 
     python scripts/kills.py 200
 """
@@ -49,29 +49,29 @@ Bits = dict[str, bytes]
 
 
 def main() -> int:
-    """Kill, rerun, compare; the exit status is 1 if anything went wrong."""
+    """Kill, resume, compare; the exit status is 1 after any failure."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("kills", type=int, nargs="?", default=200, help="how many (default: 200)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random moments and victims")
+    parser.add_argument("kills", type=int, nargs="?", default=200, help="number of kills (default: 200)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random moments and processes")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         trial = Trial(options.seed)
-        with suppress(KeyboardInterrupt):  # what was seen until then is told
+        with suppress(KeyboardInterrupt):  # the counts so far are printed
             while trial.counts["kills"] < options.kills:
                 trial.kill_one()
                 print(f"{trial.counts['kills']} of {options.kills} kills", end="\r", file=sys.stderr)
         trial.finish()
-    print("\n".join(f"{count:6d}  {what}" for what, count in trial.counts.items()))
+    print("\n".join(f"{count:6d}  {event}" for event, count in trial.counts.items()))
     for failure in trial.failures:
         print(f"FAILED  {failure}")
     return 1 if trial.failures else 0
 
 
 class Trial:
-    """Runs and kills; `counts` and `failures` tell what happened."""
+    """Runs and kills, with `counts` of events and a list of `failures`."""
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)
@@ -84,7 +84,7 @@ class Trial:
         self.failures: list[str] = []
 
     def kill_one(self) -> None:
-        """Start a run, kill one of its processes, and wait for the rest."""
+        """Start a run, kill one of its processes, and wait for the others."""
         way = list(WAYS)[self.counts["kills"] % len(WAYS)]
         left = sum(self._seconds[len(list(self._results.glob("cases/*.h5"))) :])
         with Path("log").open("w", encoding="utf-8") as log:
@@ -99,22 +99,22 @@ class Trial:
                 with suppress(ProcessLookupError):
                     os.kill(victim, signal.SIGKILL)
                     self.counts.update(("kills", f"by {way}"))
-            self._look()
+            self._check_readable()
             self._await(run, family, way)
-        told = Path("log").read_text(encoding="utf-8")
-        self.counts["cases taken up from a checkpoint"] += told.count("goes on from time")
-        self.counts["checkpoints refused"] += told.count("set aside")
-        self._look()
+        log_text = Path("log").read_text(encoding="utf-8")
+        self.counts["cases taken up from a checkpoint"] += log_text.count("goes on from time")
+        self.counts["checkpoints refused"] += log_text.count("set aside")
+        self._check_readable()
         if run.returncode == 0:
-            self._judge()
-        elif "another run is writing" in told or "other input" in told or run.returncode == 2:
-            self.failures.append(f"{way}: refused:\n{told}")
+            self._compare()
+        elif "another run is writing" in log_text or "other input" in log_text or run.returncode == 2:
+            self.failures.append(f"{way}: refused:\n{log_text}")
 
     def finish(self) -> None:
-        """Run what is left to the end."""
+        """Run the sweep to its end."""
         ended = subprocess.run(WAYS["one process"], capture_output=True, text=True, check=False)
         if ended.returncode == 0:
-            self._judge()
+            self._compare()
         else:
             self.failures.append(f"the last run ended with {ended.returncode}: {ended.stderr}")
 
@@ -135,7 +135,7 @@ class Trial:
             os.kill(process, signal.SIGKILL)
         run.wait()
 
-    def _look(self) -> None:
+    def _check_readable(self) -> None:
         for path in self._results.rglob("*.h5"):
             try:
                 contents(path)
@@ -146,7 +146,7 @@ class Trial:
                 self.counts["unreadable under a final name"] += 1
                 self.failures.append(f"{path} is not readable")
 
-    def _judge(self) -> None:
+    def _compare(self) -> None:
         found = bits(self._results)
         for name in found.keys() ^ self._whole.keys():
             self.failures.append(f"{name} is in one of the two sweeps only")
@@ -155,7 +155,7 @@ class Trial:
                 self.failures.append(f"{name} has other bits")
         left = {path.name for path in self._results.glob("cases/*") if path.suffix != ".h5"} - {".lock"}
         if left:
-            self.failures.append(f"left lying: {', '.join(sorted(left))}")
+            self.failures.append(f"left behind: {', '.join(sorted(left))}")
         self.counts["complete sweeps, compared bit by bit"] += 1
         shutil.rmtree(self._results)
 
@@ -184,7 +184,7 @@ def seconds(path: Path) -> float:
 
 
 def descendants(pid: int) -> list[int]:
-    """Return the processes that a process has started, and those that they have."""
+    """Return the children of a process, and theirs."""
     parents: dict[int, list[int]] = {}
     for entry in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -192,13 +192,13 @@ def descendants(pid: int) -> list[int]:
             if state != "Z":
                 parents.setdefault(int(parent), []).append(int(entry.name))
     found = [pid]
-    for process in found:  # which grows on the way
+    for process in found:  # which grows in the loop
         found += parents.get(process, [])
     return found[1:]
 
 
 def alive(pid: int) -> bool:
-    """Whether a process still runs; one that waits to be noticed by its parent does not."""
+    """Whether a process still runs; a zombie does not."""
     with suppress(OSError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     return False

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Tries the scripts in slurm/ on a Slurm of one node, which it brings up from Debian's packages and takes down
-# again: a sweep over ranks and one over an array, each with a limit that is too short, must be complete after
-# requeues, every case run once; a sweep with a failing case and a cancelled one must end as such.
-# Takes some ten minutes. Says "skipped" and why where Slurm cannot be brought up.
+# Tests the scripts in slurm/ on a Slurm of one node, installed from Debian's packages and stopped at the end:
+# a sweep over ranks and one over an array, each with too short a time limit, must be complete after requeues,
+# every case run once; a sweep with a failing case must fail, and a cancelled one stay cancelled.
+# Takes some ten minutes. Prints "skipped" and the reason where Slurm cannot be started.
 # usage: bash scripts/slurm_node.sh       as root, with gfmdlayer and its mpirun in the PATH or in .venv
 set -euo pipefail
 
@@ -21,7 +21,7 @@ if ! command -v slurmctld slurmd munged >/dev/null; then
         skip "apt-get cannot install slurm-wlm and munge"
 fi
 
-# --- one node, in a folder of its own; only what is started here is ended here ---
+# --- one node, in a folder of its own; only processes started here are ended ---
 
 dir=$(mktemp -d)
 daemons=()
@@ -83,7 +83,7 @@ if [[ $(sinfo --noheader --format=%T 2>/dev/null) != idle ]]; then
 fi
 echo "$(sinfo --version) on $host, $cores cores"
 
-# --- jobs, and what must become of them ---
+# --- jobs, and how they must end ---
 
 cd "$dir/work"
 started=$SECONDS

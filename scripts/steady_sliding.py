@@ -7,9 +7,9 @@ the stiffness K(q, -i q v) of each wave, and
 
 with C the circulant matrix of 1/K. C is not symmetric, so there is no energy to minimise. Here it is set up
 dense, from the complex modulus of the halfspace alone, and the complementarity problem is solved by block
-principal pivoting (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596), in which the contact set
-is guessed, its linear equations are solved, and the points that contradict it change sides. None of the
-package's modes, time steps and contact solvers takes part.
+principal pivoting (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596): the linear equations of
+a guessed contact set are solved, and the points that contradict it change sides. The package's modes, time
+steps and contact solvers are not used.
 
     python scripts/steady_sliding.py
 """
@@ -79,12 +79,12 @@ class Last:
         self.displacement, self.pressure = displacement, pressure
 
     def note(self, **attributes: float) -> None:
-        """Take what is known of the whole."""
+        """Take the attributes of the run."""
         self.attributes = attributes
 
 
 def stepped(points: int, velocity: float, control: str, amount: float, **time: object) -> Last:
-    """Run the package from rest until the friction has settled."""
+    """Run the package from rest to the steady state."""
     last = Last()
     values = {
         "grid.points": points,

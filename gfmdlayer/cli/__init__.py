@@ -1,6 +1,7 @@
 """The command line: verbs of a few lines each that call the library.
 
-Nothing heavy is imported before a verb needs it, so that help and `check` answer at once.
+Nothing heavy is imported before a verb needs it, so that help and `check` answer at once. Errors in the input
+are caught in `main`: a line each on standard error, and exit status 2.
 
 Exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable.
 """
@@ -13,19 +14,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import (
-    check,
-    clean,
-    completion,
-    fit_material,
-    new,
-    plot,
-    run,
-    schema,
-    status,
-    verify,
-)
-from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs
+from gfmdlayer.cli import check, clean, completion, fit_material, new, plot, run, schema, status, verify
+from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs, input_problems, refuse
 
 VERBS = (new, run, check, status, clean, plot, fit_material, verify, schema, completion)
 
@@ -37,14 +27,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status: int = options.verb(options)
         sys.stdout.flush()
     except BrokenPipeError:
-        # Whoever read our output has seen enough; Python must not try to write the rest when it exits.
+        # The reader of our output has closed it; Python must not write the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return COMPLETE
+    except Exception as error:
+        if not (problems := input_problems(error)):
+            raise
+        return refuse(*problems)
     return status
 
 
 class _Version(argparse.Action):
-    """Print the version; it is looked up only when asked for."""
+    """Print the version, which is looked up only then."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         from importlib.metadata import version
@@ -54,7 +48,7 @@ class _Version(argparse.Action):
 
 
 def command_line() -> argparse.ArgumentParser:
-    """Return what knows all verbs and their options."""
+    """Return the parser of all verbs and their options."""
     example = "example:\n  gfmdlayer run configs/figure2-quick.yaml && gfmdlayer plot results/figure2-quick"
     parser = argparse.ArgumentParser(
         prog="gfmdlayer",

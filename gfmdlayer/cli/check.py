@@ -1,4 +1,4 @@
-"""`gfmdlayer check`: tell the cases, the memory and the work ahead."""
+"""`gfmdlayer check`: list the cases, the memory and the work of a configuration."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from gfmdlayer.cli.terminal import (
     COMPLETE,
     Verbs,
     add_config,
-    add_team,
+    add_out,
     count_cases,
-    default_directory,
-    print_some,
+    cut_short,
     read_config,
-    refuse,
+    results_folder,
 )
 
 if TYPE_CHECKING:
@@ -29,45 +28,42 @@ def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
     added = verbs.add(
         check,
-        "tell the cases, the memory and the work ahead; run nothing",
+        "list the cases, the memory and the work of a configuration; run nothing",
         "gfmdlayer check configs/figure2.yaml",
     )
     add_config(added)
-    add_team(added)
+    add_out(added)
 
 
 def check(options: argparse.Namespace) -> int:
-    """Tell the cases, the memory and the work ahead."""
-    from gfmdlayer.config import ConfigError
+    """List the cases, the memory and the work of a configuration."""
     from gfmdlayer.execution import guards
     from gfmdlayer.execution.cost import estimate, total
     from gfmdlayer.execution.sweep import cases, label, notes
 
-    try:
-        config = read_config(options)
-        every = cases(config)
-    except ConfigError as error:
-        return refuse(*error.problems)
+    config = read_config(options)
+    every = cases(config)
     cost = total(estimate(case.config) for case in every)
-    directory = Path(options.out or default_directory(config, options.config))
-    print(f"{config.name}: {count_cases(len(every))}")
+    directory = results_folder(options, config)
+    lines = [f"{config.name}: {count_cases(len(every))}"]
     if config.sweep:
-        print_some(f"  {case.index:04d}  {label(case.values)}" for case in every)
-    print(f"steps      {cost.steps:,}")
-    print(f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}")
-    print(f"memory     about {guards.in_bytes(cost.memory)} a process")
-    print(f"disk       about {guards.in_bytes(cost.storage)} in {directory}")
-    for line in _from_finished_cases(directory, config, every):
-        print(line)
+        lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
+    lines += [
+        f"steps      {cost.steps:,}",
+        f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
+        f"memory     about {guards.in_bytes(cost.memory)} a process",
+        f"disk       about {guards.in_bytes(cost.storage)} in {directory}",
+        *_time_left(directory, config, every),
+    ]
     memory = guards.lack_of_memory(options.jobs * cost.memory)
     space = guards.lack_of_space(directory, cost.storage)
-    for warning in (*notes(case.config for case in every), *memory, *space):
-        print(f"warning: {warning}")
+    lines += [f"warning: {text}" for text in (*notes(case.config for case in every), *memory, *space)]
+    print("\n".join(lines))
     return COMPLETE
 
 
-def _from_finished_cases(directory: Path, config: Config, every: Sequence[Case]) -> list[str]:
-    """Tell the time that is left, where cases of the same configuration are complete."""
+def _time_left(directory: Path, config: Config, every: Sequence[Case]) -> list[str]:
+    """Estimate the time left, where cases of the same configuration are complete."""
     from gfmdlayer.execution.folder import Folder, FolderError, changed_keys
 
     folder = Folder(directory)

@@ -1,4 +1,4 @@
-"""`gfmdlayer clean`: remove what killed runs left."""
+"""`gfmdlayer clean`: remove the unfinished files of killed runs."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, print_some, refuse
+from gfmdlayer.cli.terminal import COMPLETE, Verbs, cut_short, refuse
 
 
 def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
     added = verbs.add(
         clean,
-        "remove what killed runs left: unfinished files, no results; lists it and asks first",
+        "remove the unfinished files of killed runs, after listing them and asking; results stay",
         "gfmdlayer clean results/figure2-quick",
     )
     added.add_argument("directory", metavar="DIR", help="results folder")
@@ -21,29 +21,27 @@ def register(verbs: Verbs) -> None:
 
 
 def clean(options: argparse.Namespace) -> int:
-    """Remove what killed runs left."""
+    """Remove the unfinished files of killed runs."""
     from gfmdlayer.execution.cleanup import remains
-    from gfmdlayer.execution.folder import Folder, FolderError
+    from gfmdlayer.execution.folder import Folder
 
     folder = Folder(Path(options.directory))
     try:
         with remains(folder) as found:
             if not found:
-                print("nothing is left of dead runs")
+                print("no unfinished files of killed runs")
                 return COMPLETE
             size = sum(path.stat().st_size for path in found)
-            print(f"left of dead runs, {len(found)} files of {size:,} bytes:")
-            print_some(f"  {path.relative_to(folder.path)}" for path in found)
+            print(f"{len(found)} unfinished files of killed runs, {size:,} bytes:")
+            print("\n".join(cut_short(f"  {path.relative_to(folder.path)}" for path in found)))
             if not options.yes and not sys.stdin.isatty():
-                return refuse("clean: nobody is there to ask; say --yes to remove these files")
+                return refuse("clean: cannot ask without a terminal; --yes removes these files")
             if not options.yes and input("remove them? [y/N] ").strip().lower() not in {"y", "yes"}:
                 print("nothing was removed")
                 return COMPLETE
             for path in found:
                 path.unlink(missing_ok=True)
             print(f"removed {len(found)} files")
-    except FolderError as error:
-        return refuse(str(error))
     except OSError as error:
         return refuse(f"{error.filename}: cannot be removed ({error.strerror})")
     except (EOFError, KeyboardInterrupt):

@@ -1,4 +1,4 @@
-"""`gfmdlayer completion`: print what lets a shell complete verbs, options and file names."""
+"""`gfmdlayer completion`: print the script by which a shell completes verbs, options and file names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from gfmdlayer.cli.terminal import COMPLETE, Verbs
 
 SHELLS = ("bash", "zsh", "fish")
-PATHS = {"CONFIG", "DATA", "DIR", "FILE", "PATH"}  # metavars of what is a file or a folder
+PATHS = {"CONFIG", "DATA", "DIR", "FILE", "PATH"}  # metavars of files and folders
 
 
 def register(verbs: Verbs) -> None:
@@ -18,7 +18,7 @@ def register(verbs: Verbs) -> None:
         "print the script by which a shell completes verbs, options and file names",
         'eval "$(gfmdlayer completion bash)"',
     )
-    added.add_argument("shell", choices=SHELLS, help="the shell that will read it")
+    added.add_argument("shell", choices=SHELLS, help="the shell that reads the script")
 
 
 def completion(options: argparse.Namespace) -> int:

@@ -17,20 +17,22 @@ def register(verbs: Verbs) -> None:
     )
     added.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
     added.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
-    added.add_argument("--branches", metavar="N", type=int, help="(default: the fewest that are enough)")
-    added.add_argument("--relaxed-modulus", metavar="G0", type=float, help="(default: fitted)")
+    added.add_argument(
+        "--branches", metavar="N", type=int, help="number of branches (default: the fewest that fit)"
+    )
+    added.add_argument(
+        "--relaxed-modulus", metavar="G0", type=float, help="relaxed modulus (default: fitted)"
+    )
     added.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
     added.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
     added.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
-    added.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="constants of the shift")
+    added.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="WLF constants at T0")
     added.add_argument("--force", action="store_true", help="overwrite files")
 
 
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a Prony series to a measured curve."""
     from gfmdlayer import fitting
-    from gfmdlayer.files.tables import TableError
-    from gfmdlayer.results.schema import ResultsError
 
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):
@@ -45,7 +47,7 @@ def fit_material(options: argparse.Namespace) -> int:
             normalise=options.normalise,
             force=options.force,
         )
-    except (TableError, fitting.FitError, ResultsError) as error:
+    except fitting.FitError as error:
         return refuse(str(error))
     print(report)
     return COMPLETE

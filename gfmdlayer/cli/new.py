@@ -41,8 +41,8 @@ def new(options: argparse.Namespace) -> int:
     except ConfigError as error:
         return refuse(*(f"{path}: {problem}" for problem in error.problems))
     except FileExistsError:
-        return refuse(f"{path}: is there already; choose another name, or --force to overwrite it")
+        return refuse(f"{path}: exists; choose another name, or --force to overwrite it")
     except OSError as error:
         return refuse(f"{path}: cannot be written ({error.strerror})")
-    print(f"{path}: what each key means is in it; run it with  gfmdlayer run {path}")
+    print(f"{path}: explains each key; run it with  gfmdlayer run {path}")
     return COMPLETE

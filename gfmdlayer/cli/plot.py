@@ -7,20 +7,24 @@ import argparse
 from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
 
 KINDS = {
-    "curves": "contact area, mean pressure and any friction against time",
+    "curves": "contact area, mean pressure and, of a moving punch, friction against time",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
     "map": "contact area and mean pressure over two swept keys",
 }
-# Options that only some kinds have; without --kind the curves and the snapshots are drawn.
-HAVE: dict[str, set[str | None]] = {"log_time": {None, "curves"}, "inset": {None, "curves"}, "time": {"map"}}
+# The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.
+KINDS_WITH: dict[str, set[str | None]] = {
+    "log_time": {None, "curves"},
+    "inset": {None, "curves"},
+    "time": {"map"},
+}
 
 
 def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
     added = verbs.add(
         plot,
-        "draw contact area, mean pressure and any friction against time, and the snapshots",
+        "draw contact area, mean pressure and friction against time, and the snapshots",
         "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time",
     )
     added.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
@@ -28,7 +32,7 @@ def register(verbs: Verbs) -> None:
         "--out", metavar="FILE", help=".png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)"
     )
     kinds = added.add_mutually_exclusive_group()
-    described = "; ".join(f"{kind}: {what}" for kind, what in KINDS.items())
+    described = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
     kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
     kinds.add_argument(
         "--movie",
@@ -57,25 +61,21 @@ def register(verbs: Verbs) -> None:
 
 def plot(options: argparse.Namespace) -> int:
     """Draw the figures of results."""
-    for name, kinds in HAVE.items():
+    for name, kinds in KINDS_WITH.items():
         if getattr(options, name) not in (None, False, []) and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
-            return refuse(f"--{name.replace('_', '-')}: means nothing to this figure; must be with {allowed}")
+            return refuse(f"--{name.replace('_', '-')}: has no effect on this figure; must be with {allowed}")
     from gfmdlayer.figures.plots import plot_results
-    from gfmdlayer.results.schema import ResultsError
 
-    try:
-        for picture in plot_results(
-            options.path,
-            options.out,
-            kind=options.kind,
-            case=options.case,
-            style=options.style or ("screen" if options.kind == "movie" else "paper"),
-            log_time=options.log_time,
-            inset=options.inset,
-            time=options.time,
-        ):
-            print(picture)
-    except ResultsError as error:
-        return refuse(str(error))
+    for picture in plot_results(
+        options.path,
+        options.out,
+        kind=options.kind,
+        case=options.case,
+        style=options.style or ("screen" if options.kind == "movie" else "paper"),
+        log_time=options.log_time,
+        inset=options.inset,
+        time=options.time,
+    ):
+        print(picture)
     return COMPLETE

@@ -15,17 +15,19 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     Verbs,
     add_config,
-    add_team,
+    add_out,
     count_cases,
-    default_directory,
+    cut_short,
+    input_problems,
     interval,
-    print_some,
     read_config,
     refuse,
+    results_folder,
 )
 from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
+    from gfmdlayer.execution.run import Summary
     from gfmdlayer.execution.shards import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
@@ -38,7 +40,7 @@ def register(verbs: Verbs) -> None:
         f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}",
     )
     add_config(added)
-    add_team(added)
+    add_out(added)
     added.add_argument(
         "--threads",
         metavar="N",
@@ -46,23 +48,26 @@ def register(verbs: Verbs) -> None:
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
     )
     added.add_argument(
-        "--shard", metavar="I/N", type=shard, help="run part I of N; N runs at once share DIR (job arrays)"
+        "--shard",
+        metavar="I/N",
+        type=shard,
+        help="run part I of N of the sweep; N runs share DIR (job arrays)",
     )
     added.add_argument(
         "--checkpoint-every",
         metavar="SECONDS",
         type=interval,
         default=CHECKPOINT_EVERY,
-        help="time after which the state of a case is kept, for a run that is killed (default: %(default)g; "
+        help="time between checkpoints of a case, from which a killed run goes on (default: %(default)g; "
         "0: after every step; inf: only when a signal stops the run)",
     )
-    which = added.add_mutually_exclusive_group()
-    which.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
-    which.add_argument("--only-failed", action="store_true", help="run the cases that failed before alone")
+    either = added.add_mutually_exclusive_group()
+    either.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
+    either.add_argument("--only-failed", action="store_true", help="run only the cases that failed before")
 
 
 def shard(text: str) -> Shard:
-    """Take a shard from the command line."""
+    """Parse a shard."""
     from gfmdlayer.execution.shards import Shard
 
     try:
@@ -73,19 +78,14 @@ def shard(text: str) -> Shard:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer.execution import case_run as cases
-    from gfmdlayer.execution import interrupts
-    from gfmdlayer.execution import workers as executors
+    from gfmdlayer.execution import case_run, interrupts, workers
 
     if options.shard and options.restart:
         return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
     interrupts.listen()
-    try:
-        threads = executors.threads_each(os.environ, options.threads)
-        with executors.assemble(options.jobs, cases.prepare) as pool:
-            return COMPLETE if pool is None else _run(options, pool, threads)
-    except executors.LauncherError as error:
-        return refuse(str(error))
+    threads = workers.threads_each(os.environ, options.threads)
+    with workers.assemble(options.jobs, case_run.prepare) as pool:
+        return COMPLETE if pool is None else _run(options, pool, threads)
 
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
@@ -97,9 +97,9 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
 
     try:
         config = read_config(options)
-        directory = default_directory(config, options.config) if options.out is None else options.out
+        directory = results_folder(options, config)
         if options.only_failed:
-            Folder(Path(directory)).must_hold_results()
+            Folder(directory).must_hold_results()
         summary = run_sweep(
             config,
             directory,
@@ -111,26 +111,31 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
             options.checkpoint_every,
             options.only_failed,
         )
-    except ConfigError as error:
-        return refuse(*error.problems)
-    except FolderError as error:
-        return refuse(str(error))
+    except (
+        ConfigError,
+        FolderError,
+    ) as error:  # here, for an exception that leaves the pool aborts the ranks
+        return refuse(*input_problems(error))
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED
-    if summary.count("stopped"):
-        print(f"stopped: {summary.count('stopped')} cases wait; the same command takes them up")
+    return _conclude(summary, directory, options.shard)
+
+
+def _conclude(summary: Summary, directory: Path, shard: Shard | None) -> int:
+    """Print how the run ended and return the exit status."""
+    if stopped := summary.count("stopped"):
+        print(f"stopped: {stopped} cases wait; the same command resumes them")
         return RESUMABLE
     if summary.failures:
         print(f"{len(summary.failures)} of {len(summary.outcomes)} cases failed:")
-        print_some(f"  {outcome.index:04d}: {outcome.reason}" for outcome in summary.failures)
-        print(f"what is complete is in {directory}; the same command tries the failed ones again")
+        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
+        print(f"complete cases are in {directory}; the same command tries the failed ones again")
         return FAILED
     if waiting := summary.count("waiting"):
-        print(f"no case is left that failed; {count_cases(waiting)} wait: run again without --only-failed")
-        return COMPLETE
-    if not summary.collected:
-        print(f"shard {options.shard} complete; sweep.h5 follows when the other shards are")
-        return COMPLETE
-    print(f"complete: {Path(directory) / 'sweep.h5'}")
+        print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
+    elif not summary.collected:
+        print(f"shard {shard} complete; sweep.h5 follows when the other shards are")
+    else:
+        print(f"complete: {directory / 'sweep.h5'}")
     return COMPLETE

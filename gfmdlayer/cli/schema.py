@@ -1,4 +1,4 @@
-"""`gfmdlayer schema`: print the JSON Schema of a configuration."""
+"""`gfmdlayer schema`: print the JSON Schema of a configuration, for editors."""
 
 from __future__ import annotations
 

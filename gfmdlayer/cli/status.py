@@ -1,4 +1,4 @@
-"""`gfmdlayer status`: tell what is done, running, failed and waiting."""
+"""`gfmdlayer status`: count the complete, running, failed and waiting cases of a results folder."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, refuse, some
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, cut_short
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
     from gfmdlayer.execution.overview import Overview
     from gfmdlayer.execution.status_file import Running
 
-WATCH_INTERVAL = 2.0  # seconds between two looks
+WATCH_INTERVAL = 2.0  # seconds
 
 
 def register(verbs: Verbs) -> None:
     """Add the verb to the command line."""
     added = verbs.add(
         status,
-        "tell what is done, running, failed and waiting",
+        "count the complete, running, failed and waiting cases",
         "gfmdlayer status results/figure2-quick",
     )
     added.add_argument("directory", metavar="DIR", help="results folder")
-    added.add_argument("--watch", action="store_true", help="look again until all is done, or Ctrl-C")
+    added.add_argument("--watch", action="store_true", help="repeat until no case is left, or Ctrl-C")
 
 
 def status(options: argparse.Namespace) -> int:
-    """Tell what is done, running, failed and waiting."""
-    from gfmdlayer.execution.folder import Folder, FolderError
+    """Count the complete, running, failed and waiting cases."""
+    from gfmdlayer.execution.folder import Folder
     from gfmdlayer.execution.overview import overview
 
     folder = Folder(Path(options.directory))
@@ -43,38 +43,36 @@ def status(options: argparse.Namespace) -> int:
             _watch(folder)
         else:
             print("\n".join(_lines(overview(folder))))
-    except FolderError as error:
-        return refuse(str(error))
     except KeyboardInterrupt:
-        pass  # how a watch is left
+        pass  # ends --watch
     return COMPLETE
 
 
 def _watch(folder: Folder) -> None:
-    """Look again and again; on a terminal in place, elsewhere a line whenever something has changed."""
+    """Show the overview until no case is left: on a terminal in place, elsewhere a line at each change."""
     if sys.stdout.isatty():
         from rich.console import Console
         from rich.live import Live
         from rich.text import Text
 
         with Live(console=Console(), auto_refresh=False) as live:
-            for seen in _looks(folder):
+            for seen in _overviews(folder):
                 live.update(Text("\n".join(_lines(seen))), refresh=True)
         return
-    told = ""
-    for seen in _looks(folder):
-        if told != (told := _counts(seen)):
-            print(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {told}", flush=True)
+    last = ""
+    for seen in _overviews(folder):
+        if last != (last := _counts(seen)):
+            print(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {last}", flush=True)
 
 
-def _looks(folder: Folder) -> Iterator[Overview]:
+def _overviews(folder: Folder) -> Iterator[Overview]:
     from gfmdlayer.execution.overview import overview
 
     interrupted = False
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
         nonlocal interrupted
-        interrupted = True  # for where the exception strikes code that drops it: a destructor, a callback
+        interrupted = True  # the exception is lost if it is raised in a destructor or a callback
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGINT, interrupt)
@@ -90,7 +88,7 @@ def _looks(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    return [_counts(seen), *some([_at_work(case) for case in seen.running]), *_failures(seen)]
+    return [_counts(seen), *cut_short([_running(case) for case in seen.running]), *_failures(seen)]
 
 
 def _counts(seen: Overview) -> str:
@@ -100,7 +98,7 @@ def _counts(seen: Overview) -> str:
     )
 
 
-def _at_work(case: Running) -> str:
+def _running(case: Running) -> str:
     from gfmdlayer.execution.progress import duration
 
     left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
@@ -111,7 +109,7 @@ def _at_work(case: Running) -> str:
 
 
 def _failures(seen: Overview) -> list[str]:
-    """Tell each of a few failures, and of many how many are alike."""
+    """List a few failures one by one, and many in groups of the same reason."""
     from gfmdlayer.execution.overview import alike
     from gfmdlayer.execution.sweep import label
 
@@ -120,6 +118,8 @@ def _failures(seen: Overview) -> list[str]:
             f"  {f.index:04d} failed: {f.reason}  {label(dict(f.values))}".rstrip() for f in seen.failures
         ]
     groups = alike(seen.failures)
-    lines = some([f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups])
+    lines = cut_short(
+        [f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups]
+    )
     unread = seen.failed - len(seen.failures)
     return [*lines, f"  {unread} more failed; see cases/*.failed"] if unread else lines

@@ -1,4 +1,4 @@
-"""What the verbs share: exit statuses, options, and how they talk."""
+"""Parts that the verbs share: exit statuses, options, the refusal of bad input, lists cut short."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ LISTED = 20  # entries of a list before it is cut short
 
 
 class Verbs:
-    """The verbs of the command line; each is named by its function and shows an example."""
+    """The verbs of the command line; each is named by its function and shows an example.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        The command line.
+    """
 
     def __init__(self, parser: argparse.ArgumentParser) -> None:
         self._subparsers: Any = parser.add_subparsers(metavar="VERB", required=True)
@@ -27,7 +33,22 @@ class Verbs:
     def add(
         self, function: Callable[[argparse.Namespace], int], summary: str, example: str
     ) -> argparse.ArgumentParser:
-        """Add a verb; the example is what a user may paste, and text that follows it."""
+        """Add a verb.
+
+        Parameters
+        ----------
+        function : callable
+            Carries the verb out and returns the exit status; its name is that of the verb.
+        summary : str
+            One line of help.
+        example : str
+            A command to paste, and any text to follow it.
+
+        Returns
+        -------
+        ArgumentParser
+            For the verb's options.
+        """
         added: argparse.ArgumentParser = self._subparsers.add_parser(
             function.__name__.replace("_", "-"),
             help=summary,
@@ -40,14 +61,14 @@ class Verbs:
 
 
 def folder_name(name: str) -> str:
-    """Take the name of a folder from the command line."""
+    """Parse the name of a folder."""
     if not name:
         raise argparse.ArgumentTypeError("got an empty name; must be the name of a folder")
     return name
 
 
 def interval(text: str) -> float:
-    """Take a number of seconds from the command line."""
+    """Parse a number of seconds."""
     try:
         seconds = float(text)
     except ValueError:
@@ -58,8 +79,8 @@ def interval(text: str) -> float:
 
 
 def add_config(parser: argparse.ArgumentParser) -> None:
-    """Let a verb take a configuration."""
-    parser.add_argument("config", metavar="CONFIG", help="YAML file, or the file of a case, to run it again")
+    """Add the configuration, and --set, to a verb."""
+    parser.add_argument("config", metavar="CONFIG", help="YAML file, or a case's result file to run it again")
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -69,8 +90,8 @@ def add_config(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_team(parser: argparse.ArgumentParser) -> None:
-    """Let a verb take where the results go, and how many processes compute them."""
+def add_out(parser: argparse.ArgumentParser) -> None:
+    """Add the results folder and the number of processes to a verb."""
     parser.add_argument(
         "--out", metavar="DIR", type=folder_name, help="results folder (default: results/NAME)"
     )
@@ -78,19 +99,35 @@ def add_team(parser: argparse.ArgumentParser) -> None:
 
 
 def refuse(*problems: str) -> int:
-    """Say what is wrong with the input; the exit status."""
+    """Print what is wrong with the input, a line each, and return the exit status."""
     for problem in problems:
         print(f"gfmdlayer: {problem}", file=sys.stderr)
     return REFUSED
 
 
+def input_problems(error: Exception) -> Sequence[str]:
+    """Return the messages of an error in the input or the results, and nothing for an error of the program.
+
+    The error classes are imported only here, after an error, so that a verb loads no module for them.
+    """
+    from gfmdlayer.config import ConfigError
+    from gfmdlayer.execution.folder import FolderError
+    from gfmdlayer.execution.workers import LauncherError
+    from gfmdlayer.files.tables import TableError
+    from gfmdlayer.results.schema import ResultsError
+
+    if isinstance(error, ConfigError):
+        return error.problems
+    return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
+
+
 def read_config(options: argparse.Namespace) -> Config:
-    """Read the configuration that a verb was given.
+    """Read the configuration named on the command line, or that of a case's result file.
 
     Raises
     ------
     ConfigError
-        With everything that is wrong with it.
+        With every error in it.
     """
     from gfmdlayer.config import load
     from gfmdlayer.execution.rerun import is_result, stored_config
@@ -101,11 +138,12 @@ def read_config(options: argparse.Namespace) -> Config:
     return load(options.config, options.set, input_errors)
 
 
-def default_directory(config: Config, path: str) -> Path:
-    """Where the results go unless told otherwise; those of a case that is run again are kept apart."""
+def results_folder(options: argparse.Namespace, config: Config) -> Path:
+    """Return --out, or results/NAME; results/NAME-NNNN for a case that is run again."""
     from gfmdlayer.execution.rerun import is_result
 
-    return Path("results") / (f"{config.name}-{Path(path).stem}" if is_result(path) else config.name)
+    rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
+    return Path(options.out or Path("results") / f"{config.name}{rerun}")
 
 
 def count_cases(number: int) -> str:
@@ -113,13 +151,8 @@ def count_cases(number: int) -> str:
     return "1 case" if number == 1 else f"{number} cases"
 
 
-def print_some(lines: Iterable[str]) -> None:
-    """Print the first lines of a list, and how many more there are."""
-    for line in some(list(lines)):
-        print(line)
-
-
-def some(lines: Sequence[str]) -> list[str]:
-    """Return the first lines of a list, and how many more there are."""
-    more = [f"  ... and {len(lines) - LISTED} more"] if len(lines) > LISTED else []
-    return [*lines[:LISTED], *more]
+def cut_short(lines: Iterable[str]) -> list[str]:
+    """Return the first lines of a list, and the number of further ones."""
+    every = list(lines)
+    more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
+    return [*every[:LISTED], *more]

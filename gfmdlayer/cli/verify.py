@@ -1,4 +1,4 @@
-"""`gfmdlayer verify`: closed forms, limits, orders, energy balances, and independent methods."""
+"""`gfmdlayer verify`: closed forms, limits, orders of convergence, energy, independent methods."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, Verbs, folder_name, refuse
 
 if TYPE_CHECKING:
-    from gfmdlayer.verification.rows import Check, Finding
+    from gfmdlayer.verification.rows import Check, Outcome
 
 _STATUSES = "exit status: 0 every row inside its bound; 1 some row outside; 2 bad input"
-_WIDTHS = (66, 14, 14, 10)
+_COLUMNS = "  {:66}{:>14} {:>14} {:>10}"
 
 
 def register(verbs: Verbs) -> None:
@@ -38,7 +38,6 @@ def verify(options: argparse.Namespace) -> int:
     import os
 
     from gfmdlayer.execution.workers import threads_each
-    from gfmdlayer.results.schema import ResultsError
 
     if options.jobs < 1:
         return refuse(f"--jobs {options.jobs}: must be 1 or more")
@@ -46,36 +45,25 @@ def verify(options: argparse.Namespace) -> int:
     from gfmdlayer.verification import verify
     from gfmdlayer.verification.report import summary
 
-    found: list[tuple[Check, Finding]] = []
+    outcomes: list[tuple[Check, Outcome]] = []
 
-    def told(check: Check, finding: Finding) -> None:
-        found.append((check, finding))
-        _print(check, finding)
+    def report(check: Check, outcome: Outcome) -> None:
+        outcomes.append((check, outcome))
+        _print(check, outcome)
 
-    print(_line(("", "theory", "found", "bound")))
-    try:
-        holds = verify(Path(options.out), quick=options.quick, jobs=options.jobs, told=told)
-    except ResultsError as error:
-        return refuse(str(error))
-    print(f"\n{summary(found)}\nwritten: {Path(options.out) / 'verification.md'}")
+    print(_COLUMNS.format("", "theory", "found", "bound"))
+    holds = verify(Path(options.out), quick=options.quick, jobs=options.jobs, report=report)
+    print(f"\n{summary(outcomes)}\nwritten: {Path(options.out) / 'verification.md'}")
     return COMPLETE if holds else FAILED
 
 
-def _print(check: Check, finding: Finding) -> None:
-    """Print what a check found."""
+def _print(check: Check, outcome: Outcome) -> None:
     from gfmdlayer.verification.report import row_cells
 
-    print(f"{check.title}", flush=True)
-    for row in finding.rows:
-        what, expected, found, bound, _, state = row_cells(row)
-        print(f"{_line((what, expected, found, bound))}  {state}", flush=True)
-    if finding.missing:
-        print(f"  {finding.missing} is not installed")
-    if finding.failure:
-        print(f"  could not be carried out: {finding.failure}")
-
-
-def _line(cells: tuple[str, ...]) -> str:
-    what, *numbers = cells
-    aligned = (number.rjust(width) for number, width in zip(numbers, _WIDTHS[1:], strict=True))
-    return f"  {what.ljust(_WIDTHS[0])}{' '.join(aligned)}"
+    lines = [check.title]
+    for row in outcome.rows:
+        quantity, theory, found, bound, _, state = row_cells(row)
+        lines.append(f"{_COLUMNS.format(quantity, theory, found, bound)}  {state}")
+    lines += [f"  {outcome.missing} is not installed"] * bool(outcome.missing)
+    lines += [f"  failed: {outcome.failure}"] * bool(outcome.failure)
+    print("\n".join(lines), flush=True)

@@ -29,21 +29,14 @@ def fit_figure(fitted: Fit) -> Figure:
     with styled():
         figure = new_figure(1, 100.0)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        for i, (symbol, colour) in enumerate(zip(symbols, [colours(3)[0], colours(3)[1]], strict=False)):
-            style = {
-                "color": colour,
-                "marker": MARKERS[i],
-                "ms": 3.2,
-                "mfc": "none",
-                "mew": 0.7,
-                "ls": "none",
-            }
+        for i, (symbol, colour) in enumerate(zip(symbols, colours(3), strict=False)):
+            style = {"color": colour, "marker": MARKERS[i], "ms": 3.2, "mfc": "none", "mew": 0.7, "ls": ""}
             above.plot(curve.abscissa, curve.moduli[i], label=f"{symbol}, measured", **style)
             above.plot(smooth, lines[i], color=colour, linestyle=line_style(i), label=f"{symbol}, fitted")
             below.plot(curve.abscissa, 100 * fitted.errors[i], **style)
         above.set(xscale="log", yscale="log", ylabel=", ".join(symbols))
         span = curve.moduli.max() / curve.moduli.min()
-        if span < 100:  # there may be a single power of ten to label
+        if span < 100:  # fewer than two powers of ten to label
             above.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span > 10 else range(1, 10)))
             above.yaxis.set_major_formatter("{x:g}")
             above.yaxis.set_minor_formatter("")

@@ -1,4 +1,4 @@
-"""Measured curves: what was measured where, and what a Maxwell branch answers there.
+"""Measured curves, and the response of a Maxwell branch at the measured frequencies or times.
 
 A master curve is the storage and loss modulus G' + i G'' = G(omega) over angular frequency, a relaxation
 curve G(t) the stress after a unit step of strain, over two. A branch of unit modulus and relaxation time tau
@@ -27,7 +27,7 @@ FEWEST_ROWS = 8  # enough to choose between one branch and two with numbers left
 
 
 class FitError(ValueError):
-    """What is asked cannot be had from a measured curve; the message says why, and what is allowed."""
+    """A fit is not possible; the message says why, and what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Measurement(ABC):
 
     Parameters
     ----------
-    source
-        The name of the file.
-    abscissa
-        Angular frequencies or times, positive, shape (rows,).
-    moduli
-        What was measured at each, positive, shape (moduli, rows).
+    source : str
+        Name of the file.
+    abscissa : ndarray, shape (rows,)
+        Angular frequencies or times, positive.
+    moduli : ndarray, shape (moduli, rows)
+        Measured moduli, positive.
     """
 
     source: str
@@ -55,7 +55,7 @@ class Measurement(ABC):
     @property
     @abstractmethod
     def reach(self) -> tuple[float, float]:
-        """The shortest and the longest relaxation time that was looked at."""
+        """The shortest and the longest relaxation time within the measured range."""
 
     @abstractmethod
     def constant(self) -> FloatArray:
@@ -160,7 +160,7 @@ def read(path: Path) -> Measurement:
 
     Parameters
     ----------
-    path
+    path : Path
         A file with omega, G' and G'', or with t and G, in increasing order of the first.
 
     Returns
@@ -170,8 +170,9 @@ def read(path: Path) -> Measurement:
     Raises
     ------
     TableError
-        Naming file and line: not such columns, or their names say otherwise; fewer than `FEWEST_ROWS` rows;
-        a number that is not finite or not positive; frequencies or times that do not increase.
+        Names file and line: another number of columns, or names of other quantities; fewer than
+        `FEWEST_ROWS` rows; a number that is not finite or not positive; frequencies or times that do not
+        increase.
     """
     kind = _kind(path)
 
@@ -186,7 +187,7 @@ def read(path: Path) -> Measurement:
 
 
 def _kind(path: Path) -> type[Measurement]:
-    """Tell the kind of curve by the number of columns; their names, if given, must not say otherwise."""
+    """Find the kind of curve from the number of columns; their names, if given, must agree."""
     by_width: dict[int, type[Measurement]] = {
         len(kind.columns): kind for kind in (MasterCurve, RelaxationCurve)
     }
@@ -208,15 +209,15 @@ def _kind(path: Path) -> type[Measurement]:
 
 
 def _check_name(place: str, header: str, kind: type[Measurement]) -> None:
-    """Refuse a first column whose name says that it is something else."""
+    """Refuse a first column whose name is that of another quantity."""
     name = re.split(r"[,;\t]", header)[0] if re.search(r"[,;\t]", header) else header.split()[0]
     symbol = re.split(r"[\s(\[/]", name.strip())[0].lower().strip("\"'")
     if symbol in {"f", "nu", "freq", "frequency"} or re.search(r"\bHz\b", name):
         raise TableError(
             f"{place}: the first column is {name.strip()!r}; must be the angular frequency omega = 2 pi f"
         )
-    said = {"t": RelaxationCurve, "time": RelaxationCurve, "omega": MasterCurve, "w": MasterCurve}
-    if said.get(symbol, kind) is not kind:
+    named = {"t": RelaxationCurve, "time": RelaxationCurve, "omega": MasterCurve, "w": MasterCurve}
+    if named.get(symbol, kind) is not kind:
         raise TableError(
             f"{place}: the first column is {name.strip()!r}, but {len(kind.columns)} columns make a "
             f"{kind.name}; must be {', '.join(kind.columns)}"

@@ -3,22 +3,22 @@
     G(t) = G0 + sum_k G_k exp(-t/tau_k),     G0 > 0, G_k > 0                Eq. (5) for many branches
 
 of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68, is fitted in the relative error: every
-residual is divided by what was measured there, and every row counts the same.
+residual is divided by the measured modulus, and every row counts the same.
 
-What any series can reach is known beforehand. With the relaxation times on a dense grid the moduli are a
-problem of non-negative least squares, convex, with one least error. From there on branches are added one at a
-time, each where it lessens the error fastest, and after each all times are moved to where the error is least:
+The least error of any series is found first: with the relaxation times on a dense grid the moduli are a
+convex problem of non-negative least squares. Then branches are added one at a time, each where it reduces the
+error fastest, and after each all times are moved to the minimum of the error:
 the alternating descent conditional gradient method of Boyd, Schiebinger & Recht, SIAM J. Optim. 27 (2017)
 616-639. The moduli follow the times by non-negative least squares (variable projection, Golub & Pereyra, SIAM
 J. Numer. Anal. 10 (1973) 413-432, with the Jacobian of Kaufman, BIT 15 (1975) 49-57).
 
 Branches are enough when the error is within `MARGIN` of the least, or below `ACCURACY`, better than moduli
-are measured. What the margin forgoes is sqrt(1.05^2 - 1), a third, of the noise; the Bayesian information
-criterion draws its line at 3 % for 80 rows of a master curve.
+are measured. The margin gives up sqrt(1.05^2 - 1), a third, of the noise; the Bayesian information criterion
+would put it at 3 % for 80 rows of a master curve.
 
-Times are sought over the measured range and half a decade to either side. A slower branch could not be told
-from the relaxed modulus, a faster one from a dashpot. Where the fitted G0 is a small part of the lowest
-measured modulus, the material is a liquid, or the curve ends far too early, and there is no fit.
+Times are sought over the measured range and half a decade to either side. A slower branch looks like the
+relaxed modulus, a faster one like a dashpot. Where the fitted G0 is a small part of the lowest measured
+modulus, the material is a liquid, or the curve ends far too early, and the fit is refused.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from gfmdlayer.fitting.measurement import FitError, Measurement
 
 MARGIN = 1.05
 ACCURACY = 2e-3
-EXACT = 1e-6  # digits are written no further
+EXACT = 1e-6  # relative error below the digits written
 FLOWING = 0.1  # of the lowest measured modulus
-STALLED = 0.9999  # of the error before, and another branch is of no use
+STALLED = 0.9999  # of the error before: another branch does not help
 MOST_BRANCHES = 50
 BEYOND = math.log(10) / 2  # of the measured range, in the logarithm of time
 SPACING = math.log(10) / 20  # of the dense grid
-# Two branches this close answer as one, but for (log(1.1)/2)^2/2 = 0.1 %, half the accuracy.
+# Two branches closer than this respond as one, but for (log(1.1)/2)^2/2 = 0.1 %, half the accuracy.
 NEIGHBOURS = math.log(1.1)
 
 
@@ -52,12 +52,12 @@ class Fit:
 
     Parameters
     ----------
-    measurement
-        What it was fitted to.
-    material
+    measurement : Measurement
+        The measured curve.
+    material : Prony
         The series, from its fastest branch to its slowest.
-    least
-        The least root mean square error that any series with such times can have.
+    least : float
+        The least root mean square error of any series with times in the range.
     """
 
     measurement: Measurement
@@ -92,18 +92,21 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 
     Parameters
     ----------
-    measurement
+    measurement : Measurement
         The curve.
-    branches
-        Their number; the fewest that are enough by default. There will be fewer if more would not lessen the
-        error.
-    relaxed
-        G0, where it is known from elsewhere; fitted by default.
+    branches : int, optional
+        Number of branches, by default the fewest that are enough; fewer if more do not reduce the error.
+    relaxed : float, optional
+        G0; fitted by default.
+
+    Returns
+    -------
+    Fit
 
     Raises
     ------
     FitError
-        If the curve is that of a liquid and no relaxed modulus is given, nothing relaxes, or the number of
+        The curve is that of a liquid and no relaxed modulus is given, or nothing relaxes, or the number of
         branches or the relaxed modulus is not possible.
     """
     most = min(MOST_BRANCHES, (measurement.moduli.size - 1) // 2)
@@ -125,7 +128,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     moduli = problem.moduli(times)
     if relaxed is None and moduli[0] < FLOWING * lowest:
         raise FitError(
-            f"{measurement.source}: flows like a liquid, the fitted G0 = {moduli[0]:.3g} is nothing beside "
+            f"{measurement.source}: flows like a liquid, the fitted G0 = {moduli[0]:.3g} is far below "
             f"the lowest measured modulus, {lowest:.3g}; a layer needs G0 > 0: the data must reach "
             f"{measurement.slower}, or --relaxed-modulus give it"
         )
@@ -135,7 +138,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 
 @dataclass(frozen=True)
 class _Problem:
-    """Moduli and logarithms of times that make the relative error small; G0 is the first modulus."""
+    """The least-squares problem in the moduli, G0 first, and the logarithms of the times."""
 
     measurement: Measurement
     relaxed: float | None
@@ -157,7 +160,7 @@ class _Problem:
         return np.asarray(columns / np.linalg.norm(columns, axis=0))
 
     def columns(self, times: FloatArray) -> FloatArray:
-        """Responses over what was measured, of the relaxed spring and the branches."""
+        """Responses of the relaxed spring and the branches, over the measured moduli."""
         responses = np.column_stack([self.measurement.constant(), self.measurement.response(np.exp(times))])
         return responses / self.measurement.moduli.reshape(-1, 1)
 
@@ -178,7 +181,7 @@ class _Problem:
         return float(np.sqrt(np.mean(self.residual(times) ** 2)))
 
     def jacobian(self, times: FloatArray) -> FloatArray:
-        """How the residual changes with the times, less what the moduli make good."""
+        """Derivative of the residual by the times, projected as the moduli follow (Kaufman)."""
         moduli = self.moduli(times)
         free = moduli > 0
         free[0] &= self.relaxed is None
@@ -188,7 +191,7 @@ class _Problem:
         return np.asarray(slopes - basis @ (basis.T @ slopes))
 
     def polished(self, times: FloatArray) -> FloatArray:
-        """The times of least error nearby, in order; branches that do nothing or nearly coincide are gone."""
+        """Return the times of least error nearby, sorted; zero and nearly coincident branches are removed."""
         found = least_squares(self.residual, times, self.jacobian, self.bounds, xtol=1e-6, ftol=1e-8)
         kept = self._distinct(np.sort(found.x))
         return kept if kept.size == times.size else self.polished(kept)
@@ -205,20 +208,20 @@ class _Problem:
         return self._distinct(np.concatenate([times[:first], [merged], times[first + 2 :]]))
 
     def grown(self, most: int, enough: float) -> FloatArray:
-        """The times of as many branches as are allowed, enough or of any use, one after the other."""
+        """Add branches one by one until there are `most`, the error is `enough`, or another does not help."""
         times, error = np.empty(0), self.error(np.empty(0))
         while times.size < most and error > enough:
             descent = -self.directions.T @ self.residual(times)
             more = self.polished(np.append(times, self.grid[descent.argmax()]))
-            lessened = self.error(more)
-            if lessened > STALLED * error:
+            reduced = self.error(more)
+            if reduced > STALLED * error:
                 break
-            times, error = more, lessened  # a new branch may have made another superfluous
+            times, error = more, reduced  # the new branch may have replaced another
         return times
 
 
 def _non_negative(columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Coefficients >= 0 of least squares; columns of any size are treated alike."""
+    """Coefficients >= 0 of least squares, with columns scaled to unit length."""
     if not columns.size:
         return np.zeros(columns.shape[1])
     size = np.linalg.norm(columns, axis=0)

@@ -1,4 +1,4 @@
-"""What is left of a fit: the material for a configuration, a figure, and what to be told about them."""
+"""The output of a fit: the material for a configuration, a figure, a summary with warnings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gfmdlayer.fitting.prony import Fit, fit
 from gfmdlayer.fitting.wlf import WLF
 from gfmdlayer.results.schema import ResultsError
 
-PLATEAU = 1.2  # a modulus further than this from all that was measured is an extrapolation
+PLATEAU = 1.2  # a modulus further than this factor from the measured range is extrapolated
 
 
 def fit_material(
@@ -32,24 +32,26 @@ def fit_material(
 
     Parameters
     ----------
-    data
+    data : Path
         A master curve or a relaxation curve, see `gfmdlayer.fitting.read`.
-    out
+    out : Path, optional
         The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
         beside it, to NAME.png.
-    branches, relaxed
-        Number of branches and relaxed modulus where they are not to be found, see `gfmdlayer.fitting.fit`.
-    wlf
+    branches : int, optional
+        Number of branches, see `gfmdlayer.fitting.fit`.
+    relaxed : float, optional
+        Relaxed modulus, see `gfmdlayer.fitting.fit`.
+    wlf : WLF, optional
         Change of temperature between the measurement and the material.
-    normalise
-        Whether moduli are written in units of G0.
-    force
-        Whether files that exist may be overwritten; never `data` itself.
+    normalise : bool
+        Write moduli in units of G0.
+    force : bool
+        Overwrite existing files; never `data` itself.
 
     Returns
     -------
     str
-        The branches, the error, what to beware of and where the files are.
+        The branches, the error, warnings, and the names of the files.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
 
 
 def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
-    """Return where material and figure go; neither may be in the way of anything."""
+    """Return the names of the material and the figure; neither may exist unless forced, nor be the data."""
     is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
     material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
     targets = material, material.with_suffix(".png")
@@ -102,7 +104,7 @@ def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
 
 
 def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
-    """Tell where the series comes from and how good it is."""
+    """Describe the origin and the error of the series."""
     curve, count = fitted.measurement, len(fitted.material.branches)
     rows = curve.abscissa.size
     yield f"Prony series of {_branches(count)}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
@@ -132,7 +134,7 @@ def _table(fitted: Fit) -> Iterator[str]:
 def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator[str]:
     material, elastic = fitted.material, fitted.measurement.moduli[0]
     if asked is not None and len(material.branches) < asked:
-        yield f"{_branches(len(material.branches))} instead of {asked}: more do not lessen the error"
+        yield f"{_branches(len(material.branches))} instead of {asked}: more do not reduce the error"
     if relaxed is None and elastic.min() > PLATEAU * material.G0:
         yield (
             f"G0 = {material.G0:.4g} is extrapolated: the lowest measured modulus is {elastic.min():.4g}; "

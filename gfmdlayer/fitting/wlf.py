@@ -2,8 +2,8 @@
 
     log10 aT = -C1 (T - T0)/(C2 + T - T0)
 
-All relaxation times at the temperature T are aT times those at the reference temperature T0. Moduli are left
-as they are: the factor rho T/(rho0 T0), near to one, is neglected. Temperatures enter by their difference
+All relaxation times at the temperature T are aT times those at the reference temperature T0. Moduli do not
+change: the factor rho T/(rho0 T0), close to one, is neglected. Temperatures enter by their difference
 alone, in kelvin or degrees Celsius.
 """
 
@@ -21,15 +21,15 @@ class WLF:
 
     Parameters
     ----------
-    temperature, reference
+    temperature, reference : float
         T, and T0 at which the material was measured or to which its master curve was reduced.
-    C1, C2
+    C1, C2 : float
         The material's constants at T0, both positive; C2 is a difference of temperatures.
 
     Raises
     ------
     FitError
-        If a number is not finite, a constant is not positive, T - T0 <= -C2, where the equation has its pole,
+        A number is not finite, a constant is not positive, T - T0 <= -C2, where the equation has its pole,
         or aT leaves the range of a double.
     """
 

@@ -1,15 +1,16 @@
-"""What `gfmdlayer verify` shows: closed forms, limits, orders, balances, and independent methods.
+"""Verification: `gfmdlayer verify` compares found with theory, row by row.
 
-    rows.py          a row of the table, a curve of convergence, a check that finds them
-    table.py         the checks, a line each; the place to add one
-    runner.py        carries them out, and writes the report
-    report.py        the table in Markdown, and the plots
-    theory.py        closed forms, and what the grid and the solver do to them
+    checks.py        the table of checks, and `verify`, which carries them out; the place to add one
+    rows.py          a row of the table, a curve of convergence, a check
+    report.py        the table in Markdown, and the plots of convergence
+    theory.py        closed forms of elastic contact, and bounds on the errors of grid and solver
+    runs.py          runs of the paper's default case, in memory
+    third_order.py   the paper's Eq. (24), as an independent time integrator
 
-and a module for each kind of check. Each check is a function that yields what it finds; its docstring says
-what theory expects, and how the bounds follow.
+The other modules hold the checks, a module for each group of the report. A check is a function that yields
+rows; its docstring says what theory expects and derives the bounds.
 """
 
-from gfmdlayer.verification.runner import verify
+from gfmdlayer.verification.checks import verify
 
 __all__ = ["verify"]

@@ -1,4 +1,4 @@
-"""Elastic contact, and single modes, against closed forms."""
+"""Elastic contact, single modes and viscoelastic halfspaces, against closed forms."""
 
 from __future__ import annotations
 
@@ -12,29 +12,34 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
+from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
 from gfmdlayer.verification.theory import (
     DEPTH,
     E_STAR,
     JOHNSON,
     PARABOLA,
     RADIUS,
+    Ramp,
     grid_error,
+    parabola_depth,
     parabola_grid_error,
     parabola_half_width,
     parabola_pressure,
+    relaxing,
     solver_error,
 )
 
 _TOLERANCE = 1e-8
+_GLASSY = 10.0  # Ginf/G0
+_LEE_RADOK = "Lee and Radok (1960); Eq. (5)"
 
 
 def periodic_parabola(quick: bool) -> Iterator[Row]:
     """The paper's punch on an elastic halfspace.
 
     pbar = -(E* L/(2 pi R)) ln cos psi and depth = (L^2/(4 pi^2 R)) [pi^2/6 - Li2(cos^2 psi)], psi = pi a/L.
-    Either edge of contact lies within a cell of its place. The mean pressure is off by the grid's error and
-    the solver's, whose bounds are derived above.
+    Either edge of contact lies within a cell of its place. The mean pressure has the error of the grid and
+    that of the solver, whose bounds are derived above.
     """
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)
@@ -48,8 +53,8 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
 def hertz_line(quick: bool) -> Iterator[Row]:
     """Hertz's line contact, where the contact is small.
 
-    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the load P that was found. Neighbours a period away matter
-    by psi^2/6 of either, the next term of ln cos psi. The edge lies within a cell; so does the profile, which
+    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the computed load P. Neighbours a period away change either
+    by a part psi^2/6, the next term of ln cos psi. The edge lies within a cell; so does the profile, which
     at its top is flat: off by (D/a)^2 and less.
     """
     n, depth = (2**12, 1e-3) if quick else (2**14, 1e-3)
@@ -69,8 +74,8 @@ def hertz_line(quick: bool) -> Iterator[Row]:
 def hertz_sphere(quick: bool) -> Iterator[Row]:
     """Hertz's contact under a sphere, in a periodic cell.
 
-    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the neighbours' displacement taken in:
-    F/(pi E*) (S_1 + S_3 r^2/4), S_1 and S_3 lattice sums of 1/r less its mean and of 1/r^3; what is left is
+    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the displacement by the neighbours:
+    F/(pi E*) (S_1 + S_3 r^2/4), S_1 and S_3 lattice sums of 1/r less its mean and of 1/r^3; the rest is
     of the order (a/L)^5. The rim is known to half a cell: the area to 1/m of itself, m points in a radius.
     Depth and peak are off by m^-2, as in a line contact, times a periodic function of the places of the rim,
     which is below 0.06 and 0.15.
@@ -158,3 +163,65 @@ def full_contact(_quick: bool) -> Iterator[Row]:
             1e-9 * h * spectrum.glassy.item() + 1e-14 * 50.0,
             "Eqs. (4), (10), (11)",
         )
+
+
+def depth_control(quick: bool) -> Iterator[Row]:
+    """The paper's ramp on a viscoelastic halfspace, d = inf.
+
+    While the contact does not shrink it is the elastic one of the same depth, and pbar(t) = int G(t - s)
+    dF(depth(s)), F the elastic pbar at G = 1. Exponential steps interpolate F linearly: F is convex, and the
+    integral of the difference is dt^2/12 F' by the trapezoidal rule, so the pressure is too small by at most
+    (Ginf - G0) dt^2/12 F'. Integrated by parts, an error of F itself, from the grid or the solver, counts
+    (2 Ginf - G0)/G0 times at most.
+    """
+    n, step = (2**10, 0.05) if quick else (2**14, 0.0125)
+    times = [0.1, 0.5, 1.0, 2.0]
+    values = {"grid.points": n, "time.end": 2.0, "time.step": step, "solver.tolerance": _TOLERANCE}
+    found = run(ALONE, values)
+    ramp, at = Ramp.of_halfspace(), found.at("mean_pressure", times)
+    for time, ptilde in zip(times, at, strict=True):
+        done = min(time, 1.0)
+        area, F = (float(np.interp(done, ramp.s, each)) for each in (ramp.area, ramp.F))
+        growth = 1.5 * F / done  # d ln pbar/d ln depth is below 1.5
+        off = (_GLASSY - 1) * step**2 / 12 * growth
+        off += (2 * _GLASSY - 1) * (parabola_grid_error(n, area / 2) + solver_error(_TOLERANCE, area, F))
+        exact = ramp.hereditary(time, relaxing)
+        yield Row(f"ptilde, t = {time:g} tau, n = {n}", exact / 2, float(ptilde), off / 2, _LEE_RADOK)
+        touching = found.at("contact_area", [time]).item()
+        yield Row(f"atilde, t = {time:g} tau, n = {n}", area, touching, 2 / n, _LEE_RADOK)
+
+
+def load_control(quick: bool) -> Iterator[Row]:
+    """A viscoelastic halfspace that creeps under a load.
+
+    The contact is that of the elastic body of modulus G0 under F = int J(t - s) dpbar(s), J = 1/G0 - (1/G0 -
+    1/Ginf) exp(-t G0/(Ginf tau)). Linear interpolation of F over the steps errs by at most (Ginf - G0)/G0
+    dt^2/12 F', F' below the rate of loading times J. The error of the depth is that of F, and the grid's,
+    times d(depth)/dF.
+    """
+    n, step, load = (2**10, 0.025, 0.05) if quick else (2**14, 0.0125, 0.05)
+    times = [0.5, 1.0, 3.0]
+    trajectory = {"trajectory": {"control": "load", "load": load}}
+    values = {"grid.points": n, "time.end": 3.0, "time.step": step, "solver.tolerance": _TOLERANCE}
+    found = run(ALONE, trajectory, values)
+    for time in times:
+        F = load * (_creep(time) - _creep(max(time - 1, 0)))
+        a = float(np.arccos(np.exp(-2 * np.pi * RADIUS / E_STAR * F)) / np.pi)
+        depth = found.at("depth", [time]).item()
+        off = (_GLASSY - 1) * step**2 / 12 * load * _compliance(time)
+        off += parabola_grid_error(n, a) + _GLASSY * solver_error(_TOLERANCE, 2 * a, F)
+        slope = -2 / (np.pi * E_STAR) * float(np.log(np.sin(np.pi * a)))
+        name = f"t = {time:g} tau, n = {n}"
+        yield Row(f"depth/L, {name}", float(parabola_depth(a)), depth, off * slope, _LEE_RADOK)
+        touching = found.at("contact_area", [time]).item()
+        yield Row(f"atilde, {name}", 2 * a, touching, 2 / n, _LEE_RADOK)
+
+
+def _compliance(time: float) -> float:
+    """Creep compliance J(t) of the paper's default material."""
+    return 1 - 0.9 * float(np.exp(-time / 10))
+
+
+def _creep(time: float) -> float:
+    """Integral of J from 0 to `time`."""
+    return time + 9 * float(np.expm1(-time / 10))

@@ -1,4 +1,4 @@
-"""The stiffness of the layered body, and whole runs, in the limits that leave a simpler body."""
+"""The stiffness of the layered body, and whole runs, in the limits of a simpler body."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ALONE, HALFSPACE, RIGID, run
+from gfmdlayer.verification.runs import ALONE, HALFSPACE, RIGID, difference, run
 from gfmdlayer.verification.theory import (
     DEPTH,
     PARABOLA,
@@ -28,7 +28,7 @@ _TOLERANCE = 1e-9
 
 
 def stiffness_limits(_quick: bool) -> Iterator[Row]:
-    """The stiffness K(q) of the layered body where it is known.
+    """The stiffness K(q) of the layered body in limits with a closed form.
 
     S(q) = q G/((1 - nu) K) of Eq. (11). Forty operations, none of which cancels, round off by 40 eps/2. Under
     long waves a layer on a rigid base has S = (2/3) (qd)^3 but for a part (9/5) (qd)^2, the next term of
@@ -59,9 +59,9 @@ def stiffness_limits(_quick: bool) -> Iterator[Row]:
 
 
 def printed_equation(_quick: bool) -> Iterator[Row]:
-    """The stiffness against Eqs. (11) and (12) as they are printed.
+    """The stiffness against Eqs. (11) and (12) as printed.
 
-    At real and complex moduli. As printed the equation cancels for thin layers; from qd = 1 on its
+    At real and complex moduli. The printed form cancels for thin layers; from qd = 1 on its
     denominator is above 1/2, and ten operations on terms below 8 cost less than 160 eps.
     """
     x, moduli = np.linspace(1.0, 40.0, 157), np.array([[0.1], [1.0], [10.0], [1 + 1j], [0.5 + 30j]])
@@ -81,8 +81,8 @@ def relaxing_modes(_quick: bool) -> Iterator[Row]:
     """The exact relaxation spectrum against the stiffness at the modulus G(s).
 
     K_0 + sum_j w_j s theta_j/(1 + s theta_j) is K(q, G(s)) at every complex s: to rounding, of three modes
-    forty operations each. The times theta_j of the paper's default body are known to six digits from a
-    calculation of the roots in long arithmetic.
+    forty operations each. The times theta_j of the paper's default body were found to six digits from the
+    roots in multiple precision.
     """
     q = 2 * np.pi * np.arange(1, 2049)
     off = 0.0
@@ -104,57 +104,42 @@ def relaxing_modes(_quick: bool) -> Iterator[Row]:
 
 
 def limiting_bodies(quick: bool) -> Iterator[Row]:
-    """Whole runs of bodies that are nearly a simpler one.
+    """Whole runs of bodies close to a simpler one.
 
-    Where K is within a part epsilon of the simpler body's at every q, Cauchy and Schwarz put the mean
-    pressure within epsilon [2 E p'(depth)]^(1/2)/pbar, p' = d pbar/d(depth), E the energy: less than 2
-    epsilon. To that comes the error of both solvers. A layer many wavelengths thick has no base at all, to
-    the last bit.
+    Where K is within a part epsilon of the simpler body's at every q, the Cauchy-Schwarz inequality puts the
+    mean pressure within epsilon [2 E p'(depth)]^(1/2)/pbar, p' = d pbar/d(depth), E the energy: less than 2
+    epsilon. The error of both solvers is added. The base under a layer many wavelengths thick has no effect,
+    to the last bit.
     """
     n = 2**10 if quick else 2**14
-    values: dict[str, object] = {
-        "grid.points": n,
-        "time.end": 2.0,
-        "time.step": 0.1,
-        "solver.tolerance": _TOLERANCE,
-    }
+    steps: dict[str, object] = {"time.end": 2.0, "time.step": 0.1, "solver.tolerance": _TOLERANCE}
+    values = steps | {"grid.points": n}
     q = 2 * np.pi * np.arange(1, n // 2 + 1)
 
-    def epsilon(near: LayeredHalfspace, simple: LayeredHalfspace) -> float:
-        return max(float(np.abs(near.stiffness(q, G) / simple.stiffness(q, G) - 1).max()) for G in (1, 10))
+    def epsilon(close: LayeredHalfspace, simple: LayeredHalfspace) -> float:
+        return max(float(np.abs(close.stiffness(q, G) / simple.stiffness(q, G) - 1).max()) for G in (1, 10))
 
-    bare, thick, rigid = (run(values, body) for body in (HALFSPACE, ALONE, RIGID))
-    for name, simple, nearly, part in (
-        (
-            "d = 1e-12 L against none",
-            bare,
-            {"layer.thickness": 1e-12},
-            epsilon(LayeredHalfspace(1e-12, 0.5, 1.0), LayeredHalfspace(0.0, 0.5, 1.0)),
-        ),
-        ("d = 100 L against d = inf", thick, {"layer.thickness": 100.0}, None),
-        (
-            "G_bulk = 1e9 G0 against a rigid base",
-            rigid,
-            {"halfspace.shear_modulus": 1e9},
-            epsilon(LayeredHalfspace(0.05, 0.5, 1e9), LayeredHalfspace(0.05, 0.5, math.inf)),
-        ),
+    thin = epsilon(LayeredHalfspace(1e-12, 0.5, 1.0), LayeredHalfspace(0.0, 0.5, 1.0))
+    stiff = epsilon(LayeredHalfspace(0.05, 0.5, 1e9), LayeredHalfspace(0.05, 0.5, math.inf))
+    for name, body, close, part in (
+        ("d = 1e-12 L against none", HALFSPACE, {"layer.thickness": 1e-12}, thin),
+        ("d = 100 L against d = inf", ALONE, {"layer.thickness": 100.0}, None),
+        ("G_bulk = 1e9 G0 against a rigid base", RIGID, {"halfspace.shear_modulus": 1e9}, stiff),
     ):
-        found = run(values, nearly)
-        p, a = simple["mean_pressure"][1:], simple["contact_area"][1:]
-        off = float(np.abs(found["mean_pressure"][1:] - p).max() / p.max())
-        bound = 0.0
-        if part is not None:
-            bound = 2 * part + 2 * 10 * solver_error(_TOLERANCE, float(a[-1]), 1.0)
+        simple = run(values, body)
+        solvers = 2 * 10 * solver_error(_TOLERANCE, simple.last("contact_area"))
+        bound = 0.0 if part is None else 2 * part + solvers
+        off = difference(run(values, close), simple)
         yield Row(f"ptilde over the largest: {name}", 0.0, off, bound, "Eqs. (11) to (14)")
 
 
 def fast_and_slow(quick: bool) -> Iterator[Row]:
-    """At once glassy, in the end relaxed, whatever happens between.
+    """The glassy response at t = 0+ and the relaxed one at t = inf.
 
-    A punch pressed in within 1e-9 tau meets Ginf: with G_bulk = Ginf a halfspace of that modulus, whatever
-    the thickness (Fig. 2), but for as much relaxation. In the end it meets G0: with G_bulk = G0 a halfspace
-    of that modulus (Fig. 4). At 300 tau exp(-299/10) of the slowest mode is left, and adaptive steps have
-    kept their tolerance of the largest pressure.
+    A punch pressed in within 1e-9 tau meets Ginf: with G_bulk = Ginf a halfspace of that modulus, for any
+    thickness (Fig. 2), but for a part 1e-9 that has relaxed. In the end it meets G0: with G_bulk = G0 a
+    halfspace of that modulus (Fig. 4). At 300 tau exp(-299/10) of the slowest mode remains, and adaptive
+    steps err by their tolerance of the largest pressure.
     """
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)

@@ -1,4 +1,4 @@
-"""Orders of convergence: in time, in space, and in the solver's tolerance."""
+"""Orders of convergence in the time step, the grid spacing and the tolerances."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def time_steps(quick: bool) -> Iterator[Row | Curve]:
     Backward differences are of first order, u linear over a step of second: here the largest error of ptilde
     up to 3 tau, against steps of tau/320 by conjugate gradients. The next term of either is a part dt/tau,
     twice that at most, of the first; over steps of 0.1 to 0.025 tau it tilts the line by less than 0.1, and
-    what the fine steps are off by themselves, 1/64 of the last, by 0.01. Each adaptive step keeps its error
-    below the tolerance of the largest pressure so far, and the history does not pass it on: the error of the
-    run is below the tolerance too, and what both solvers add.
+    the error of the fine steps, 1/64 of the last, by 0.01. Each adaptive step keeps its error below the
+    tolerance of the largest pressure so far, and the history does not amplify it: the error of the run is
+    below the tolerance and the error of both solvers.
     """
     n = 2**10 if quick else 2**14
     values = {"grid.points": n, "time.end": 3.0, "solver.tolerance": 1e-7}
@@ -51,23 +51,22 @@ def time_steps(quick: bool) -> Iterator[Row | Curve]:
         yield curve
         yield curve.row(0.11, f"{'Eq. (24)' if order == 1 else 'u linear in a step'}, n = {n}")
     tolerances, errors, residual = (1e-2, 1e-3, 1e-4, 1e-5), [], 1e-8
-    solvers = 2 * 10 * solver_error(residual, float(fine["contact_area"].max()), 1.0)
+    solvers = 2 * 10 * solver_error(residual, float(fine["contact_area"].max()))
     for tolerance in tolerances:
         adaptive = {"time": {"end": 3.0, "step": "adaptive", "tolerance": tolerance}}
-        found = run(values, adaptive, {"solver.tolerance": residual})
-        errors.append(_error(found, fine) / largest)
+        errors.append(_error(run(values, adaptive, {"solver.tolerance": residual}), fine) / largest)
         name = f"error of ptilde, tolerance {tolerance:g}"
-        yield Row(name, 0.0, errors[-1], tolerance + solvers, f"as asked, n = {n}")
+        yield Row(name, 0.0, errors[-1], tolerance + solvers, f"the tolerance, n = {n}")
     yield Curve("tolerance", "adaptive steps", tolerances, tuple(errors), 1)
 
 
 def papers_step(quick: bool) -> Iterator[Row]:
     """The paper's own time step.
 
-    Where K = G(s) f(q), as on a rigid base, backward differences make of G(s) a G - (dt/2) s^2 G', and so of
-    G(t - s) in the hereditary integral one that is off by |9 (dt/2) (1 - lag) exp(-lag)| < (dt/2) G(lag): the
-    pressure is off by less than dt/(2 tau) of itself. Exponential steps as long, of second order, stand for
-    the exact answer.
+    Where K = G(s) f(q), as on a rigid base, backward differences replace G(s) by G - (dt/2) s^2 G', and so
+    change G(t - s) in the hereditary integral by |9 (dt/2) (1 - lag) exp(-lag)| < (dt/2) G(lag): the relative
+    error of the pressure is below dt/(2 tau). The reference takes exponential steps of the same length, which
+    are of second order.
     """
     n = 2**11 if quick else 2**14
     values = {"grid.points": n, "time.end": 3.0, "time.step": 0.005, "solver.tolerance": 1e-7}
@@ -81,50 +80,46 @@ def papers_step(quick: bool) -> Iterator[Row]:
 def grid_spacing(quick: bool) -> Iterator[Row | Curve]:
     """Error against the number of points, on an elastic halfspace.
 
-    The mean pressure is off by C (D/L)^2 times a known function of the contact, C a function of where between
-    two points the edge lies; the largest of eight such places falls as n^-2, for the places are the same on
-    every grid. The next term is a part D/a of that, twice at most: with 23 points in a, and twice as many on
-    each next grid, it tilts the line by less than 0.05. The edge lies within a cell, so the area's error
-    is below two of them, as n^-1; being a whole number of cells off its place, between half and all of
-    two, it tilts by ln 2/ln 16 = 0.25.
+    The error of the mean pressure is C (D/L)^2 times a known function of the contact, C a function of the
+    place of the edge between two points; the largest over eight places falls as n^-2, for the places are the
+    same on every grid. The next term is a part D/a of that, twice at most: with 23 points in a, and twice as
+    many on each next grid, it tilts the line by less than 0.05. The edge lies within a cell, so the error of
+    the area is below two cells, as n^-1; between half of that and all of it, it tilts the line by
+    ln 2/ln 16 = 0.25.
     """
     grids = [2**k for k in (range(9, 12) if quick else range(9, 17))]
-    pressures, areas, parts = [], [], []
     tolerance = 1e-10
     solver = {"method": "conjugate_gradient", "tolerance": tolerance}
-    for n in grids:
-        worst_pressure = worst_area = 0.0
-        for place in np.arange(8) / 8:
+    errors = np.empty((3, len(grids), 8))  # of pressure, of area, of pressure over its bound
+    for i, n in enumerate(grids):
+        for j, place in enumerate(np.arange(8) / 8):
             a = (round(0.045 * n) + place) / n
             depth, p = float(parabola_depth(a)), float(parabola_pressure(a))
             values = {"grid.points": n, "trajectory.depth": depth, "solver": solver}
             found = run(HALFSPACE, ONE_STEP, values)
             off = abs(2 * found.last("mean_pressure") - p)
             bound = parabola_grid_error(n, a) + solver_error(tolerance, 2 * a, p)
-            worst_pressure = max(worst_pressure, off / p)
-            worst_area = max(worst_area, abs(found.last("contact_area") - 2 * a))
-            parts.append(off / bound)
-        pressures.append(worst_pressure)
-        areas.append(worst_area)
+            errors[:, i, j] = off / p, abs(found.last("contact_area") - 2 * a), off / bound
+    pressure, area, parts = errors.max(axis=2)
     source = f"{PARABOLA}; E* = {E_STAR:g}, R = {RADIUS:g}"
-    yield Row("error of ptilde over its bound", 0.0, max(parts), 1.0, source)
-    cells = max(area * n / 2 for area, n in zip(areas, grids, strict=True))
+    yield Row("error of ptilde over its bound", 0.0, float(parts.max()), 1.0, source)
+    cells = float((area * grids / 2).max())
     yield Row("error of either edge, in cells", 0.0, cells, 1.0, source)
-    for name, errors, slope, bound in (
-        ("error of ptilde", pressures, -2, 0.05),
-        ("error of atilde", areas, -1, 0.25),
+    for name, found_errors, slope, tilt in (
+        ("error of ptilde", pressure, -2, 0.05),
+        ("error of atilde", area, -1, 0.25),
     ):
-        curve = Curve("points", name, tuple(map(float, grids)), tuple(errors), slope)
+        curve = Curve("points", name, tuple(map(float, grids)), tuple(found_errors.tolist()), slope)
         yield curve
-        yield curve.row(bound, f"n = {grids[0]} to {grids[-1]}")
+        yield curve.row(tilt, f"n = {grids[0]} to {grids[-1]}")
 
 
 def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
     """Error against the tolerance of the solvers.
 
-    At a residual r the mean pressure is off by r (p_max + depth d pbar/d(depth)) at most, and by Ginf/G0 of
-    that in a run with a history. A method stops somewhere between a tenth of the tolerance and all of it: a
-    factor of three either way about the line, which over five decades tilts it by 0.26.
+    At a residual r the error of the mean pressure is r (p_max + depth d pbar/d(depth)) at most, and Ginf/G0
+    of that in a run with a history. A method stops between a tenth of the tolerance and all of it: a factor
+    of three either way about the line, which over five decades tilts it by 0.26.
     """
     n = 2**10 if quick else 2**13
     values = {"grid.points": n, "time.end": 1.0, "time.step": 0.1}
@@ -146,12 +141,11 @@ def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
 
 def _error(found: Recording, exact: Recording) -> float:
     """Largest error of ptilde at the ends of the steps; fine steps are interpolated between the kinks."""
-    worst = 0.0
+    largest = 0.0
     for begin, end in ((0.0, 1.0), (1.0, 3.0)):
-        known, asked = (
-            (each["time"] >= begin - 1e-9) & (each["time"] <= end + 1e-9) for each in (exact, found)
-        )
+        known = (exact["time"] >= begin - 1e-9) & (exact["time"] <= end + 1e-9)
+        steps = (found["time"] >= max(begin - 1e-9, 0.1)) & (found["time"] <= end + 1e-9)
         curve = CubicSpline(exact["time"][known], exact["mean_pressure"][known])
-        off = np.abs(found["mean_pressure"][asked] - curve(found["time"][asked]))
-        worst = max(worst, float(off[found["time"][asked] >= 0.1].max()))
-    return worst
+        off = np.abs(found["mean_pressure"][steps] - curve(found["time"][steps]))
+        largest = max(largest, float(off.max()))
+    return largest

@@ -1,7 +1,8 @@
-"""The report: the table in Markdown, how the bounds follow, and plots of convergence."""
+"""The report of the verification: the table in Markdown, the derivations, plots of convergence."""
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from itertools import groupby
@@ -14,17 +15,16 @@ from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.verification import theory
-from gfmdlayer.verification.rows import Check, Curve, Finding, Row, write_number
+from gfmdlayer.verification.rows import Check, Curve, Outcome, Row
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Found = Sequence[tuple[Check, Finding]]
+Outcomes = Sequence[tuple[Check, Outcome]]
 
 _HEAD = """\
-| what | expected from theory | found | bound | source | |
-|------|---------------------:|------:|------:|--------|-|"""
+| quantity | theory | found | bound | source | |
+|----------|-------:|------:|------:|--------|-|"""
 _AXES = {
     "points": ("number of points $n$", "relative error"),
     "step": (r"time step $\Delta t/\tau$", "error / largest value"),
@@ -33,117 +33,116 @@ _AXES = {
 _MARKERS = "os^Dv"
 
 
-def write_report(out: Path, found: Found, quick: bool) -> None:
+def write_report(out: Path, outcomes: Outcomes, quick: bool) -> None:
     """Write verification.md and its pictures.
+
+    Parameters
+    ----------
+    out : Path
+        Folder, made if missing.
+    outcomes : sequence of (Check, Outcome)
+        The checks carried out.
+    quick : bool
+        Whether they used small grids.
 
     Raises
     ------
     ResultsError
-        If they cannot be written.
+        They cannot be written.
     """
+    curves = [curve for _, outcome in outcomes for curve in outcome.curves]
+    pictures = [f"{against}.png" for against in _AXES if any(curve.against == against for curve in curves)]
     try:
         out.mkdir(parents=True, exist_ok=True)
-        pictures = _draw(out, [curve for _, finding in found for curve in finding.curves])
-        (out / "verification.md").write_text(markdown(found, quick, pictures), encoding="utf-8")
+        for picture in pictures:
+            save(convergence_figure([c for c in curves if f"{c.against}.png" == picture]), out / picture)
+        (out / "verification.md").write_text(_markdown(outcomes, quick, pictures), encoding="utf-8")
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
-def summary(found: Found) -> str:
+def summary(outcomes: Outcomes) -> str:
     """Count the rows, in one sentence."""
-    rows = [row for _, finding in found for row in finding.rows]
-    outside = sum(row.state == "OUTSIDE" for row in rows)
-    failed = sum(bool(finding.failure) for _, finding in found)
-    missing = sorted({finding.missing for _, finding in found if finding.missing})
-    parts = [f"{len(rows) - outside} of {len(rows)} rows inside their bounds"]
+    rows = [row for _, outcome in outcomes for row in outcome.rows]
+    failed = sum(bool(outcome.failure) for _, outcome in outcomes)
+    missing = sorted({outcome.missing for _, outcome in outcomes if outcome.missing})
+    parts = [f"{sum(row.inside for row in rows)} of {len(rows)} rows inside their bounds"]
     parts += [f"{failed} check{'s' * (failed > 1)} failed"] * bool(failed)
     parts += [f"not installed: {', '.join(missing)}"] * bool(missing)
     return "; ".join(parts)
 
 
 def row_cells(row: Row) -> tuple[str, ...]:
-    """Write a row: what, expected, found, bound, source, state."""
-    numbers = (write_number(value) for value in (row.expected, row.found, row.bound))
-    return (row.what, *numbers, row.source, row.state)
+    """Write a row: quantity, theory, found, bound, source, inside or OUTSIDE."""
+    numbers = (_number(value) for value in (row.theory, row.found, row.bound))
+    return (row.quantity, *numbers, row.source, "inside" if row.inside else "OUTSIDE")
 
 
-def markdown(found: Found, quick: bool, pictures: Sequence[Path] = ()) -> str:
-    """Write the report, whose pictures lie beside it."""
-    about = {"made": now(), "machine": platform.platform(), **provenance()}
+def _number(value: float) -> str:
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.10g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.3e}"
+
+
+def _markdown(outcomes: Outcomes, quick: bool, pictures: Sequence[str]) -> str:
     lines = ["# Verification", ""]
-    lines += [f"**{summary(found)}**{' (quick: small grids)' if quick else ''}", ""]
-    lines += ["Bounds are on |found - expected|; how they follow is said below the table.", ""]
-    for group, members in groupby(found, key=lambda each: each[0].group):
+    lines += [f"**{summary(outcomes)}**{' (quick: small grids)' if quick else ''}", ""]
+    lines += ["Bounds are on |found - theory|; they are derived below the table.", ""]
+    for group, members in groupby(outcomes, key=lambda each: each[0].group):
         lines += [f"## {group}", "", _HEAD]
-        for check, finding in members:
-            lines += _lines(check, finding)
+        for check, outcome in members:
+            lines += _table_lines(check, outcome)
         lines += [""]
     if pictures:
-        lines += ["## Convergence", "", "Dashed: the slope of theory, through the last point.", ""]
-        lines += [f"![error against {picture.stem}]({picture.name})" for picture in pictures]
-        lines += [""]
-    lines += ["## How the bounds follow", "", _paragraphs(theory.__doc__ or ""), ""]
-    for check, finding in found:
-        lines += [f"**{check.title}** ({finding.seconds:.1f} s). {_paragraphs(check.derivation)}", ""]
-    lines += ["## Made with", "", *(f"- {key}: {value}" for key, value in about.items()), ""]
+        lines += ["## Convergence", "", "Dashed: the slope by theory, through the last point.", ""]
+        lines += [*(f"![error against {picture[:-4]}]({picture})" for picture in pictures), ""]
+    lines += ["## Derivation of the bounds", "", _escape(theory.__doc__ or ""), ""]
+    for check, outcome in outcomes:
+        lines += [f"**{check.title}** ({outcome.seconds:.1f} s). {_escape(check.derivation)}", ""]
+    origin = {"written": now(), "machine": platform.platform(), **provenance()}
+    lines += ["## Computed with", "", *(f"- {key}: {value}" for key, value in origin.items()), ""]
     return "\n".join(lines)
 
 
-def _lines(check: Check, finding: Finding) -> list[str]:
-    lines = [f"| **{check.title}** | | | | | |"]
-    lines += ["| " + " | ".join(cell.replace("|", r"\|") for cell in row_cells(row)) + " |"
-              for row in finding.rows]  # fmt: skip
-    if finding.missing:
-        lines.append(f"| {finding.missing} | | | | | not installed |")
-    if finding.failure:
-        reason = finding.failure.replace("|", r"\|").replace("\n", " ")
-        lines.append(f"| could not be carried out: {reason} | | | | | OUTSIDE |")
-    return lines
+def _table_lines(check: Check, outcome: Outcome) -> list[str]:
+    rows: list[tuple[str, ...]] = [(f"**{check.title}**", "", "", "", "", ""), *map(row_cells, outcome.rows)]
+    if outcome.missing:
+        rows.append((outcome.missing, "", "", "", "", "not installed"))
+    if outcome.failure:
+        rows.append((f"failed: {outcome.failure}", "", "", "", "", "OUTSIDE"))
+    return [
+        f"| {' | '.join(cell.replace('|', chr(92) + '|').replace(chr(10), ' ') for cell in row)} |"
+        for row in rows
+    ]
 
 
-def _paragraphs(text: str) -> str:
-    """Keep text from being taken for marks; indented formulas are code as they are."""
+def _escape(text: str) -> str:
+    """Keep text from being read as Markdown; indented formulas are code already."""
     lines = text.strip().split("\n")
-    plain = (line.replace("*", r"\*").replace("<", r"\<") for line in lines)
     return "\n".join(
-        line if line.startswith("    ") else told for line, told in zip(lines, plain, strict=True)
+        line if line.startswith("    ") else line.replace("*", r"\*").replace("<", r"\<") for line in lines
     )
 
 
-def _draw(out: Path, curves: Sequence[Curve]) -> list[Path]:
-    pictures = []
-    for against in _AXES:
-        chosen = [curve for curve in curves if curve.against == against]
-        if chosen:
-            pictures.append(out / f"{against}.png")
-            save(convergence_figure(chosen), pictures[-1])
-    return pictures
-
-
 def convergence_figure(curves: Sequence[Curve]) -> Figure:
-    """Draw error curves over the same abscissa on logarithmic axes, theory's slope dashed beside each."""
+    """Draw error curves over the same abscissa on logarithmic axes, the slope by theory dashed."""
     from matplotlib.ticker import LogLocator
 
     with styled():
         figure = new_figure(1, 75.0)
         axes = figure.add_subplot()
         for i, (curve, colour) in enumerate(zip(curves, colours(len(curves)), strict=True)):
-            _draw_curve(axes, curve, colour, _MARKERS[i % len(_MARKERS)])
+            x = np.array(curve.x)
+            title = f"{curve.label}: {curve.fitted:+.2f} (theory {curve.slope:+g})"
+            marker = _MARKERS[i % len(_MARKERS)]
+            axes.plot(x, curve.error, marker, color=colour, mfc="none", label=title)
+            axes.plot(x, curve.error[-1] * (x / x[-1]) ** curve.slope, "--", color=colour, linewidth=0.7)
         label, error = _AXES[curves[0].against]
         axes.set(xscale="log", yscale="log", xlabel=label, ylabel=error)
-        x = [value for curve in curves for value in curve.x]
-        if max(x) < 100 * min(x):  # there may be a single power of ten to label
+        ends = [value for curve in curves for value in curve.x]
+        if max(ends) < 100 * min(ends):  # fewer than two powers of ten to label
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter("")
         figure.legend(loc="outside upper center", ncols=1, fontsize=7.5)
     return figure
-
-
-def _draw_curve(axes: Axes, curve: Curve, colour: str, marker: str) -> None:
-    x = np.array(curve.x)
-    title = f"{curve.label}: {curve.fitted:+.2f} (theory {curve.slope:+g})"
-    axes.plot(x, curve.error, color=colour, marker=marker, linestyle="none", mfc="none", label=title)
-    axes.plot(
-        x, curve.error[-1] * (x / x[-1]) ** curve.slope, color=colour, linestyle="dashed", linewidth=0.7
-    )

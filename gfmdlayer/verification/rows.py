@@ -1,9 +1,8 @@
-"""A row of the table, a curve of convergence, and a check that finds them."""
+"""A row of the verification table, a curve of convergence, and the check that yields them."""
 
 from __future__ import annotations
 
 import inspect
-import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,49 +11,47 @@ from typing import Literal
 
 import numpy as np
 
-State = Literal["inside", "OUTSIDE", "not installed"]
-
 
 @dataclass(frozen=True)
 class Row:
-    """What was compared.
+    """A comparison of theory with a result.
 
-    Attributes
+    Parameters
     ----------
-    what : str
-        The quantity.
-    expected, found, bound : float
-        What theory says, what was found, and how far the two may be apart.
+    quantity : str
+        The quantity compared.
+    theory, found, bound : float
+        Its value by theory, its value found, and the largest difference allowed.
     source : str
-        Where the expected value comes from: equation, paper, book.
+        Source of the theory: equation, paper, book.
     """
 
-    what: str
-    expected: float
+    quantity: str
+    theory: float
     found: float
     bound: float
     source: str
 
     @property
-    def state(self) -> State:
-        """Whether what was found lies inside the bound; NaN does not."""
-        return "inside" if abs(self.found - self.expected) <= self.bound else "OUTSIDE"
+    def inside(self) -> bool:
+        """Whether the value found lies inside the bound; NaN does not."""
+        return bool(abs(self.found - self.theory) <= self.bound)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Error against a number of points, a time step or a tolerance.
+    """Error against the number of points, the time step or a tolerance.
 
-    Attributes
+    Parameters
     ----------
-    against : str
-        The abscissa: "points", "step" or "tolerance".
+    against : {"points", "step", "tolerance"}
+        The abscissa.
     label : str
-        What converges.
+        The quantity that converges.
     x, error : tuple of float
-        The points.
+        The points of the curve.
     slope : float
-        Theory's, on logarithmic axes.
+        Slope by theory, on logarithmic axes.
     """
 
     against: Literal["points", "step", "tolerance"]
@@ -73,9 +70,6 @@ class Curve:
         return Row(f"order: {self.label}", abs(self.slope), abs(self.fitted), bound, source)
 
 
-Finder = Callable[[bool], Iterable[Row | Curve]]
-
-
 @dataclass(frozen=True)
 class Check:
     """Rows that share a theory.
@@ -83,82 +77,84 @@ class Check:
     Parameters
     ----------
     group : str
-        What kind of check it is.
+        Section of the report.
     find : callable
-        Yields rows and curves; told whether to be quick, on small grids. Its docstring is the text of the
-        check: a title, and how the bounds follow.
+        Yields rows and curves; its argument is whether to use small grids. The first line of its docstring is
+        the title of the check, the rest the derivation of the bounds.
     peer : str
-        The module that it needs, and that need not be installed.
+        Optional module that the check needs.
     """
 
     group: str
-    find: Finder
+    find: Callable[[bool], Iterable[Row | Curve]]
     peer: str = ""
 
     @property
     def title(self) -> str:
-        """First line of the text."""
-        return self._text().partition("\n")[0].rstrip(".")
+        """First line of the docstring."""
+        return (inspect.getdoc(self.find) or "").partition("\n")[0].rstrip(".")
 
     @property
     def derivation(self) -> str:
-        """The rest of the text: how the bounds follow."""
-        return self._text().partition("\n")[2].strip()
-
-    def _text(self) -> str:
-        return inspect.getdoc(self.find) or self.find.__name__.replace("_", " ")
+        """The rest of the docstring: how the bounds follow."""
+        return (inspect.getdoc(self.find) or "").partition("\n")[2].strip()
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What a check found.
+class Outcome:
+    """Result of a check.
 
-    Attributes
+    Parameters
     ----------
     rows, curves : tuple
-        As they were found, those before a failure among them.
+        Rows and curves in the order in which they were found, those before a failure included.
     seconds : float
         Wall time.
     failure : str
-        Why it could not be carried out to the end, if so.
+        The error that ended the check, or empty.
     missing : str
-        The peer that is not installed, if so.
+        The module that is not installed, or empty.
     """
 
-    rows: tuple[Row, ...]
-    curves: tuple[Curve, ...]
-    seconds: float
+    rows: tuple[Row, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    seconds: float = 0.0
     failure: str = ""
     missing: str = ""
 
     @property
     def holds(self) -> bool:
-        """Whether nothing lies outside its bound; what is not installed says nothing."""
-        return not self.failure and all(row.state == "inside" for row in self.rows)
+        """Whether the check ended and every row lies inside its bound."""
+        return not self.failure and all(row.inside for row in self.rows)
 
 
-def carry_out(check: Check, quick: bool) -> Finding:
-    """Carry out a check; one that raises has found that it does not hold."""
+def carry_out(check: Check, quick: bool) -> Outcome:
+    """Carry out a check; an exception, or no row at all, is a failure of the check.
+
+    Parameters
+    ----------
+    check : Check
+        The check.
+    quick : bool
+        Small grids.
+
+    Returns
+    -------
+    Outcome
+    """
     if check.peer and find_spec(check.peer) is None:
-        return Finding((), (), 0.0, missing=check.peer)
+        return Outcome(missing=check.peer)
     begun, failure = time.perf_counter(), ""
     found: list[Row | Curve] = []
     try:
         found.extend(check.find(quick))
         if not any(isinstance(each, Row) for each in found):
             failure = "found nothing"
-    except Exception as error:  # whatever it is, the report says so and the status is 1
+    except Exception as error:  # of any kind: reported, and the exit status is 1
         failure = f"{type(error).__name__}: {error}"
-    return Finding(
+    return Outcome(
         tuple(each for each in found if isinstance(each, Row)),
         tuple(each for each in found if isinstance(each, Curve)),
         time.perf_counter() - begun,
         failure,
     )
-
-
-def write_number(value: float) -> str:
-    """Write a number with as many digits as tell it from its neighbours in the table."""
-    if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
-    return f"{value:.10g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.3e}"

@@ -1,4 +1,4 @@
-"""Runs of the paper's default case, with some values changed, into memory."""
+"""Runs of the paper's default case with some values changed, in memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ONE_STEP: dict[str, object] = {"time.end": 1.0, "time.step": 1.0}
 
 
 class Recording:
-    """Keeps what a simulation finds; `recording["contact_area"]` is a column of its rows."""
+    """A recorder in memory; `recording["contact_area"]` is a column of its rows."""
 
     def __init__(self) -> None:
         self._rows: list[dict[str, Any]] = []
@@ -35,11 +35,11 @@ class Recording:
     def snapshot(
         self, time: float, displacement: FloatArray, pressure: FloatArray, _gap: FloatArray, /
     ) -> None:
-        """Keep the surface: time, displacement and pressure."""
+        """Keep time, displacement and pressure."""
         self.snapshots.append((time, displacement, pressure))
 
     def note(self, **attributes: float) -> None:
-        """Leave aside what is known of the run as a whole."""
+        """Ignore the attributes of the run."""
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column of the rows."""
@@ -55,7 +55,7 @@ class Recording:
         Raises
         ------
         ValueError
-            If a time is not a row.
+            A time is not that of a row.
         """
         rows, known = [], self["time"]
         for time in times:
@@ -67,18 +67,21 @@ class Recording:
 
 def run(*values: Mapping[str, object]) -> Recording:
     """Run the paper's default case with these dotted values in it, later ones before earlier ones."""
-    given: dict[str, object] = {}
-    for each in values:
-        given |= each
-    config = Config(name="verification").with_values(given)
+    config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     recording = Recording()
     simulate(config, recording, wisdom=warm_up(config))
     return recording
 
 
+def difference(found: Recording, reference: Recording, column: str = "mean_pressure") -> float:
+    """Largest difference of a column, relative to the largest value of the reference."""
+    exact = reference[column]
+    return float(np.abs(found[column] - exact).max() / exact.max())
+
+
 @contextmanager
 def table(rows: Iterable[tuple[float, float]], control: str = "depth") -> Iterator[dict[str, object]]:
-    """Give the trajectory through these times and depths (or loads), for the block."""
+    """Give the configuration of a trajectory through these times and depths (or loads), within the block."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trajectory.txt"
         lines = [f"{time!r} {value!r}" for time, value in rows]

@@ -1,4 +1,4 @@
-"""Closed forms of contact, and what the grid and the solver do to them.
+"""Closed forms of elastic contact, and bounds on the errors of the grid and of the solver.
 
 The grid.  Near the edge of contact the pressure is k s^(1/2) a distance s inside; a grid of spacing D changes
 the energy by k^2 D^3/E* times a periodic function of where between two points the edge lies, and the mean
@@ -57,7 +57,19 @@ def parabola_half_width(depth: float) -> float:
 
 
 def grid_error(points: int, half_width: float, steepness: float, waves: int = 1) -> float:
-    """Bound on the grid's error of a mean pressure, at most; `steepness` is d pbar/da of the punch."""
+    """Bound on the grid's error of a mean pressure.
+
+    Parameters
+    ----------
+    points : int
+        Grid points in a period.
+    half_width : float
+        Half-width of contact, in periods.
+    steepness : float
+        d pbar/da of the punch.
+    waves : int
+        Contacts in a period.
+    """
     psi, spacing = np.pi * half_width * waves, waves / points
     return float(GRID * spacing**2 * steepness / waves / math.tan(psi) / -math.log(math.sin(psi)))
 
@@ -67,17 +79,34 @@ def parabola_grid_error(points: int, half_width: float) -> float:
     return grid_error(points, half_width, E_STAR / (2 * RADIUS) * math.tan(np.pi * half_width))
 
 
-def solver_error(residual: float, contact_area: float, mean_pressure: float) -> float:
+def solver_error(residual: float, contact_area: float, mean_pressure: float = 1.0) -> float:
     """Bound on the solver's error of the mean pressure under the paper's punch.
 
     Hertz's p_max = (4/pi) pbar/atilde, and depth d pbar/d(depth) below 1.5 pbar.
+
+    Parameters
+    ----------
+    residual : float
+        Residual at which the solver stopped.
+    contact_area : float
+        atilde, the fraction of the surface in contact.
+    mean_pressure : float
+        pbar; 1 for the relative error.
     """
     return residual * mean_pressure * (4 / (np.pi * contact_area) + 1.5)
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """The elastic answer, G = 1, to the paper's ramp: s, and F and atilde at s."""
+    """The elastic response, G = 1, to the paper's ramp.
+
+    Parameters
+    ----------
+    s : ndarray
+        Times from 0 to 1, in units of the ramp.
+    F, area : ndarray
+        Mean pressure and contact area at these times.
+    """
 
     s: FloatArray
     F: FloatArray
@@ -85,12 +114,12 @@ class Ramp:
 
     @staticmethod
     def of_halfspace() -> Ramp:
-        """Closed form on a halfspace, at half-widths that go evenly up to that of the full depth."""
+        """Closed form on a halfspace, at equally spaced half-widths."""
         a = np.linspace(0, parabola_half_width(DEPTH), 20001)
         return Ramp(np.append(parabola_depth(a[:-1]) / DEPTH, 1.0), parabola_pressure(a), 2 * a)
 
     def hereditary(self, time: float, kernel: Callable[[FloatArray], FloatArray]) -> float:
-        """Integral of kernel(t - s) dF over the ramp, by the midpoint rule."""
+        """Return the integral of kernel(t - s) dF over the ramp up to `time`, by the midpoint rule."""
         done = np.minimum(self.s, time)
         F = np.interp(done, self.s, self.F)
         return float(kernel(time - (done[1:] + done[:-1]) / 2) @ np.diff(F))

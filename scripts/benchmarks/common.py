@@ -1,4 +1,4 @@
-"""What the sections share: the paper's default case, a recorder in memory, and the bare FFT pairs."""
+"""Parts that the sections share: the paper's default case, bare FFT pairs, ratios of times."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.verification.runs import Recording
 
 METHODS = ("active_set", "conjugate_gradient", "fire")
 STEP = 0.005  # the paper's, in tau
@@ -24,33 +25,15 @@ def default_case(**values: object) -> Config:
     return load(_DEFAULT).with_values({key.replace("__", "."): value for key, value in values.items()})
 
 
-class Trace:
-    """Keeps in memory what a simulation finds."""
-
-    def __init__(self) -> None:
-        self._rows: list[dict[str, float]] = []
-
-    def row(self, **values: float) -> None:
-        """Take the observables of an accepted step."""
-        self._rows.append(values)
-
-    def snapshot(self, time: float, displacement: FloatArray, pressure: FloatArray) -> None:
-        """Leave the surface aside."""
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """Return an observable over the time points, the first at t = 0."""
-        return np.array([row[name] for row in self._rows])
-
-
-def run(config: Config) -> Trace:
-    """Simulate a case into memory, with everything compiled and planned beforehand."""
-    trace = Trace()
-    simulate(config, trace, wisdom=warm_up(config))
-    return trace
+def run(config: Config) -> Recording:
+    """Simulate a case in memory, with everything compiled and planned beforehand."""
+    recording = Recording()
+    simulate(config, recording, wisdom=warm_up(config))
+    return recording
 
 
 def bare_pairs(transforms: Transforms, count: int) -> Callable[[], None]:
-    """Return a task that does FFT pairs and nothing else, in compiled code."""
+    """Return a task of FFT pairs and nothing else, in compiled code."""
     field, back, spectrum = transforms.empty_field(), transforms.empty_field(), transforms.empty_spectrum()
     field[:] = np.cos(np.arange(field.size))
     _pairs(transforms.plans, field, spectrum, back, 1)
@@ -58,7 +41,15 @@ def bare_pairs(transforms: Transforms, count: int) -> Callable[[], None]:
 
 
 def ratio(whole: Callable[[], object], part: Callable[[], object], repetitions: int) -> float:
-    """Return the time of the whole over that of the part: the median over repetitions in turns."""
+    """Measure the time of the whole over that of the part.
+
+    Parameters
+    ----------
+    whole, part : callable
+        Run in turns.
+    repetitions : int
+        The median over these is returned.
+    """
     return float(np.median([seconds(whole) / seconds(part) for _ in range(repetitions)]))
 
 

@@ -12,13 +12,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks.common import Trace, default_case
+from benchmarks.common import default_case
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.verification.runs import Recording
 
 CASES, REPETITIONS = 300, 3
 
@@ -67,7 +68,7 @@ def _compute(over: threading.Event, config: object, wisdom: str) -> None:
 
     try:
         while True:
-            simulate(config, Trace(), stop, wisdom)  # type: ignore[arg-type]
+            simulate(config, Recording(), stop, wisdom)  # type: ignore[arg-type]
     except InterruptedError:
         return
 

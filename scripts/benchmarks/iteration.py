@@ -1,4 +1,4 @@
-"""A whole iteration of FIRE over the bare FFT pairs in it."""
+"""A FIRE iteration over the bare FFT pairs in it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from benchmarks.tables import Effort, Table
 from gfmdlayer.case import Case
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)
 
-_POINTS_MOVED = 1 << 23  # in one measured run: some 40 ms of it, so that setting up does not count
+_POINTS_MOVED = 1 << 23  # in one measured run, some 40 ms, which makes the setting up negligible
 _TARGETS = {1024: "≤ 1.35", 16384: "≤ 1.25"}
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Iterate without an end on one step's problem, in turns with as many bare pairs."""
+    """Iterate on the problem of one step to the limit, in turns with as many bare pairs."""
     rows = [
         {
             "inertia": "mass-weighted" if mass_weighted else "uniform",
@@ -37,12 +36,10 @@ def measure(effort: Effort) -> list[Table]:
 
 def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
     config = default_case(grid__points=points)
-    transforms = Transforms((points,), warm_up(config))
-    case = Case(config)
-    kappa, b = case.integrator.terms(STEP)
-    problem = Problem(kappa, b, case.punch - 0.01)
+    case = Case(config, warm_up(config))
+    problem = Problem(*case.integrator.terms(STEP), case.punch - 0.01)
     iterations = max(1, _POINTS_MOVED // points)
-    solver = Fire(transforms, tolerance=-1.0, max_iterations=iterations, mass_weighted=mass_weighted)
+    solver = Fire(case.transforms, tolerance=-1.0, max_iterations=iterations, mass_weighted=mass_weighted)
     start = np.zeros(points)
     pairs = solver.solve(problem, start).transforms
-    return ratio(lambda: solver.solve(problem, start), bare_pairs(transforms, pairs), repetitions)
+    return ratio(lambda: solver.solve(problem, start), bare_pairs(case.transforms, pairs), repetitions)

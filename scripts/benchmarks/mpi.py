@@ -1,4 +1,4 @@
-"""Run a section's script over MPI ranks, where there is an mpirun."""
+"""Run a section's script in one process or over MPI ranks."""
 
 from __future__ import annotations
 
@@ -9,22 +9,42 @@ import sys
 from pathlib import Path
 
 
-def over_ranks(number: int, script: str, *arguments: str) -> str | None:
-    """Return the last line that a script prints on this many ranks; None without an mpirun.
+def mpirun() -> str | None:
+    """Return the launcher of the environment's own MPI library, or of the machine's, or None."""
+    return shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
+
+
+def over_ranks(number: int, script: str, *arguments: str, folder: Path | None = None) -> str | None:
+    """Run a script on MPI ranks; on one rank it is run without a launcher.
+
+    Parameters
+    ----------
+    number : int
+        Number of ranks.
+    script, *arguments : str
+        The script and its arguments.
+    folder : Path, optional
+        Working folder.
+
+    Returns
+    -------
+    str or None
+        The last line of its output; None where there is no mpirun.
 
     Raises
     ------
     RuntimeError
-        Where the script fails.
+        The script failed.
     """
-    beside = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
-    if mpirun is None:
+    launcher = mpirun()
+    if number > 1 and launcher is None:
         return None
-    found = (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))
+    ranks = [launcher, "-n", str(number)] if number > 1 and launcher else []
+    paths = (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))
     done = subprocess.run(
-        [mpirun, "-n", str(number), sys.executable, script, *arguments],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, found))},
+        [*ranks, sys.executable, script, *arguments],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))},
+        cwd=folder,
         capture_output=True,
         text=True,
         check=False,

@@ -1,22 +1,28 @@
-"""What a case costs beside its solves: everything from the launch to the sweep file, over ranks."""
+"""What a case costs beside its solves: start-up, scheduling, files; alone and over two ranks.
+
+As a script, `overhead.py CONFIG DIR` is one rank of `gfmdlayer run` with a clock around every solve. It
+leaves clock-PID.json: seconds spent in `Solver.solve`, the number of cases, the start of the first of them.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import resource
-import shutil
-import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+from benchmarks.mpi import mpirun, over_ranks
 from benchmarks.tables import Cell, Effort, Table
 
 EFFORT = Effort(points=(16,), steps=3, repetitions=1, cases=1000)
 QUICK = Effort(points=(16,), steps=3, repetitions=1, cases=50)
-RANKS = (1, 2)
 TARGET = "≤ 10 ms"
 
 _CONFIG = """\
@@ -30,60 +36,36 @@ sweep: {{latin_hypercube: {{samples: {cases}, layer.thickness: {{from: 0.02, to:
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Run a sweep of tiny cases by `gfmdlayer run`, alone and under mpirun where there is one."""
-    mpirun = shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which("mpirun")
-    ranks = RANKS if mpirun else RANKS[:1]
-    rows = [_row(mpirun, size, points, effort) for points in effort.points for size in ranks]
+    """Run a sweep of tiny cases by `gfmdlayer run`, alone and, where there is an mpirun, on two ranks."""
+    ranks = (1, 2) if mpirun() else (1,)
+    rows = [_row(size, points, effort) for points in effort.points for size in ranks]
     title = f"Overhead of a case of {effort.steps} steps in a sweep of {effort.cases}"
     note = (
         "Wall time x ranks less the time in the solves, over the cases: start-up, configuration, setting up, "
-        "scheduling, files and their way to the disk, the sweep file. Start-up is what comes before the "
-        "first case, once for the run. Processor time shows what the load of machine and disk adds. "
-        "The best repetition."
+        "scheduling, files and their way to the disk, the sweep file. Start-up is the time before the first "
+        "case, once for the run. Processor time shows the load of machine and disk. The best repetition."
     )
     return [Table("overhead", title, rows, note)]
 
 
-@dataclass(frozen=True)
-class Spent:
-    """What a run took, in milliseconds a case, and the cases of its fullest rank."""
-
-    overhead: float
-    processor: float
-    start_up: float
-    solves: float
-    fullest: int
+def _row(ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
+    best = min(
+        (_run(ranks, points, effort) for _ in range(effort.repetitions)),
+        key=lambda row: float(row["overhead / case [ms]"] or 0),
+    )
+    target = TARGET if ranks > 1 and effort.cases >= 10_000 else None
+    return {"ranks": ranks, "n": points, "cases": effort.cases, **best, "target": target}
 
 
-def _row(mpirun: str | None, ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
-    every = [_run(mpirun, ranks, points, effort) for _ in range(effort.repetitions)]
-    best = min(every, key=lambda spent: spent.overhead)
-    return {
-        "ranks": ranks,
-        "n": points,
-        "cases": effort.cases,
-        "of the fullest rank": best.fullest,
-        "overhead / case [ms]": best.overhead,
-        "processor / case [ms]": best.processor,
-        "start-up / case [ms]": best.start_up,
-        "solves / case [ms]": best.solves,
-        "target": TARGET if ranks > 1 and effort.cases >= 10_000 else None,
-    }
-
-
-def _run(mpirun: str | None, ranks: int, points: int, effort: Effort) -> Spent:
+def _run(ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
+    """Run the sweep once; times in milliseconds a case."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         content = _CONFIG.format(points=points, end=0.01 * effort.steps, cases=effort.cases)
         (folder / "sweep.yaml").write_text(content, encoding="utf-8")
-        launcher = [mpirun, "-n", str(ranks)] if mpirun and ranks > 1 else []
-        rank = [sys.executable, str(Path(__file__).with_name("overhead_rank.py"))]
-        command = [*launcher, *rank, "clock", "sweep.yaml", "out"]
         launched, begun, used = time.time(), time.perf_counter(), _processor_seconds()
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        over_ranks(ranks, __file__, "sweep.yaml", "out", folder=folder)
         wall, used = time.perf_counter() - begun, _processor_seconds() - used
-        if done.returncode != 0:
-            raise RuntimeError(f"the run on {ranks} ranks failed: {done.stderr}")
         clocks = [json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("clock-*.json")]
     shares = [clock["cases"] for clock in clocks]
     if sum(shares) != effort.cases or len(shares) != ranks:
@@ -91,15 +73,73 @@ def _run(mpirun: str | None, ranks: int, points: int, effort: Effort) -> Spent:
     solving = sum(clock["solving"] for clock in clocks)
     first = min(clock["begun"] for clock in clocks if clock["begun"])
     a_case = 1e3 / effort.cases
-    return Spent(
-        overhead=(wall * ranks - solving) * a_case,
-        processor=(used - solving) * a_case,
-        start_up=(first - launched) * ranks * a_case,
-        solves=solving * a_case,
-        fullest=max(shares),
-    )
+    return {
+        "of the fullest rank": max(shares),
+        "overhead / case [ms]": (wall * ranks - solving) * a_case,
+        "processor / case [ms]": (used - solving) * a_case,
+        "start-up / case [ms]": (first - launched) * ranks * a_case,
+        "solves / case [ms]": solving * a_case,
+    }
 
 
 def _processor_seconds() -> float:
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
+
+
+@dataclass
+class Clock:
+    """Seconds in solves, number of cases, and start of the first case, of one rank."""
+
+    solving: float = 0.0
+    cases: int = 0
+    begun: float = 0.0
+
+    def around_cases(self, enter: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """Count the cases by their files; solves before the first one only compiled the solver."""
+
+        def counted(writer: Any) -> Any:
+            if not self.cases:
+                self.begun, self.solving = time.time(), 0.0
+            self.cases += 1
+            return enter(writer)
+
+        return counted
+
+    def around_solves(self, make_solver: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """Add up the time of every solve."""
+
+        def make(case: Any) -> Any:
+            solver = make_solver(case)
+            solve = solver.solve
+
+            def timed(*problem: Any) -> Any:
+                begun = time.perf_counter()
+                solution = solve(*problem)
+                self.solving += time.perf_counter() - begun
+                return solution
+
+            solver.solve = timed
+            return solver
+
+        return make
+
+
+def main(config: str, directory: str) -> int:
+    """Run the command line on this rank and write its clock."""
+    from gfmdlayer.case import Case
+    from gfmdlayer.cli import main
+    from gfmdlayer.results.writer import CaseWriter
+
+    clock = Clock()
+    CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)  # type: ignore[method-assign]
+    made = cached_property(clock.around_solves(Case.solver.func))
+    made.__set_name__(Case, "solver")
+    Case.solver = made  # type: ignore[misc]
+    status = main(["run", config, "--out", directory])
+    Path(f"clock-{os.getpid()}.json").write_text(json.dumps(asdict(clock)), encoding="utf-8")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,23 +1,25 @@
-"""FFT pairs per time step: of each solver, on growing grids, and what each ingredient of FIRE brings."""
+"""FFT pairs per time step, of each solver on growing grids, and of FIRE by inertia and first guess."""
 
 from __future__ import annotations
 
 from collections import deque
 
-from benchmarks.common import METHODS, STEP, Trace, default_case, run
+from benchmarks.common import METHODS, STEP, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.contact.prediction import DisplacementPrediction
-from gfmdlayer.simulation import warm_up
+from gfmdlayer.resumable import Stateless
+from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
 LARGE = 1 << 20  # for the active set alone
 
 _INGREDIENTS_AT = 1 << 14
-_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps that make it
+_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps used
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -41,9 +43,7 @@ def measure(effort: Effort) -> list[Table]:
     ]
     return [
         Table("pairs", title, rows, note),
-        Table(
-            "ingredients", f"What the ingredients of FIRE bring: FFT pairs per step, n = {at}", ingredients
-        ),
+        Table("ingredients", f"FIRE by inertia and first guess: FFT pairs per step, n = {at}", ingredients),
     ]
 
 
@@ -61,7 +61,7 @@ def _row(method: str, points: int, steps: int) -> dict[str, Cell]:
     }
 
 
-def _counts(trace: Trace) -> dict[str, Cell]:
+def _counts(trace: Recording) -> dict[str, Cell]:
     """Mean FFT pairs of a step in the ramp, in the hold, and in both."""
     times, pairs = trace["time"][1:], trace["transforms"][1:]
     in_ramp = times <= 1 + STEP / 2
@@ -76,21 +76,31 @@ def _mean(values: FloatArray) -> float | None:
     return float(values.mean()) if values.size else None
 
 
-def _fire(points: int, steps: int, inertia: str, past: int) -> Trace:
-    """The run with FIRE started from a polynomial through as many of the last fields as asked."""
-    config = default_case(grid__points=points, time__end=steps * STEP, solver__inertia=inertia)
-    case = Case(config, warm_up(config))
-    solver, integrator, loading = case.solver, case.integrator, case.loading
-    trace, fields = Trace(), deque[tuple[float, FloatArray]](maxlen=past)
-    for instant in case.steps:
-        guess = DisplacementPrediction(case.grid.size)
-        for time, field in fields:
-            guess.remember(time, field, field)
-        problem = loading.problem(*integrator.terms(instant.step), instant.time)
-        solution = solver.solve(problem, guess.at(instant.time))
-        integrator.advance(solution.spectrum)
-        if instant.kink:
-            fields.clear()
-        fields.append((instant.time, solution.displacement))
-        trace.row(time=instant.time, transforms=solution.transforms)
-    return trace
+class _Polynomial(Stateless):
+    """Extrapolation of the displacement by a polynomial through the last `past` steps."""
+
+    def __init__(self, points: int, past: int) -> None:
+        self._size, self._fields = points, deque[tuple[float, FloatArray]](maxlen=past)
+
+    def at(self, time: float) -> FloatArray:
+        """Return the displacement at a time."""
+        guess = DisplacementPrediction(self._size)
+        for each, field in self._fields:
+            guess.remember(each, field, field)
+        return guess.at(time)
+
+    def remember(self, time: float, field: FloatArray, _gap: FloatArray, kink: bool = False) -> None:
+        """Keep an accepted step; the polynomial does not reach back over a kink."""
+        if kink:
+            self._fields.clear()
+        self._fields.append((time, field))
+
+
+def _fire(points: int, steps: int, inertia: str, past: int) -> Recording:
+    """Run FIRE, started from a polynomial through `past` earlier fields."""
+    config = default_case(
+        grid__points=points, time__end=steps * STEP, solver={"method": "fire", "inertia": inertia}
+    )
+    recording = Recording()
+    simulate(Case(config, warm_up(config), guess=_Polynomial(points, past)), recording)
+    return recording

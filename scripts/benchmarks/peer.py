@@ -1,21 +1,19 @@
-"""The same halfspace by Tamaas: the work of a step at equal residual, and the way to 8 tau at equal error.
+"""A viscoelastic halfspace under a load beside Tamaas: time of a step at equal residual.
 
-Equal residual means this project's residual, computed from Tamaas's displacements: Tamaas's own tolerance is
-chosen for it.
+Both by backward Euler with the same steps on the same grid. Equal residual means this project's, computed
+from the displacements of Tamaas, whose own tolerance is chosen for it.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+import time
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from benchmarks.common import STEP, Trace, bare_pairs, default_case, run, seconds
+from benchmarks.common import STEP, bare_pairs, default_case, run, seconds
 from benchmarks.tables import Cell, Effort, Table
-from benchmarks.work import reference
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
@@ -24,26 +22,21 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.simulation import simulate, warm_up
-
-if TYPE_CHECKING:
-    from benchmarks.tamaas_halfspace import Step
+from gfmdlayer.verification.peers import TamaasHalfspace
+from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=240, repetitions=5)
 QUICK = Effort(points=(1 << 10,), steps=40, repetitions=3)
 
+_LOAD = 0.05  # mean pressure at the end of the ramp, in G0
 _RESIDUAL = 1e-6
-_TOLERANCES = np.geomspace(1e-2, 1e-5, 19)  # of our adaptive steps, loosest first
-_OWN_TOLERANCES = [3e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9, 3e-10, 1e-10]  # of Tamaas, on its own error
-_TRIAL_STEP, _TRIAL_STEPS = 0.1, 8
-_END = 8.0
-_G0 = 1.0  # of the default case
+_PEER_TOLERANCES = [3e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9, 3e-10, 1e-10]  # on Tamaas's own error
+_TRIAL_STEPS = 40
 _BARE = 500  # pairs in one measurement
-
-_Row = tuple[str, Cell, Cell, Cell, Cell]  # quantity, ours, theirs, theirs / ours, target
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Run both on each grid; without Tamaas there is nothing to say."""
+    """Run both on each grid; no table without Tamaas."""
     if find_spec("tamaas") is None:
         print("Tamaas is not installed; the extra bench installs it", file=sys.stderr)
         return []
@@ -51,143 +44,79 @@ def measure(effort: Effort) -> list[Table]:
 
 
 def _compare(points: int, effort: Effort) -> Table:
-    from benchmarks.tamaas_halfspace import VERSION, TamaasHalfspace
-
-    config = _halfspace(points, effort.steps * STEP)
+    config = _halfspace(points, effort.steps)
     wisdom = warm_up(config)
     pairs = bare_pairs(Transforms(config.grid.points, wisdom), _BARE)
-    tolerance = _equal_tolerance(config)
-    peer = TamaasHalfspace(config, STEP, tolerance)
-    theirs: list[Step] = []
-    own_times, bare_times = [], []
-    for part in np.array_split(np.arange(effort.steps), effort.repetitions):
-        theirs += [peer.advance() for _ in part]
-        own_times.append(seconds(lambda: simulate(config, Trace(), wisdom=wisdom)))
+    tolerance = _equal_tolerance(points)
+    peer, peer_residual = TamaasHalfspace(Case(config).punch, STEP, tolerance), _Residual(config)
+    own_times, peer_times, bare_times, residuals, depth = [], [], [], [], 0.0
+    for part in np.array_split(np.arange(1, effort.steps + 1), effort.repetitions):
+        for i in part:
+            load = _LOAD * min(i * STEP, 1.0)
+            begun = time.perf_counter()
+            depth = peer.press(load)
+            peer_times.append(time.perf_counter() - begun)
+            residuals.append(peer_residual(peer.displacement, load, depth))
+        own_times.append(seconds(lambda: simulate(config, Recording(), wisdom=wisdom)) / effort.steps)
         bare_times.append(seconds(pairs) / _BARE)
-    bare = float(np.median(bare_times))
-    way = _way(config, theirs, effort.repetitions)
-    name = f"Tamaas {VERSION}"
-    found = [
-        *_steps(config, theirs, float(np.median(own_times)) / effort.steps, bare),
-        ("error of ptilde to 8 tau", way.own_error, way.peer_error, None, ""),
-        (
-            "time to 8 tau [bare FFT pairs], Tamaas's extrapolated",
-            way.own / bare,
-            way.peer / bare,
-            way.peer / way.own,
-            "≥ 5000",
-        ),
+    own, theirs, bare = float(np.median(own_times)), float(np.mean(peer_times)), float(np.median(bare_times))
+    found = run(config)
+    quantities: list[tuple[str, Cell, Cell, Cell]] = [
+        ("time of a step [bare FFT pairs]", own / bare, theirs / bare, theirs / own),
+        ("time of a step [ms]", 1e3 * own, 1e3 * theirs, None),
+        ("FFT pairs a step", float(found["transforms"][1:].mean()), None, None),
+        ("residual, median", float(np.median(found["residual"][1:])), float(np.median(residuals)), None),
+        ("residual, largest", float(found["residual"].max()), max(residuals), None),
+        ("depth at the end", f"{found.last('depth'):.9f}", f"{depth:.9f}", None),
+        ("its relative difference", None, abs(depth / found.last("depth") - 1), None),
     ]
+    name = f"Tamaas {peer.version}"
     rows: list[dict[str, Cell]] = [
-        {"": quantity, "gfmdlayer": own, name: other, "ratio": ratio, "target": target}
-        for quantity, own, other, ratio, target in found
+        {"": quantity, "gfmdlayer": ours, name: other, "ratio": ratio}
+        for quantity, ours, other, ratio in quantities
     ]
     title = f"A viscoelastic halfspace by {name}, n = {points}, {effort.steps} steps of {STEP} tau"
     note = (
-        f"Both by backward Euler; Tamaas's own tolerance, {tolerance:g}, is the loosest at which the median "
-        f"residual of trial steps of {_TRIAL_STEP} tau is within {_RESIDUAL:g}.  To 8 tau: gfmdlayer with "
-        f"adaptive steps, tolerance {way.tolerance:.2g}; Tamaas extrapolated from {effort.steps} steps to "
-        f"{way.steps}, the ramp and the hold each with its own time per step."
+        f"Tamaas's own tolerance, {tolerance:g}, is the loosest at which the median residual of the first "
+        f"{_TRIAL_STEPS} steps is within {_RESIDUAL:g}."
     )
     return Table(f"peer-{points}", title, rows, note)
 
 
-def _steps(config: Config, theirs: list[Step], step: float, bare: float) -> list[_Row]:
-    """Compare the steps of both at equal residual; `step` is our time of one."""
-    ours = run(config)
-    peer_step = sum(each.seconds for each in theirs) / len(theirs)
-    residuals, peer_residuals = ours["residual"][1:], _residuals(config, STEP, theirs)
-    last = min(len(theirs), round(1 / STEP))
-    pressure, peer_pressure = float(ours["mean_pressure"][last]), theirs[last - 1].load / (2 * _G0)
-    return [
-        ("time of a step [bare FFT pairs]", step / bare, peer_step / bare, peer_step / step, "≥ 150"),
-        ("time of a step [ms]", 1e3 * step, 1e3 * peer_step, None, ""),
-        ("FFT pairs a step", float(ours["transforms"][1:].mean()), None, None, ""),
-        (
-            "iterations a step",
-            float(ours["iterations"][1:].mean()),
-            _mean([s.iterations for s in theirs]),
-            None,
-            "",
-        ),
-        ("loads tried a step", 1, _mean([s.solves for s in theirs]), None, ""),
-        ("residual, median", float(np.median(residuals)), float(np.median(peer_residuals)), None, ""),
-        ("residual, largest", float(residuals.max()), float(peer_residuals.max()), None, ""),
-        (f"ptilde at t = {last * STEP:g} tau", f"{pressure:.9f}", f"{peer_pressure:.9f}", None, ""),
-        ("its relative difference", None, abs(peer_pressure / pressure - 1), None, "≤ 1e-6"),
-    ]
-
-
-def _equal_tolerance(config: Config) -> float:
-    """Return the loosest of Tamaas's tolerances whose residual, in the median of some long steps, is ours."""
-    from benchmarks.tamaas_halfspace import TamaasHalfspace
-
-    trial = config.with_values({"time.step": _TRIAL_STEP, "time.end": _TRIAL_STEP * _TRIAL_STEPS})
-    for tolerance in _OWN_TOLERANCES:
-        peer = TamaasHalfspace(trial, _TRIAL_STEP, tolerance)
-        steps = [peer.advance() for _ in range(_TRIAL_STEPS)]
-        if np.median(_residuals(trial, _TRIAL_STEP, steps)) <= _RESIDUAL:
+def _equal_tolerance(points: int) -> float:
+    """Return the loosest of Tamaas's tolerances whose median residual over the first steps is ours."""
+    config = _halfspace(points, _TRIAL_STEPS)
+    for tolerance in _PEER_TOLERANCES:
+        peer, residual = TamaasHalfspace(Case(config).punch, STEP, tolerance), _Residual(config)
+        loads = [_LOAD * min(i * STEP, 1.0) for i in range(1, _TRIAL_STEPS + 1)]
+        found = [residual(peer.displacement, load, depth) for load in loads if (depth := peer.press(load))]
+        if np.median(found) <= _RESIDUAL:
             return tolerance
-    raise RuntimeError(f"Tamaas does not reach a residual of {_RESIDUAL:g} at n = {config.grid.points[0]}")
+    raise RuntimeError(f"Tamaas does not reach a residual of {_RESIDUAL:g} at n = {points}")
 
 
-def _residuals(config: Config, step: float, steps: list[Step]) -> FloatArray:
-    """Our residual of each step, the pressure from our integrator for its displacement and load."""
-    case = Case(config)
-    grid, transforms, integrator, punch = case.grid, case.transforms, case.integrator, case.punch
-    found = []
-    for each in steps:
-        kappa, b = integrator.terms(step)
-        spectrum = transforms.forward(each.displacement)
-        pressure = transforms.backward(b - kappa * spectrum) / grid.size + each.load
-        problem = Problem(kappa, b, punch - each.depth)
-        found.append(assess(pressure, each.displacement, problem.obstacle, problem.residual_floor)[0])
-        integrator.advance(spectrum)
-    return np.array(found)
+class _Residual:
+    """Our residual of a step by Tamaas, with the pressure by our integrator for its displacement and load."""
+
+    def __init__(self, config: Config) -> None:
+        case = Case(config)
+        self._transforms, self._integrator, self._punch = case.transforms, case.integrator, case.punch
+
+    def __call__(self, displacement: FloatArray, load: float, depth: float) -> float:
+        """Assess the step and advance the history."""
+        kappa, b = self._integrator.terms(STEP)
+        spectrum = self._transforms.forward(displacement)
+        pressure = self._transforms.backward(b - kappa * spectrum) / displacement.size + load
+        problem = Problem(kappa, b, self._punch - depth)
+        self._integrator.advance(spectrum)
+        return float(assess(pressure, displacement, problem.obstacle, problem.residual_floor)[0])
 
 
-class _Way(NamedTuple):
-    """To 8 tau: seconds and errors of both, our tolerance and their steps."""
-
-    own: float
-    peer: float
-    own_error: float
-    peer_error: float
-    tolerance: float
-    steps: int
-
-
-def _way(config: Config, theirs: list[Step], repetitions: int) -> _Way:
-    """Take our adaptive steps at the loosest tolerance that is as accurate as Tamaas's steps."""
-    fixed = config.with_values({"time.end": _END})
-    exact = reference(fixed)
-    # The same scheme with the same steps has the same error, and we get through it sooner.
-    peer_error = exact.error(run(fixed))
-    for tolerance in _TOLERANCES.tolist():
-        adaptive = {"end": _END, "integrator": "exponential", "step": "adaptive", "tolerance": tolerance}
-        ours = fixed.with_values({"time": adaptive})
-        error = exact.error(run(ours))
-        if error <= peer_error:
-            break
-    wisdom = warm_up(ours)
-    own = float(
-        np.median([seconds(lambda: simulate(ours, Trace(), wisdom=wisdom)) for _ in range(repetitions)])
-    )
-    count = round(_END / STEP)
-    ramp = [each.seconds for each in theirs if each.time <= 1 + STEP / 2]
-    hold = [each.seconds for each in theirs[len(ramp) :]] or ramp
-    in_ramp = round(1 / STEP)
-    return _Way(
-        own, in_ramp * _mean(ramp) + (count - in_ramp) * _mean(hold), error, peer_error, tolerance, count
-    )
-
-
-def _halfspace(points: int, end: float) -> Config:
-    time = {"end": end, "step": STEP, "integrator": "backward_euler"}
+def _halfspace(points: int, steps: int) -> Config:
     return default_case(
-        grid__points=points, layer__thickness=math.inf, time=time, solver={"method": "active_set"}
+        grid__points=points,
+        layer__thickness=math.inf,
+        trajectory={"control": "load", "load": _LOAD},
+        time={"end": steps * STEP, "step": STEP, "integrator": "backward_euler"},
+        solver={"method": "active_set"},
     )
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)

@@ -1,7 +1,7 @@
-"""Figures 2 to 4 on two MPI ranks against one: the cases of all three in one schedule, as in a run.
+"""Figures 2 to 4 on two MPI ranks against one, the cases of all three in one schedule.
 
-Each time is that of whole cases with their files, from the first hand-over to the last outcome; everything is
-compiled and planned beforehand. One and two ranks take turns. Meaningful on a machine that does nothing else.
+Each time is that of whole cases with their files, from the first submission to the last outcome; all is
+compiled and planned beforehand. One and two ranks take turns. Needs a machine without other load.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def figures(quick: bool) -> list[Case]:
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Time the figures on one rank and on two; those of fewer points where the effort asks for fewer."""
+    """Time the figures on one rank and on two; their quick variants where the effort has fewer points."""
     quick = max(effort.points) < max(EFFORT.points)
     found = [{n: _timed(n, quick) for n in (1, 2)} for _ in range(effort.repetitions)]
     one, two = (min(times[n]["seconds"] for times in found) for n in (1, 2))
@@ -77,7 +77,7 @@ def _run(pool: WorkerPool, every: list[Case]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Run on the ranks that there are; print JSON."""
+    """Run on the ranks of this job; print JSON."""
     with assemble(prepare=prepare) as pool:
         if pool is not None:
             print(json.dumps(_run(pool, figures(sys.argv[1] == "quick"))))

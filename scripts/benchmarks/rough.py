@@ -1,6 +1,6 @@
-"""Rough surfaces: a viscoelastic run on growing grids, and an elastic halfspace beside Tamaas.
+"""A rough surface in two directions: a viscoelastic run, and an elastic halfspace beside Tamaas.
 
-`points` counts along each of the two axes.  The surface is that of configs/rough-layer.yaml, the same on any
+`points` counts along each of the two axes. The surface is that of configs/rough-layer.yaml, the same on any
 grid that resolves it.
 """
 
@@ -22,7 +22,6 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.inputs import make_grid, make_punch
 from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
@@ -73,8 +72,8 @@ def _compare(points: int, repetitions: int) -> Table:
     import tamaas
 
     config = _rough(points, halfspace=True)
-    grid, mean_pressure = make_grid(config), _PART * _E_STAR * _SLOPE
-    transforms, punch = Transforms(grid.shape, warm_up(config)), make_punch(config, grid)
+    case, mean_pressure = Case(config, warm_up(config)), _PART * _E_STAR * _SLOPE
+    grid, transforms, punch = case.grid, case.transforms, case.punch
     zero = np.zeros(math.prod(grid.spectral_shape), dtype=np.complex128)
     problem = Problem(_E_STAR / 2 * np.ravel(grid.wavenumbers), zero, punch, mean_pressure)
 
@@ -88,7 +87,7 @@ def _compare(points: int, repetitions: int) -> Table:
         peer.max_iter = 100_000
         theirs = math.inf
         for _ in range(repetitions):
-            model.traction[:] = 0.0  # it would start from what it found last
+            model.traction[:] = 0.0  # or it starts from the last solution
             theirs = min(theirs, seconds(lambda: peer.solve(mean_pressure)))  # noqa: B023
         pressure, displacement = np.ravel(model.traction), -np.ravel(model.displacement)
         residual, area, *_ = assess(pressure, displacement, punch, problem.residual_floor)
@@ -129,7 +128,7 @@ def _compare(points: int, repetitions: int) -> Table:
     title = f"A rough elastic halfspace of {points} x {points} points, pbar = {_PART} E* g'"
     note = (
         f"Tamaas's own tolerance, {tolerance:g}, is the loosest power of ten at which its residual is within "
-        f"{_RESIDUAL:g}.  Targets: differences ≤ 1e-3."
+        f"{_RESIDUAL:g}. Targets: differences ≤ 1e-3."
     )
     return Table(f"rough-halfspace-{points}", title, rows, note)
 

@@ -1,27 +1,26 @@
-"""What the benchmark finds: tables of counts and ratios, and how they are written."""
+"""Tables of counts and ratios, in Markdown, and the effort spent on them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 Cell = float | int | str | None
 
 
 @dataclass(frozen=True)
 class Table:
-    """One table; the rows share their keys, which head the columns.
+    """A table; the rows share their keys, which head the columns.
 
-    Attributes
+    Parameters
     ----------
     name : str
-        Its key among the results.
+        Key in the JSON file.
     title : str
-        What was counted, on what.
+        Heading.
     rows : list of dict
-        Cells by column; None where there is nothing to count.
+        Cells by column; None is an empty cell.
     note : str
-        How to read it.
+        Explanation below the table.
     """
 
     name: str
@@ -55,25 +54,22 @@ class Table:
 class Effort:
     """How much a section computes.
 
-    Attributes
+    Parameters
     ----------
     points : tuple of int
         Numbers of grid points n.
     steps : int
         Time steps, of 0.005 tau each.
     repetitions : int
-        Of each measured time; the median counts.
+        Repetitions of each measured time; the median counts.
     cases : int
         Cases of a sweep.
-    plot : Path, optional
-        Where the section's figure goes, if it has one.
     """
 
     points: tuple[int, ...]
     steps: int = 400
     repetitions: int = 5
     cases: int = 1
-    plot: Path | None = None
 
 
 def _text(cell: Cell) -> str:

@@ -49,5 +49,5 @@ COMP_WORDS=(gfmdlayer {shlex.join(words)}); COMP_CWORD={len(words)}
 _shtab_gfmdlayer
 printf '%s\\n' "${{COMPREPLY[@]}}"
 """
-    told = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
-    assert set(told.stdout.split()) == completed
+    shown = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
+    assert set(shown.stdout.split()) == completed

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +9,8 @@ import pytest
 from gfmdlayer.cli import main, new
 from gfmdlayer.config import load
 from gfmdlayer.config.templates import STARTS, commented
+from gfmdlayer.execution.run import run_sweep
+from gfmdlayer.execution.workers import assemble
 
 
 @pytest.fixture(autouse=True)
@@ -25,9 +25,8 @@ def test_the_command_line_offers_all_of_them() -> None:
 @pytest.mark.parametrize("like", new.LIKE)
 def test_each_runs_as_it_is_written(like: str) -> None:
     assert main(["new", "--like", like]) == 0
-    command = [sys.executable, "-m", "gfmdlayer", "run", f"{like}.yaml"]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (ran.returncode, ran.stdout) == (0, f"complete: results/{like}/sweep.h5\n"), ran.stderr
+    with assemble() as pool:
+        assert run_sweep(load(f"{like}.yaml"), "out", pool).collected
 
 
 @pytest.mark.parametrize("like", new.LIKE)
@@ -43,7 +42,7 @@ def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
 
 @pytest.mark.parametrize("like", new.LIKE)
 def test_what_is_commented_out_has_no_default(like: str) -> None:
-    """So that the file says all, and nothing but, what is computed."""
+    """So that the file shows every value of the computation, and no other."""
     Path("case.yaml").write_text(commented("case", like))
     config = load("case.yaml")
     assert load_text(config.dump()) == config
@@ -71,7 +70,7 @@ def test_the_file_names_the_results(capsys: pytest.CaptureFixture[str]) -> None:
 def test_nothing_is_overwritten_unless_asked(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
-    assert "mine.yaml: is there already" in capsys.readouterr().err
+    assert "mine.yaml: exists" in capsys.readouterr().err
     assert Path("mine.yaml").read_text() == "mine"
     assert main(["new", "mine.yaml", "--force"]) == 0
     assert load("mine.yaml").name == "mine"

@@ -64,9 +64,9 @@ def job(
 
 @pytest.mark.parametrize("script", JOB)
 def test_a_run_stopped_in_time_is_requeued_when_it_has_ended(script: str, log: Path) -> None:
-    status, told = job(script, log, 75, signal.SIGUSR1)
+    status, log_lines = job(script, log, 75, signal.SIGUSR1)
     assert status == 75
-    assert told == [*COMMAND[script], "begun", "USR1", "ended", REQUEUE[script]]
+    assert log_lines == [*COMMAND[script], "begun", "USR1", "ended", REQUEUE[script]]
 
 
 @pytest.mark.parametrize("script", JOB)
@@ -85,10 +85,10 @@ def test_a_run_stopped_in_time_is_requeued_when_it_has_ended(script: str, log: P
 def test_any_other_end_is_that_of_the_job(
     script: str, log: Path, status: int, signum: signal.Signals | None, environment: dict[str, str]
 ) -> None:
-    found, told = job(script, log, status, signum, **environment)
+    found, log_lines = job(script, log, status, signum, **environment)
     assert found == status
-    assert not any(line.startswith("scontrol") for line in told)
-    assert (told[-1] == "ended") == (signum is not None)
+    assert not any(line.startswith("scontrol") for line in log_lines)
+    assert (log_lines[-1] == "ended") == (signum is not None)
 
 
 @pytest.mark.parametrize("script", ["slurm/ranks.sbatch", "slurm/array.sbatch", "scripts/slurm_node.sh"])

@@ -1,0 +1,97 @@
+"""The table of checks, and `verify`, which carries them out and writes the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from gfmdlayer.verification import closed_forms, crosschecks, energy, limits, orders, peers
+from gfmdlayer.verification.report import write_report
+from gfmdlayer.verification.rows import Check, Outcome, carry_out
+
+CHECKS: tuple[Check, ...] = (
+    Check("Closed forms", closed_forms.periodic_parabola),
+    Check("Closed forms", closed_forms.hertz_line),
+    Check("Closed forms", closed_forms.hertz_sphere),
+    Check("Closed forms", closed_forms.westergaard),
+    Check("Closed forms", closed_forms.thin_layer),
+    Check("Closed forms", closed_forms.full_contact),
+    Check("Closed forms", closed_forms.depth_control),
+    Check("Closed forms", closed_forms.load_control),
+    Check("Limits", limits.stiffness_limits),
+    Check("Limits", limits.printed_equation),
+    Check("Limits", limits.relaxing_modes),
+    Check("Limits", limits.limiting_bodies),
+    Check("Limits", limits.fast_and_slow),
+    Check("Orders", orders.time_steps),
+    Check("Orders", orders.papers_step),
+    Check("Orders", orders.grid_spacing),
+    Check("Orders", orders.solver_tolerance),
+    Check("Energy", energy.stored_energy),
+    Check("Energy", energy.balance),
+    Check("Energy", energy.cycle),
+    Check("Independent methods", crosschecks.three_solvers),
+    Check("Independent methods", crosschecks.two_forms_of_backward_euler),
+    Check("Independent methods", crosschecks.load_against_depth),
+    Check("Independent methods", crosschecks.lines_and_surfaces),
+    Check("Independent methods", crosschecks.recorded_results),
+    Check("Other codes", peers.tamaas, peer="tamaas"),
+    Check("Other codes", peers.contact_mechanics, peer="ContactMechanics"),
+)
+
+
+def verify(
+    out: Path | None = None,
+    *,
+    quick: bool = False,
+    jobs: int = 1,
+    report: Callable[[Check, Outcome], None] = lambda _check, _outcome: None,
+    checks: Sequence[Check] | None = None,
+) -> bool:
+    """Carry out the checks and write the report.
+
+    Parameters
+    ----------
+    out : Path, optional
+        Folder for verification.md and its pictures, made if missing; without it nothing is written.
+    quick : bool
+        Small grids.
+    jobs : int
+        Number of processes.
+    report : callable
+        Called with each check and its outcome, in the order of the table.
+    checks : sequence of Check, optional
+        The checks to carry out; by default all of `CHECKS`.
+
+    Returns
+    -------
+    bool
+        Whether every row lies inside its bound. Checks against codes that are not installed do not count.
+
+    Raises
+    ------
+    ResultsError
+        The report cannot be written.
+    """
+    checks = CHECKS if checks is None else checks
+    if out is not None:
+        write_report(out, [], quick)  # before the work, to find out whether it can be written
+    outcomes = []
+    for check, outcome in zip(checks, _outcomes(checks, quick, jobs), strict=True):
+        report(check, outcome)
+        outcomes.append((check, outcome))
+    if out is not None:
+        write_report(out, outcomes, quick)
+    return all(outcome.holds for _, outcome in outcomes)
+
+
+def _outcomes(checks: Sequence[Check], quick: bool, jobs: int) -> Iterator[Outcome]:
+    task = partial(carry_out, quick=quick)
+    if jobs == 1:
+        yield from map(task, checks)
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        yield from pool.map(task, checks)
