@@ -1,8 +1,9 @@
-"""Energy balance: work of the punch = stored + dissipated, each per area of the surface.
+"""Energy balance: work of the punch = stored + dissipated + interface, each per area of the surface.
 
 The work is the integral of the mean pressure over the depth, plus that of the mean tangential stress over the
 position of a punch that moves along the surface. It does not use the modes, from which stored and dissipated
-energy follow. The residual of the balance is an error of the time integration: of second order in dt with the
+energy follow; the energy of the interface is the mean of its law over the gap, zero for the hard wall. The
+residual of the balance is an error of the time integration: of second order in dt with the
 exponential scheme and of first order with backward Euler.
 
 A punch that is pressed in at once, in the first step, has done the work that is stored after it: without
@@ -29,7 +30,7 @@ class EnergyBalance(Observable):
         Column("work", "work done by the punch per area", _UNITS),
         Column("stored", "elastic energy stored per area", _UNITS),
         Column("dissipated", "energy dissipated per area", _UNITS),
-        Column("energy_residual", "work - stored - dissipated, per area", _UNITS),
+        Column("energy_residual", "work - stored - dissipated - energy of the interface, per area", _UNITS),
     )
 
     def __init__(self, _case: Parts) -> None:
@@ -40,19 +41,21 @@ class EnergyBalance(Observable):
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated = step.energy.stored, step.energy.dissipated
+        interface = step.problem.interface
+        attraction = float(interface.energy(step.solution.gap).mean()) if interface.attracts else 0.0
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:
             self._work += _area(*self._normal, normal) + _area(*self._tangential, tangential)
         else:
-            self._work = stored + dissipated
+            self._work = stored + dissipated + attraction
         self._normal.append(normal)
         self._tangential.append(tangential)
         return {
             "work": self._work,
             "stored": stored,
             "dissipated": dissipated,
-            "energy_residual": self._work - stored - dissipated,
+            "energy_residual": self._work - stored - dissipated - attraction,
         }
 
     def state(self) -> State:
