@@ -21,9 +21,10 @@ from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours, value_
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import snapshots_figure
 from gfmdlayer.figures.waterfall import OVERLAP, waterfall_figure
+from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)

@@ -17,10 +17,11 @@ import xarray as xr
 
 from gfmdlayer.results import case_template as blank
 from gfmdlayer.results import writer
+from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
-from gfmdlayer.results.sweep_file import CaseRecord, collect, dimension_names
+from gfmdlayer.results.sweep_file import collect, dimension_names
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 16, endpoint=False)
