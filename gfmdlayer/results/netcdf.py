@@ -73,12 +73,12 @@ class NewFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = _Stream(self.unfinished, "x+")
 
-    def begin(self, blank: bytes = b"") -> h5py.File:
+    def begin(self, template: bytes = b"") -> h5py.File:
         """Begin the HDF5 file, with the contents of a template if given; return its root."""
-        self._stream.write(blank)
+        self._stream.write(template)
         self._stream.seek(0)
         self.check()
-        self.h5 = h5py.File(self._stream, "r+" if blank else "w")
+        self.h5 = h5py.File(self._stream, "r+" if template else "w")
         self.check()
         return self.h5
 

@@ -15,9 +15,10 @@ from PIL import Image
 
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
+from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import animated, default_suffix
-from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours, value_labels
+from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import snapshots_figure
 from gfmdlayer.figures.waterfall import OVERLAP, waterfall_figure
