@@ -8,7 +8,6 @@ in the group `paraview` of the HDF5 file, where the points compress well.
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import h5py
 import numpy as np
@@ -18,6 +17,8 @@ from gfmdlayer.results.netcdf import UNFINISHED, naming
 FIELDS = ("displacement", "pressure", "gap")
 POINTS = "paraview/points"
 BLOCK = 2**18  # points written at a time
+
+_DOUBLE, _SINGLE = (f'Format="HDF" NumberType="Float" Precision="{size}"' for size in (8, 4))
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
@@ -46,7 +47,7 @@ def describe(h5: h5py.File, path: Path) -> Path:
     written = path.with_suffix(".xdmf")
     unfinished = written.with_name(written.name + UNFINISHED)
     with naming(written):
-        ET.ElementTree(_xdmf(path.name, times, fields)).write(unfinished, "utf-8", xml_declaration=True)
+        unfinished.write_text(_xdmf(path.name, times, fields), encoding="utf-8")
         unfinished.replace(written)
     return written
 
@@ -65,33 +66,34 @@ def _add_points(h5: h5py.File) -> None:
         points[start : start + rows] = block
 
 
-def _xdmf(file: str, times: list[float], fields: dict[str, tuple[int, ...]]) -> ET.Element:
-    root = ET.Element("Xdmf", Version="3.0")
-    collection = {"Name": "surface", "GridType": "Collection", "CollectionType": "Temporal"}
-    series = ET.SubElement(ET.SubElement(root, "Domain"), "Grid", collection)
-    _, *points = next(iter(fields.values()))
+def _xdmf(file: str, times: list[float], fields: dict[str, tuple[int, ...]]) -> str:
+    """Return the description of the fields, whose shapes are (times, x, y), in the HDF5 file."""
+    count, nx, ny = next(iter(fields.values()))
+    grids = []
     for i, time in enumerate(times):
-        grid = ET.SubElement(series, "Grid", Name=f"snapshot {i}", GridType="Uniform")
-        ET.SubElement(grid, "Time", Value=repr(time))
-        ET.SubElement(grid, "Topology", TopologyType="3DSMesh", Dimensions=_numbers(1, *points))
-        geometry = ET.SubElement(grid, "Geometry", GeometryType="XYZ")
-        _stored(geometry, f"{file}:/{POINTS}", (*points, 3), 4)
-        for name, shape in fields.items():
-            attribute = ET.SubElement(grid, "Attribute", Name=name, AttributeType="Scalar", Center="Node")
-            slab = {"ItemType": "HyperSlab", "Type": "HyperSlab", "Dimensions": _numbers(1, *points)}
-            item = ET.SubElement(attribute, "DataItem", slab)
-            start_stride_count = ET.SubElement(item, "DataItem", Dimensions="3 3", Format="XML")
-            start_stride_count.text = _numbers(i, 0, 0, 1, 1, 1, 1, *points)
-            _stored(item, f"{file}:/{name}", shape, 8)
-    ET.indent(root)
-    return root
-
-
-def _stored(parent: ET.Element, where: str, shape: tuple[int, ...], precision: int) -> None:
-    """Refer to a dataset of the HDF5 file, whose numbers have `precision` bytes."""
-    form = {"Format": "HDF", "NumberType": "Float", "Precision": str(precision)}
-    ET.SubElement(parent, "DataItem", form, Dimensions=_numbers(*shape)).text = where
-
-
-def _numbers(*numbers: int) -> str:
-    return " ".join(map(str, numbers))
+        attributes = [
+            f"""
+        <Attribute Name="{name}" AttributeType="Scalar" Center="Node">
+          <DataItem ItemType="HyperSlab" Type="HyperSlab" Dimensions="1 {nx} {ny}">
+            <DataItem Dimensions="3 3" Format="XML">{i} 0 0  1 1 1  1 {nx} {ny}</DataItem>
+            <DataItem {_DOUBLE} Dimensions="{count} {nx} {ny}">{file}:/{name}</DataItem>
+          </DataItem>
+        </Attribute>"""
+            for name in fields
+        ]
+        grids.append(f"""
+      <Grid Name="snapshot {i}" GridType="Uniform">
+        <Time Value="{time!r}"/>
+        <Topology TopologyType="3DSMesh" Dimensions="1 {nx} {ny}"/>
+        <Geometry GeometryType="XYZ">
+          <DataItem {_SINGLE} Dimensions="{nx} {ny} 3">{file}:/{POINTS}</DataItem>
+        </Geometry>{"".join(attributes)}
+      </Grid>""")
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<Xdmf Version="3.0">
+  <Domain>
+    <Grid Name="surface" GridType="Collection" CollectionType="Temporal">{"".join(grids)}
+    </Grid>
+  </Domain>
+</Xdmf>
+"""

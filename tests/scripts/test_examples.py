@@ -79,7 +79,7 @@ def test_relaxation_time_of_a_real_sweep_is_told_or_left_out(
 ) -> None:
     found = example(monkeypatch, "relaxation_time", tiny)
     assert found["relaxation_time"].dims == ("thickness", "Ginf")
-    told = abs(found["way"]) > 10 / 1024
+    told = abs(found["change"]) > 10 / 1024
     assert 0 < told.sum() < 6  # the soft glass on the thick layer hardly moves
     np.testing.assert_array_equal(np.isfinite(found["relaxation_time"]), told)
     # The area relaxes within the run and not before its material does.
