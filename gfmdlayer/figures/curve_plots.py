@@ -31,6 +31,7 @@ from gfmdlayer.results.schema import ResultsError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
     from xarray import DataArray, Dataset
 
 LEGEND_ENTRIES = 12
@@ -39,14 +40,6 @@ PANELS = ("contact_area", "mean_pressure", "friction")
 
 class _Curve(NamedTuple):
     place: dict[str, int]  # indices along the swept keys
-    colour: str
-    dashes: Dashes
-
-
-class _Entry(NamedTuple):
-    """Entry of the legend."""
-
-    title: str
     colour: str
     dashes: Dashes
 
@@ -79,8 +72,8 @@ def curves_figure(
     ResultsError
         If more than two keys are swept.
     """
-    curves, entries = _curves(dataset)
     with styled(style):
+        curves, entries = _curves(dataset)
         names = [name for name in PANELS if name in dataset]
         count = len(names)
         figure = new_figure(columns, 66.0 if columns == 2 else 62.5 * count, style)
@@ -92,8 +85,10 @@ def curves_figure(
                 inset.mark(axes, dataset[name])
         for axes in panels if columns == 2 else panels[-1:]:
             axes.set_xlabel(time_axis(dataset)[0])
-        if entries:
-            _draw_legend(figure, entries, columns)
+        if entries and columns == 2:
+            figure.legend(handles=entries, loc="outside right center")
+        elif entries:
+            figure.legend(handles=entries, loc="outside lower center", ncols=3)
         if inset is not None:
             inset.draw(panels[0])
     return figure
@@ -114,8 +109,8 @@ def _draw_curves(axes: Axes, column: DataArray, unit: float, curves: list[_Curve
     axes.set_ylabel(symbol(column))
 
 
-def _curves(dataset: Dataset) -> tuple[list[_Curve], list[_Entry]]:
-    """Choose colour and line style of each curve, and the entries of the legend."""
+def _curves(dataset: Dataset) -> tuple[list[_Curve], list[Line2D]]:
+    """Choose colour and line style of each curve, and make the entries of the legend."""
     names = [str(name) for name in dataset["contact_area"].dims if name != "time"]
     if not names:
         return [_Curve({}, colours(1)[0], line_style(0))], []
@@ -124,19 +119,10 @@ def _curves(dataset: Dataset) -> tuple[list[_Curve], list[_Entry]]:
             f"cannot draw a sweep over {len(names)} keys ({', '.join(names)}): at most 2, select some"
         )
     first = colours(dataset.sizes[names[0]])
-    if len(names) == 2:
-        return _curves_of_two_keys(dataset, names, first)
-    curves = [_Curve({names[0]: i}, colour, line_style(i)) for i, colour in enumerate(first)]
-    titles = case_titles(dataset).values()
-    return curves, _thinned(
-        [_Entry(title, c.colour, c.dashes) for title, c in zip(titles, curves, strict=True)]
-    )
-
-
-def _curves_of_two_keys(
-    dataset: Dataset, names: list[str], first: list[str]
-) -> tuple[list[_Curve], list[_Entry]]:
-    """Choose the colour by the first key and the line style by the second."""
+    if len(names) == 1:
+        curves = [_Curve({names[0]: i}, colour, line_style(i)) for i, colour in enumerate(first)]
+        titled = zip(case_titles(dataset).values(), curves, strict=True)
+        return curves, _thinned([_entry(title, curve.colour, curve.dashes) for title, curve in titled])
     count = dataset.sizes[names[1]]
     if count > len(LINE_STYLES):
         raise ResultsError(
@@ -147,27 +133,21 @@ def _curves_of_two_keys(
         for i, colour in enumerate(first)
         for j in range(count)
     ]
-    by_colour = zip(value_titles(dataset[names[0]]), first, strict=True)
-    by_style = enumerate(value_titles(dataset[names[1]]))
+    coloured = zip(value_titles(dataset[names[0]]), first, strict=True)
+    dashed = enumerate(value_titles(dataset[names[1]]))
     return curves, [
-        *_thinned([_Entry(title, colour, "solid") for title, colour in by_colour]),
-        *(_Entry(title, "black", line_style(j)) for j, title in by_style),
+        *_thinned([_entry(title, colour, "solid") for title, colour in coloured]),
+        *(_entry(title, "black", line_style(j)) for j, title in dashed),
     ]
 
 
-def _thinned(entries: list[_Entry]) -> list[_Entry]:
-    """Return the first, the last and some entries between, few enough for a legend."""
-    return [entries[i] for i in spread(len(entries), LEGEND_ENTRIES)]
-
-
-def _draw_legend(figure: Figure, entries: list[_Entry], columns: Columns) -> None:
-    """Draw the legend beside the panels, or below them in one column."""
+def _entry(title: str, colour: str, dashes: Dashes) -> Line2D:
+    """Return an entry of the legend."""
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=colour, linestyle=dashes, label=title) for title, colour, dashes in entries
-    ]
-    if columns == 2:
-        figure.legend(handles=handles, loc="outside right center")
-    else:
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return Line2D([], [], color=colour, linestyle=dashes, label=title)
+
+
+def _thinned(entries: list[Line2D]) -> list[Line2D]:
+    """Return the first, the last and some entries between, few enough for a legend."""
+    return [entries[i] for i in spread(len(entries), LEGEND_ENTRIES)]

@@ -3,8 +3,8 @@
     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
 
 Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and reads
-the chosen part of each. A case that failed has no file and is NaN. (A virtual dataset of HDF5 reads as fast,
-but shows NaN, without an error, also for a damaged file and for one with another grid.)
+the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
+file read as fast, but a file with another grid would be read without an error, and wrongly.)
 """
 
 from __future__ import annotations
