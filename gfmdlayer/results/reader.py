@@ -64,7 +64,8 @@ def attribute(file: h5f.FileID, name: str) -> object:
     stored = h5a.open(file, name.encode())
     value = np.empty(stored.shape, dtype=stored.dtype)
     stored.read(value)
-    return value[()].decode() if isinstance(value[()], bytes) else value[()]
+    found = value[()]
+    return found.decode() if isinstance(found, bytes) else found
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, rows_at
-from gfmdlayer.results.netcdf import add_variable, new_file
+from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
 
@@ -110,7 +110,8 @@ def collect(
                     failed[record.index] = INCOMPLETE
                     continue
                 for name, values in curves.items():
-                    columns[name][place] = values
+                    if values.size:
+                        write_at(columns[name].id, (*place, 0), values.reshape(*(1 for _ in place), -1))
                 file.check()
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"swept": " ".join(keys), "complete": 1, "failed": report}
