@@ -193,8 +193,9 @@ def _opening(
 
 def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
     """Write the sweep file, unless cases of other shards are still to come; return whether it was."""
+    from gfmdlayer.results.case_metadata import CaseRecord
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.results.sweep_file import CaseRecord, collect
+    from gfmdlayer.results.sweep_file import collect
 
     try:
         with locks.turn(folder.cases / ".collection"):

@@ -1,4 +1,4 @@
-"""Maps over two swept keys: a colour for each pair of values."""
+"""Maps of contact area and mean pressure over two swept keys: a colour for each pair of values."""
 
 from __future__ import annotations
 
@@ -6,15 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.plot_style import (
-    PAPER,
-    Style,
-    new_figure,
-    styled,
-    symbol,
-    time_axis,
-    value_labels,
-)
+from gfmdlayer.figures.labels import symbol, time_axis, value_labels
+from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -23,7 +16,7 @@ if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
 MOST_TICKS = 10
-MOST_NUMBERS = 8  # along each axis, if the numbers are to be read in their cells
+MOST_NUMBERS = 8  # along each axis for which the cells can hold a readable number
 
 
 def map_figure(sweep: Dataset, time: float | None = None, style: Style = PAPER) -> Figure:
@@ -31,12 +24,12 @@ def map_figure(sweep: Dataset, time: float | None = None, style: Style = PAPER) 
 
     Parameters
     ----------
-    sweep
+    sweep : Dataset
         A sweep over two keys, as the reader opens it.
-    time
-        In the units of the config; the row nearest to it is taken, the last one by default.
-    style
-        Letters and lines, and the size of a column.
+    time : float, optional
+        In the units of the config; the row nearest to it is drawn, by default the last one.
+    style : Style
+        Fonts and lines, and the size of a column.
 
     Raises
     ------
@@ -54,25 +47,24 @@ def map_figure(sweep: Dataset, time: float | None = None, style: Style = PAPER) 
     with styled(style):
         figure = new_figure(2, 72.0, style)
         panels = figure.subplots(1, 2, sharey=True)
-        symbols = {"contact_area": r"$\tilde{a}$", "mean_pressure": r"$\tilde{p}$"}
-        for axes, letter, (name, symbol) in zip(panels, "ab", symbols.items(), strict=True):
-            draw_quantity(axes, row[name], symbol)
+        for axes, letter, quantity in zip(panels, "ab", row.data_vars.values(), strict=True):
+            draw_quantity(axes, quantity, symbol(quantity))
             axes.set_title(f"({letter})  {label} = {float(row['time']) / tau:.4g}", loc="left")
         panels[1].set_ylabel("")
     return figure
 
 
 def draw_quantity(axes: Axes, quantity: DataArray, label: str) -> None:
-    """Draw a quantity over two swept keys, the first along x; a case without a value is left hatched.
+    """Draw a quantity over two swept keys, the first along x; cases without a value are hatched.
 
     Parameters
     ----------
-    axes
-        Where to draw; the colour bar is put beside it.
-    quantity
-        Along the two keys, whose coordinates are those of a sweep.
-    label
-        Of the colour bar.
+    axes : Axes
+        The panel; the colour bar is put beside it.
+    quantity : DataArray
+        Values along the two swept keys, with the coordinates of a sweep.
+    label : str
+        Label of the colour bar.
     """
     across, up = (quantity[name] for name in quantity.dims)
     values = quantity.to_numpy().T
@@ -82,9 +74,9 @@ def draw_quantity(axes: Axes, quantity: DataArray, label: str) -> None:
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
     for axis, coordinate in ((axes.xaxis, across), (axes.yaxis, up)):
-        places = np.linspace(0, coordinate.size - 1, min(coordinate.size, MOST_TICKS)).round().astype(int)
+        ticks = spread(coordinate.size, MOST_TICKS)
         labels = value_labels(coordinate.to_numpy().tolist())
-        axis.set_ticks(places, [labels[place] for place in places])
+        axis.set_ticks(ticks, [labels[i] for i in ticks])
         axis.set_label_text(symbol(coordinate))
     if max(values.shape) <= MOST_NUMBERS:
         _write_numbers(axes, values)

@@ -1,4 +1,4 @@
-"""Movies of a case, a frame for each snapshot: displacement and pressure."""
+"""Movies of a case: displacement and pressure, one frame for each snapshot."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled, time_axis
-from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, draw_map, heights
-from gfmdlayer.figures.snapshot_selection import extent, limits
+from gfmdlayer.figures.labels import symbol, time_axis
+from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled
+from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
+from gfmdlayer.figures.snapshot_selection import extent, limits, window
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -22,18 +23,18 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 SUFFIXES = (".mp4", ".gif")
-SECONDS = 8.0  # that a movie lasts, unless its frames are few or many
-RATES = (2, 25)  # frames a second, at least and at most
+SECONDS = 8.0  # duration of a movie, unless its frames are few or many
+RATES = (2, 25)  # least and largest number of frames per second
 DPI = 100
 
 
 def default_suffix() -> str:
-    """Return .mp4 where ffmpeg is present, else .gif."""
+    """Return .mp4 if ffmpeg is present, else .gif."""
     return ".mp4" if shutil.which("ffmpeg") else ".gif"
 
 
 def check_movie(path: Path) -> None:
-    """Raise ResultsError unless the movie can be written here in the format that the suffix names."""
+    """Raise ResultsError unless a movie can be written in the format that the suffix names."""
     if path.suffix.lower() not in SUFFIXES:
         raise ResultsError(
             f"{path}: no movie can be written as {path.suffix or 'no suffix'!r}; use {', '.join(SUFFIXES)}"
@@ -43,18 +44,18 @@ def check_movie(path: Path) -> None:
 
 
 def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREEN) -> None:
-    """Write a movie of a case.
+    """Write a movie of a case; one snapshot at a time is in memory.
 
     Parameters
     ----------
-    case
-        A case with snapshots, as the reader opens it; one of them is in memory at a time.
-    path
+    case : Dataset
+        A case with snapshots, as the reader opens it.
+    path : Path
         The movie; .mp4 needs ffmpeg.
-    title
-        What tells the case from others.
-    style
-        Letters and lines.
+    title : str
+        Title of the case.
+    style : Style
+        Fonts and lines.
 
     Raises
     ------
@@ -71,14 +72,16 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
         figure, show = animated(case, title, style)
         try:
             with writer.saving(figure, str(part), DPI):
-                for place in range(frames):
-                    show(place)
+                for i in range(frames):
+                    show(i)
                     writer.grab_frame()
             part.replace(path)
         except subprocess.CalledProcessError as error:
             last = str(error.stderr or "").strip().splitlines()[-1:]
-            why = ": ".join([f"it ended with {error.returncode}", *last])
-            raise ResultsError(f"{path}: ffmpeg could not write it ({why}); .gif does without") from error
+            reason = ": ".join([f"exit status {error.returncode}", *last])
+            raise ResultsError(
+                f"{path}: ffmpeg could not write it ({reason}); .gif needs no ffmpeg"
+            ) from error
         except OSError as error:
             raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
         finally:
@@ -87,45 +90,42 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:
-    """Return a figure of displacement and pressure, and a function that brings it to a snapshot."""
+    """Return a figure of displacement and pressure, and a function that shows snapshot i in it."""
     if "y" in case["pressure"].dims:
-        draw, (across, up) = _surface, (np.ptp(extent([case], name)) for name in "xy")
+        draw, (across, up) = _draw_surface, (np.ptp(ends) for ends in window([case]).values())
         height = 25.0 + 62.0 * min(up / across, 2.0)
     else:
-        draw, height = _line, 85.0
+        draw, height = _draw_line, 85.0
     figure = new_figure(2, height, style)
     panels = figure.subplots(1, 2)
     updates = [
-        draw(axes, case, name, symbol)
-        for axes, (name, symbol) in zip(
-            panels, {"displacement": "$u$", "pressure": "$p$"}.items(), strict=True
-        )
+        draw(axes, case, name) for axes, name in zip(panels, ("displacement", "pressure"), strict=True)
     ]
-    label, tau = time_axis(case)
-    times = case["snapshot"].to_numpy() / tau
+    label, unit = time_axis(case)
+    times = case["snapshot"].to_numpy() / unit
     heading = figure.suptitle("")
 
-    def show(place: int) -> None:
-        heading.set_text(f"{title}    {label} = {times[place]:.4g}".strip())
+    def show(i: int) -> None:
+        heading.set_text(f"{title}    {label} = {times[i]:.4g}".strip())
         for update in updates:
-            update(place)
+            update(i)
 
     show(0)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # nothing moves from frame to frame, and frames come faster
+    figure.set_layout_engine("none")  # nothing moves from frame to frame, and frames are drawn faster
     return figure, show
 
 
-def _line(axes: Axes, case: Dataset, name: str, symbol: str) -> Callable[[int], None]:
-    """Draw a line contact: the field and, with the displacement, the punch."""
+def _draw_line(axes: Axes, case: Dataset, name: str) -> Callable[[int], None]:
+    """Draw a field of a line contact and, with the displacement, the punch."""
     x, (low, high) = case["x"].to_numpy(), limits(case[name])
     (field,) = axes.plot(x, np.full(x.shape, np.nan), color=colours(1)[0])
-    (punch,) = axes.plot(x, np.full(x.shape, np.nan), color="0.4", linestyle=(0, (4, 2)))
-    span = heights(np.array([low, high])) if name == "displacement" else (0.0, 1.05 * high or 1.0)
-    axes.set(xlabel="$x$", ylabel=symbol, xlim=extent([case], "x"), ylim=span)
+    (punch,) = axes.plot(x, np.full(x.shape, np.nan), **PUNCH)
+    ylim = heights([low, high]) if name == "displacement" else (0.0, 1.05 * high or 1.0)
+    axes.set(xlabel=symbol(case["x"]), ylabel=symbol(case[name]), xlim=extent([case], "x"), ylim=ylim)
 
-    def update(place: int) -> None:
-        one = case.isel(snapshot=place)
+    def update(i: int) -> None:
+        one = case.isel(snapshot=i)
         field.set_ydata(one[name].to_numpy())
         if name == "displacement" and "gap" in case:
             punch.set_ydata(one["displacement"].to_numpy() + one["gap"].to_numpy())
@@ -133,17 +133,15 @@ def _line(axes: Axes, case: Dataset, name: str, symbol: str) -> Callable[[int], 
     return update
 
 
-def _surface(axes: Axes, case: Dataset, name: str, symbol: str) -> Callable[[int], None]:
-    """Draw a surface in two dimensions as a map."""
-    low, high = limits(case[name])
-    window = {axis: extent([case], axis) for axis in "xy"}
-    low = 0.0 if name == "pressure" else low
-    cmap = PRESSURE_COLOURS if name == "pressure" else "viridis"
-    mesh = draw_map(axes, case[name].isel(snapshot=0), window, vmin=low, vmax=high, cmap=cmap)
-    axes.set(xlabel="$x$", ylabel="$y$")
-    axes.figure.colorbar(mesh, ax=axes, label=symbol, shrink=0.85)
+def _draw_surface(axes: Axes, case: Dataset, name: str) -> Callable[[int], None]:
+    """Draw a field of a surface in two dimensions as a map."""
+    field, (low, high) = case[name], limits(case[name])
+    low, cmap = (0.0, PRESSURE_COLOURS) if name == "pressure" else (low, "viridis")
+    mesh = draw_map(axes, field.isel(snapshot=0), window([case]), vmin=low, vmax=high, cmap=cmap)
+    axes.set(xlabel=symbol(case["x"]), ylabel=symbol(case["y"]))
+    axes.figure.colorbar(mesh, ax=axes, label=symbol(field), shrink=0.85)
 
-    def update(place: int) -> None:
-        mesh.set_data(case[name].isel(snapshot=place).transpose("y", "x").to_numpy())
+    def update(i: int) -> None:
+        mesh.set_data(field.isel(snapshot=i).transpose("y", "x").to_numpy())
 
     return update

@@ -1,10 +1,9 @@
-"""Pictures of a folder of results, or of the file of one case, in the format that the name's suffix tells."""
+"""Pictures of a folder of results, or of the file of one case."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -12,7 +11,7 @@ from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
-from gfmdlayer.figures.plot_style import STYLES, Columns, Style, check_suffix, save
+from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.snapshot_plots import MOST_CASES, snapshots_figure
 from gfmdlayer.figures.snapshot_selection import cases_with_snapshots
 from gfmdlayer.figures.waterfall import waterfall_figure
@@ -33,7 +32,6 @@ def plot_results(
     kind: Kind | None = None,
     case: int | None = None,
     style: Literal["paper", "screen"] = "paper",
-    columns: Columns = 2,
     log_time: bool = False,
     inset: Sequence[float] = (),
     time: float | None = None,
@@ -42,107 +40,71 @@ def plot_results(
 
     Parameters
     ----------
-    path
+    path : str or Path
         The folder of results, or the file of one case.
-    out
+    out : str or Path, optional
         The picture, .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named
         after the results and lies with them.
-    kind
+    kind : str, optional
         curves: contact area, mean pressure and any friction against time. snapshots: the surface at the
         snapshot times. waterfall: pressure profiles through time. map: contact area and mean pressure over
-        two swept keys. movie: displacement and pressure. By default the curves and, to NAME-snapshots, the
+        two swept keys. movie: displacement and pressure. By default the curves and, as NAME-snapshots, the
         snapshots if there are any.
-    case
-        The number of the case whose snapshots are drawn; by default all of a few, or the first.
-    style
+    case : int, optional
+        Number of the case whose snapshots are drawn; by default all of a few, or the first.
+    style : str
         paper, for the columns of a journal, or screen, for a talk.
-    columns
-        Width of the curves in columns of a journal.
-    log_time
+    log_time : bool
         Whether the curves' time axis is logarithmic.
-    inset
+    inset : sequence of float
         Times of snapshots, in the units of the config, at which the curves' inset shows punch and surface.
-    time
+    time : float, optional
         Time of the map, in the units of the config; by default the last row.
 
     Returns
     -------
     list of Path
-        What was written.
+        The pictures.
 
     Raises
     ------
     ResultsError
         If there are no results, or none of this kind, or the picture cannot be written.
     """
-    path = Path(path)
-    with open_case(path) if path.is_file() else open_results(path) as dataset:
-        results = _Results(path, dataset, case, STYLES[style])
+    path, look = Path(path), STYLES[style]
+    with ExitStack() as stack:
+        dataset = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
+        cases: dict[str, Dataset] = {}
+        if inset or kind not in ("curves", "map"):
+            most = MOST_CASES if kind in (None, "snapshots") else 1
+            cases = stack.enter_context(cases_with_snapshots(path, dataset, case, most))
+            if not cases and (inset or kind is not None):
+                raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+        title, first = next(iter(cases.items()), ("", dataset))
         if kind == "movie":
-            return [results.movie(None if out is None else Path(out))]
-        picture = results.beside(kind or "curves", ".png") if out is None else Path(out)
+            picture = _beside(path, dataset, kind, default_suffix()) if out is None else Path(out)
+            write_movie(first, picture, title, look)
+            return [picture]
+        picture = _beside(path, dataset, kind or "curves", ".png") if out is None else Path(out)
         check_suffix(picture)
-        draw: dict[str, Callable[[], Figure]] = {
-            "curves": lambda: results.curves(columns, log_time, inset),
-            "snapshots": results.snapshots,
-            "waterfall": results.waterfall,
-            "map": lambda: map_figure(dataset, time, results.style),
+        marked = Inset.of(first, inset) if inset else None
+        draw: dict[Kind, Callable[[], Figure]] = {
+            "curves": lambda: curves_figure(dataset, style=look, log_time=log_time, inset=marked),
+            "snapshots": lambda: snapshots_figure(cases, look),
+            "waterfall": lambda: waterfall_figure(first, title, look),
+            "map": lambda: map_figure(dataset, time, look),
         }
         pictures = {picture: draw[kind or "curves"]}
-        if kind is None and results.have_snapshots():
+        if kind is None and cases:
             pictures[picture.with_stem(f"{picture.stem}-snapshots")] = draw["snapshots"]
-        for written, figure in pictures.items():
-            save(figure(), written, results.style)
+        for picture, figure in pictures.items():
+            save(figure(), picture, look)
         return list(pictures)
 
 
-@dataclass(frozen=True)
-class _Results:
-    """What is drawn and how: where it lies, what the reader opens there, the case asked for, the look."""
-
-    path: Path
-    dataset: Dataset
-    case: int | None
-    style: Style
-
-    def beside(self, kind: Kind, suffix: str) -> Path:
-        """Name a picture after the results, beside which it lies."""
-        ending = suffix if kind in ("curves", "movie") else f"-{kind}{suffix}"
-        if self.path.is_file():
-            return self.path.with_name(self.path.stem + ending)
-        return self.path / f"{self.dataset.attrs.get('name') or self.path.resolve().name}{ending}"
-
-    def curves(self, columns: Columns, log_time: bool, times: Sequence[float]) -> Figure:
-        inset = None
-        if times:
-            with self._one_case() as (_, case):
-                inset = Inset.of(case, times)
-        return curves_figure(self.dataset, columns, style=self.style, log_time=log_time, inset=inset)
-
-    def have_snapshots(self) -> bool:
-        with cases_with_snapshots(self.path, self.dataset, self.case, MOST_CASES) as cases:
-            return bool(cases)
-
-    def snapshots(self) -> Figure:
-        with cases_with_snapshots(self.path, self.dataset, self.case, MOST_CASES) as cases:
-            return snapshots_figure(self._some(cases), self.style)
-
-    def waterfall(self) -> Figure:
-        with self._one_case() as (title, case):
-            return waterfall_figure(case, title, self.style)
-
-    def movie(self, out: Path | None) -> Path:
-        written = out or self.beside("movie", default_suffix())
-        with self._one_case() as (title, case):
-            write_movie(case, written, title, self.style)
-        return written
-
-    @contextmanager
-    def _one_case(self) -> Iterator[tuple[str, Dataset]]:
-        with cases_with_snapshots(self.path, self.dataset, self.case, 1) as cases:
-            yield next(iter(self._some(cases).items()))
-
-    def _some(self, cases: dict[str, Dataset]) -> dict[str, Dataset]:
-        if not cases:
-            raise ResultsError(f"{self.path}: no snapshots; set output.snapshots and run the config again")
-        return cases
+def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str) -> Path:
+    """Return the path of a picture that lies with the results and is named after them."""
+    ending = suffix if kind in ("curves", "movie") else f"-{kind}{suffix}"
+    if path.is_file():
+        return path.with_name(path.stem + ending)
+    return path / f"{dataset.attrs.get('name') or path.resolve().name}{ending}"

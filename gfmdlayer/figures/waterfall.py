@@ -1,19 +1,20 @@
-"""Pressure profiles through time as a waterfall: a profile for each snapshot, the later the higher."""
+"""Pressure profiles through time as a waterfall: one profile for each snapshot, later ones higher up."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
-from gfmdlayer.figures.snapshot_selection import extent, section, snapshot_times, spread
+from gfmdlayer.figures.labels import symbol
+from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, spread, styled
+from gfmdlayer.figures.snapshot_selection import extent, section, snapshot_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-OVERLAP = 2.5  # height of the highest profile, in distances between profiles
+OVERLAP = 2.5  # height of the largest profile relative to the distance between profiles
 MOST_TICKS = 12
 
 
@@ -22,12 +23,12 @@ def waterfall_figure(case: Dataset, title: str = "", style: Style = PAPER) -> Fi
 
     Parameters
     ----------
-    case
+    case : Dataset
         A case with snapshots, as the reader opens it.
-    title
-        What tells the case from others.
-    style
-        Letters and lines, and the size of a column.
+    title : str
+        Title of the case.
+    style : Style
+        Fonts and lines, and the size of a column.
     """
     cut = section(case)
     time_label, times = snapshot_times(case)
@@ -37,28 +38,29 @@ def waterfall_figure(case: Dataset, title: str = "", style: Style = PAPER) -> Fi
     with styled(style):
         figure = new_figure(1, 35.0 + min(6.0 * count, 85.0), style)
         axes = figure.subplots()
-        for place, colour in enumerate(colours(count)):
-            line = place + scale * pressure[place]
-            depth = 2 + 0.5 * (1 - place / count)  # the earlier, the nearer
-            axes.fill_between(x, place, line, facecolor="white", edgecolor="none", zorder=depth)
-            axes.plot(x, line, color=colour, zorder=depth)
+        for i, colour in enumerate(colours(count)):
+            line = i + scale * pressure[i]
+            order = 2 + 0.5 * (1 - i / count)  # earlier profiles in front
+            axes.fill_between(x, i, line, facecolor="white", edgecolor="none", zorder=order)
+            axes.plot(x, line, color=colour, zorder=order)
         ticks = spread(count, MOST_TICKS)
-        axes.set_yticks(ticks, [times[place] for place in ticks])
+        axes.set_yticks(ticks, [times[i] for i in ticks])
         axes.minorticks_off()
         axes.tick_params(right=False, top=False)
         axes.spines[["right", "top"]].set_visible(False)
-        axes.set(xlabel="$x$", ylabel=time_label, xlim=extent([cut], "x"), ylim=(-0.3, count - 0.8 + OVERLAP))
+        ylim = (-0.3, count - 0.8 + OVERLAP)
+        axes.set(xlabel=symbol(cut["x"]), ylabel=time_label, xlim=extent([cut], "x"), ylim=ylim)
         axes.set_title(title, loc="left")
         _draw_scale(axes, pressure.max(), scale, count - 1)
     return figure
 
 
 def _draw_scale(axes: Axes, peak: float, scale: float, base: float) -> None:
-    """Draw a bar as high as a round pressure beside the highest profile."""
+    """Draw a scale bar as high as a round pressure beside the uppermost profile, at the height `base`."""
     if peak <= 0:
         return
     unit = 10.0 ** math.floor(math.log10(peak))
     value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
-    place = axes.get_yaxis_transform()  # x in parts of the panel
-    axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=place)
-    axes.text(0.95, base + scale * value / 2, f"$p$ = {value:g}", ha="right", va="center", transform=place)
+    position = axes.get_yaxis_transform()  # x as a fraction of the panel
+    axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=position)
+    axes.text(0.95, base + scale * value / 2, f"$p$ = {value:g}", ha="right", va="center", transform=position)

@@ -1,1 +1,1 @@
-"""What a run leaves behind: HDF5 files, xarray datasets, figures."""
+"""Files of results: HDF5 files of cases and sweeps, checkpoints, and their readers."""

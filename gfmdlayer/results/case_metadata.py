@@ -1,25 +1,23 @@
-"""A first look at the files of all cases: which are complete, at which times, and what they share."""
+"""Metadata of the cases of a sweep: which are complete, and the times and attributes that they share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from h5py import h5a, h5f
 from numpy.typing import NDArray
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.contact_means import ContactMeans
-from gfmdlayer.results import scan
+from gfmdlayer.results.reader import attribute, column, opened
 
-LOST = "no complete result file"
+INCOMPLETE = "no complete result file"
 
-# Rows of two cases are at the same time if they differ by less than this part of the whole; steps that are
-# counted up in different ways differ by rounding.
+# Relative to the last time: times that two cases reach by different steps differ by rounding.
 SAME_TIME = 1e-9
-
 
 _OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
@@ -28,7 +26,19 @@ _OF_ONE_CASE = {
 
 @dataclass(frozen=True)
 class CaseRecord:
-    """One case of a sweep: its number, file, swept values, and why it failed if it did."""
+    """One case of a sweep.
+
+    Attributes
+    ----------
+    index : int
+        Number of the case.
+    path : Path
+        Its file.
+    values : mapping
+        The swept values by dotted key.
+    failed : str, optional
+        Why the case failed.
+    """
 
     index: int
     path: Path
@@ -36,84 +46,98 @@ class CaseRecord:
     failed: str | None = None
 
 
-class Survey:
-    """A first look at every case: which are complete, at which times, and what they have in common.
+class CaseMetadata:
+    """Metadata that the files of all cases have in common.
 
     Attributes
     ----------
-    failed
-        Reasons by number; those found later are added.
-    common
-        The times that all complete cases share, and `same_steps` whether these are all they have. A case that
-        ended when it was steady has every later time too.
-    columns
+    failed : dict
+        Number -> reason of the cases without results.
+    common_times : ndarray, shape (rows,)
+        Times at which all complete cases have a row. A case that ended in a steady state counts as having
+        all later times too.
+    same_steps : bool
+        Whether the complete cases have no other rows.
+    columns : list of Column
         Columns of the sweep file: those of every case, and those that any complete case has.
-    shared
-        The attributes that they share.
+    shared : dict
+        Attributes that have the same value in all complete cases.
     """
 
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
-        self.common: NDArray[np.float64] = np.empty(0)
+        self.common_times: NDArray[np.float64] = np.empty(0)
         self.same_steps = True
         self._held: set[str] = set()
         self.shared: dict[str, object] = {}
-        self._complete, self._go_on = 0, True
+        self._is_first = self._all_steady = True
         for record in records:
-            if record.index not in self.failed and not self._take(record.path):
-                self.failed[record.index] = LOST
+            if record.index not in self.failed and not self._add(record.path):
+                self.failed[record.index] = INCOMPLETE
 
-    def _take(self, path: Path) -> bool:
-        """Look at a file; False where there is no complete case."""
+    def _add(self, path: Path) -> bool:
+        """Read the file of a case; False if it is not complete."""
         try:
-            with scan.opened(path) as file:
-                times = scan.column(file, "time")
-                if scan.attribute(file, "complete") != 1 or scan.attribute(file, "rows") != len(times):
+            with opened(path) as file:
+                times = column(file, "time")
+                if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
                     return False
                 shared = self._shared_with(file)
-                settled = bool(scan.attribute(file, "settled"))
-                held = {column.name for column in sweep_columns() if scan.holds(file, column.name)}
+                steady = bool(attribute(file, "settled"))
+                held = {each.name for each in sweep_columns() if each.name.encode() in file}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        if not self._complete:
-            self.common = times
-        elif not np.array_equal(times, self.common):
+        if self._is_first:
+            self.common_times = times
+        elif not np.array_equal(times, self.common_times):
             self.same_steps = False
-            later = times[times > self.common.max(initial=0.0)] if self._go_on else times[:0]
-            self.common = np.append(self.common[rows_at(times, self.common, goes_on=settled) >= 0], later)
-        self._go_on &= settled
+            common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
+            later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
+            self.common_times = np.append(common, times[later])
+        self._is_first = False
+        self._all_steady &= steady
         self._held |= held
         self.shared = shared
-        self._complete += 1
         return True
-
-    def _shared_with(self, file: Any) -> dict[str, object]:
-        if not self._complete:
-            names = [name for name in scan.attribute_names(file) if name not in _OF_ONE_CASE]
-            return {name: scan.attribute(file, name) for name in names}
-        return {name: value for name, value in self.shared.items() if scan.attribute(file, name) == value}
 
     @property
     def columns(self) -> list[Column]:
-        """Return the columns of the sweep file."""
-        held = self._held.union(column.name for column in ContactMeans.COLUMNS)
-        return [column for column in sweep_columns() if column.name in held]
+        """Columns of the sweep file."""
+        held = self._held.union(each.name for each in ContactMeans.COLUMNS)
+        return [each for each in sweep_columns() if each.name in held]
 
-    def report(self) -> str:
-        """Name the failed cases, a line each."""
-        return "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(self.failed.items()))
+    def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
+        if self._is_first:
+            names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
+            return {name: attribute(file, name) for name in names if name not in _OF_ONE_CASE}
+        return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
 
 
 def sweep_columns() -> list[Column]:
     """Return the columns that sweep files may have."""
-    return [column for column in known_columns().values() if column.in_sweep]
+    return [each for each in known_columns().values() if each.in_sweep]
 
 
-def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, goes_on: bool) -> NDArray[np.int64]:
-    """Find the rows that are at the wanted times; -1 where there is none, and no last row that goes on."""
+def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool) -> NDArray[np.int64]:
+    """Find the rows of a case at given times.
+
+    Parameters
+    ----------
+    times : ndarray, shape (rows,)
+        Increasing times of the rows.
+    wanted : ndarray, shape (n,)
+        Increasing times to look for.
+    steady : bool
+        Whether the case ended in a steady state, in which its last row stands for all later times.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Indices of the rows, -1 where there is none.
+    """
     if times.size == 0 or wanted.size == 0:
         return np.full(wanted.shape, -1)
     tolerance = SAME_TIME * max(abs(times[-1]), abs(wanted[-1]))
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
-    found = (np.abs(times[after] - wanted) <= tolerance) | (goes_on & (wanted > times[-1]))
+    found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
     return np.where(found, after, -1)

@@ -1,4 +1,4 @@
-"""The file of an unfinished case: its state, where its journal stands, and by what it was made.
+"""The checkpoint of an unfinished case: its state, a position in its journal, and its provenance.
 
 An uncompressed .npz, written under another name, brought to the disk and renamed: under its name there is
 always one whole state, the last or the one before. Each array in it carries a checksum.
@@ -23,21 +23,21 @@ _ABOUT = "about"
 
 
 class CheckpointError(Exception):
-    """A state from which a case cannot go on; the message says why."""
+    """A checkpoint from which a case cannot be resumed; the message says why."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A state of a case.
+    """The state of a case at the end of a step.
 
     Attributes
     ----------
-    made_by : dict
-        What the bits depend on, but the state: input, versions, processor.
-    about : dict
-        What else is to be known, as plain data.
-    state : dict of arrays
-        The memory of the run.
+    made_by : mapping
+        All else on which the bits of later results depend: input, versions, processor.
+    about : mapping
+        Plain data, as JSON has it, about the run so far: its time, the position in the journal.
+    state : mapping of arrays
+        The resumable state of the simulation.
     """
 
     made_by: Mapping[str, str]
@@ -45,12 +45,12 @@ class Checkpoint:
     state: Mapping[str, NDArray[Any]]
 
     def write(self, path: Path) -> None:
-        """Write it whole or not at all.
+        """Write the checkpoint as a whole or not at all.
 
         Raises
         ------
         OSError
-            Where the disk refuses; what was there before is still there.
+            If it cannot be written; the checkpoint before is then still there.
         """
         partial = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}{UNFINISHED}")
         about = json.dumps({"made_by": self.made_by, "names": sorted(self.state), **self.about})
@@ -67,20 +67,27 @@ class Checkpoint:
 
 
 def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
-    """Read a state that has been made by the same.
+    """Read a checkpoint.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    made_by : mapping
+        Input, versions and processor of this run, to which those of the checkpoint must be equal.
 
     Raises
     ------
     CheckpointError
-        Where it is damaged, or was made by something else.
+        If it is damaged, or was made from another input, by other versions or on another processor.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
             state = dict(file)
         about = json.loads(str(state.pop(_ABOUT)))
         others: dict[str, str] = about.pop("made_by")
-        if about.pop("names") != sorted(state):  # the archive's own list of them is under no checksum
-            raise ValueError("not all of it is there")  # noqa: TRY301
+        if about.pop("names") != sorted(state):  # the zip archive's own list has no checksum
+            raise ValueError("arrays are missing")  # noqa: TRY301
     except Exception as error:  # a damaged file can fail anywhere, with any exception
         raise CheckpointError(f"it cannot be read: {type(error).__name__}: {error}") from None
     changed = [

@@ -1,8 +1,11 @@
-"""What a case has recorded so far, beside its unfinished file, of which a killed process leaves nothing.
+"""The journal of a case: its rows and snapshots so far, in a file that survives a killed process.
 
-A journal passes rows and snapshots on to a recorder and appends them to a file of its own, a part at a time,
-each a series of numpy arrays. Nothing that has been appended is touched again, so that a position in the file
-stays good whatever happens to what follows it.
+The unfinished HDF5 file does not. So a journal passes rows and snapshots on to the writer of that file and
+appends them to a file of its own, in blocks of numpy arrays:
+
+    number of columns, each column of some rows, times of some snapshots, their displacement, pressure, gap
+
+Blocks are not changed once appended: up to a position, the file stays good whatever follows it.
 """
 
 from __future__ import annotations
@@ -18,30 +21,42 @@ from typing import Any, BinaryIO, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-HELD = 1 << 24  # bytes gathered in memory before they are appended
+HELD = 1 << 24  # bytes held in memory at most, before they are appended
 
 Field = NDArray[np.float64]
 
 
 class Recorder(Protocol):
-    """Takes what a simulation finds."""
+    """Records the results of a simulation."""
 
     def row(self, **values: float | Field) -> None:
-        """Take the observables of an accepted step: numbers, and histograms."""
+        """Record the observables of an accepted step: numbers, and histograms."""
         ...
 
     def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
-        """Take the surface at an asked time."""
+        """Record the surface at one of the times of `output.snapshots`."""
         ...
 
     def note(self, **attributes: float) -> None:
-        """Take what became known of the run as a whole."""
+        """Record results of the run as a whole."""
         ...
 
 
 @dataclass(frozen=True)
 class Position:
-    """How far a journal is good: its file, the columns of its rows, the number and checksum of its arrays."""
+    """Position up to which a journal is good.
+
+    Attributes
+    ----------
+    file : str
+        Name of the journal's file.
+    columns : tuple of str
+        Columns of the rows.
+    arrays : int
+        Number of arrays up to the position.
+    checksum : int
+        CRC-32 of these arrays.
+    """
 
     file: str
     columns: tuple[str, ...] = ()
@@ -50,23 +65,23 @@ class Position:
 
     @classmethod
     def of(cls, plain: dict[str, Any]) -> Self:
-        """Make it from what `plain` returned."""
+        """Make a position from the plain data of `plain`."""
         return cls(**{**plain, "columns": tuple(plain["columns"])})
 
     def plain(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the position as plain data, as JSON has it."""
         return asdict(self)
 
 
 class Journal:
-    """A recorder that keeps what it passes on.
+    """A recorder that writes a journal and passes everything on to another recorder.
 
     Parameters
     ----------
     path : Path
-        Its file, made when there is something to append; one that is there is replaced.
+        File of the journal. It is created, in place of an earlier one, when the first block is appended.
     recorder : Recorder
-        Takes everything as well.
+        The other recorder.
     """
 
     def __init__(self, path: Path, recorder: Recorder) -> None:
@@ -74,34 +89,34 @@ class Journal:
         self._file: BinaryIO | None = None
         self._good = Position(path.name)
         self._end = 0
-        self._forget()
-        self._lost: OSError | None = None
+        self._clear()
+        self._failure: OSError | None = None
 
     def row(self, **values: float | Field) -> None:
-        """Take the observables of an accepted step: numbers, and histograms."""
+        """Record the observables of an accepted step: numbers, and histograms."""
         self._recorder.row(**values)
         self._columns = tuple(values)
         self._rows.append(tuple(values.values()))
-        self._hold(sum(map(np.size, values.values())) * 8)
+        self._count(sum(map(np.size, values.values())) * 8)
 
     def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
-        """Take the surface at an asked time."""
+        """Record the surface at one of the times of `output.snapshots`."""
         self._recorder.snapshot(time, displacement, pressure, gap)
         self._times.append(time)
         self._fields += displacement, pressure, gap
-        self._hold(3 * gap.nbytes)
+        self._count(3 * gap.nbytes)
 
     def note(self, **attributes: float) -> None:
-        """Pass on what became known of the run as a whole, which it only is at the end."""
+        """Pass on results of the run as a whole; they come at the end, after the last checkpoint."""
         self._recorder.note(**attributes)
 
     def replay(self, position: Position) -> None:
-        """Record what another journal in the same folder holds up to a position.
+        """Record the contents of another journal in the same folder, up to a position.
 
         Raises
         ------
         ValueError
-            Where it does not hold that any more, before anything is recorded.
+            If that journal is damaged before the position; then nothing is recorded.
         """
         source, checksum = self._path.with_name(position.file), 0
         try:
@@ -120,37 +135,37 @@ class Journal:
                 self.snapshot(time, next(arrays), next(arrays), next(arrays))
 
     def kept(self) -> Position:
-        """Bring everything to the disk and return the position that it has.
+        """Bring all records to the disk and return the position behind them.
 
         Raises
         ------
         OSError
-            Where the disk refuses.
+            If they cannot be written.
         """
-        if self._lost is not None:
-            raise self._lost
+        if self._failure is not None:
+            raise self._failure
         self._append()
         if self._file is not None:
             os.fsync(self._file.fileno())
         return self._good
 
     def close(self) -> None:
-        """Close the file; it stays."""
+        """Close the file without removing it."""
         if self._file is not None:
             with suppress(OSError):
                 self._file.close()
 
-    def _hold(self, size: int) -> None:
+    def _count(self, size: int) -> None:
         self._size += size
         if self._size > HELD:
             try:
                 self._append()
-            except OSError as error:  # the case goes on, but what is dropped here cannot be made up for
-                self._lost = error
-        if self._lost is not None:
-            self._forget()
+            except OSError as error:  # the case goes on, but no later position is good without these
+                self._failure = error
+        if self._failure is not None:
+            self._clear()
 
-    def _forget(self) -> None:
+    def _clear(self) -> None:
         self._rows: list[tuple[float | Field, ...]] = []
         self._times: list[float] = []
         self._fields: list[Field] = []
@@ -160,9 +175,9 @@ class Journal:
         if self._size == 0:
             return
         if self._file is None:
-            self._path.unlink(missing_ok=True)  # which a dying process may still be writing
+            self._path.unlink(missing_ok=True)  # a dying process may still be writing to it
             self._file = self._path.open("xb")
-        self._file.seek(self._end)  # over what a failed attempt may have left
+        self._file.seek(self._end)  # overwrites what a failed attempt may have left
         columns = [np.array(values) for values in zip(*self._rows, strict=True)]
         arrays = [np.array([len(columns)]), *columns, np.array(self._times), *self._fields]
         checksum = self._good.checksum
@@ -172,11 +187,11 @@ class Journal:
         self._file.flush()
         self._end = self._file.tell()
         self._good = Position(self._path.name, self._columns, self._good.arrays + len(arrays), checksum)
-        self._forget()
+        self._clear()
 
 
 def _arrays(path: Path, count: int) -> Iterator[NDArray[Any]]:
-    if count == 0:  # then there is no file
+    if count == 0:  # an empty journal has no file
         return
     with path.open("rb") as file:
         for _ in range(count):

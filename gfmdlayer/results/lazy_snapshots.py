@@ -1,9 +1,10 @@
-"""The snapshots of all cases of a sweep as arrays along what was swept, read from their files when used.
+"""The snapshots of all cases of a sweep as arrays along the swept keys, read from the cases' files when used.
 
     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
 
-Nothing is copied and no file is held open: indexing such an array opens the files of the chosen cases and
-reads the chosen part of each. A case without a file, which failed, is NaN.
+Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and reads
+the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
+file read as fast, but a file with another grid would be read without an error, and wrongly.)
 """
 
 from __future__ import annotations
@@ -31,25 +32,25 @@ def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_])
 
     Parameters
     ----------
-    sweep
-        The sweep, whose coordinate `case` has the dimensions of what was swept.
-    example
+    sweep : Dataset
+        The sweep, whose coordinate `case` has the dimensions of the swept keys.
+    example : Dataset
         One of its cases; all have its grid and times.
-    files
-        The files of the cases, of the shape of `case`.
+    files : ndarray of Path, shape of `case`
+        The files of the cases.
     """
     added = {}
     for name in FIELDS:
         if name in example:
             field = example[name].variable
-            lazy = indexing.LazilyIndexedArray(_Stack(files, name, field.shape))
+            lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape))
             added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
     axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
     return sweep.assign_coords(axes).assign(added)
 
 
-class _Stack(BackendArray):
-    """One field of all cases."""
+class _FieldOfCases(BackendArray):
+    """One field of all cases, along the swept keys and then the field's own axes."""
 
     def __init__(self, files: NDArray[np.object_], name: str, shape: tuple[int, ...]) -> None:
         self._files, self._name, self._inner = files, name, shape
@@ -63,7 +64,7 @@ class _Stack(BackendArray):
     def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
         outer, part = key[: self._files.ndim], key[self._files.ndim :]
         files = np.asarray(self._files[outer], dtype=object)
-        inner = np.empty(self._inner, dtype=[])[part].shape  # takes no memory
+        inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
         found = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
             if file.exists():

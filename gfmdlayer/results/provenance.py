@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, commit and host, as attributes of the files."""
+"""Provenance of results: versions, commit and host, stored as attributes of the files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def now() -> str:
 
 
 def provenance() -> dict[str, str]:
-    """Return the attributes that tell with what, and where, a file was made."""
+    """Return versions of software, commit and host as attributes."""
     return {**_software(), "hostname": socket.gethostname()}
 
 
@@ -45,15 +45,15 @@ def _version(distribution: str) -> str:
 def git_commit(checkout: Path) -> str:
     """Return the commit checked out in a folder, with "-dirty" where files differ from it, or "unknown".
 
-    The folder itself must be the checkout: a package installed somewhere below an unrelated repository
-    has no commit. Nothing is written to the repository, not even git's index.
+    The folder itself must be the checkout: a package installed inside an unrelated repository has no commit.
+    Nothing is written to the repository, not even to git's index.
     """
     if not (checkout / ".git").exists():
         return "unknown"
     describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
     command = ["git", "--no-optional-locks", "-C", str(checkout), *describe]
-    # A launcher, a scheduler or a terminal signals every process there is: a child inherits what is blocked,
-    # so that a request to stop the run does not end git, and make the commit unknown, instead.
+    # Schedulers and terminals signal all processes of a run. A child inherits the blocked signals, so that a
+    # request to stop the run does not end git and make the commit unknown.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)

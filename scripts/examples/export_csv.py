@@ -6,7 +6,7 @@ writes curves.csv, a line for each case and time, and profiles.csv, a line for e
 surface at the last snapshot. The cells, marked by `# %%`, also run one by one in Jupyter, Spyder or VS Code.
 """
 
-# %% The results; snapshots are read only as far as they are used.
+# %% The results; of the snapshots, only the parts that are used are read.
 import sys
 from pathlib import Path
 
@@ -16,7 +16,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/figure2-quick")
 out = Path(sys.argv[2]) if len(sys.argv) > 2 else folder
 results = gfmdlayer.open_results(folder)
 
-# %% The curves: a column for each swept key, the time and what was found.
+# %% The curves: columns for the swept keys, the time, contact area and mean pressure.
 curves = results[["contact_area", "mean_pressure"]].to_dataframe().reset_index()
 curves.to_csv(out / "curves.csv", index=False)
 print(f"{out / 'curves.csv'}: {len(curves)} lines, {', '.join(curves.columns)}")

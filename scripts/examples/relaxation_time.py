@@ -19,15 +19,15 @@ print(results)
 config = gfmdlayer.load(f"{folder}/config.yaml")
 at_rest = results.sel(time=slice(config.trajectory.ramp_time, None))
 
-# %% How far the area is from its last value, as a part of the way that it has to go.
+# %% The change of the area that is still to come, relative to the whole change.
 area = at_rest["contact_area"]
-way = area.isel(time=-1) - area.isel(time=0)
-left = (area.isel(time=-1) - area) / way
+change = area.isel(time=-1) - area.isel(time=0)
+remaining = (area.isel(time=-1) - area) / change
 
-# %% The integral of this is the mean relaxation time: tau for exp(-t/tau). Where the area moves by less than
-# ten of the grid's points, it cannot be told.
+# %% The integral of this is the mean relaxation time: tau for exp(-t/tau). It is left out where the area
+# changes by less than ten points of the grid.
 cell = 1 / math.prod(config.grid.points)
-relaxation_time = left.integrate("time").where(abs(way) > 10 * cell)
+relaxation_time = remaining.integrate("time").where(abs(change) > 10 * cell)
 relaxation_time.attrs = {"long_name": "relaxation time of the contact area", "units": "time"}
 
 # %% A table, with the swept values as its index.

@@ -13,17 +13,19 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
+from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.movie import animated, default_suffix
-from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours, value_labels
+from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import snapshots_figure
 from gfmdlayer.figures.waterfall import OVERLAP, waterfall_figure
+from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)
@@ -37,6 +39,14 @@ def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float]
             if snapshots and time > 0:
                 pressed = np.maximum(0, 0.01 - X**2)
                 case.snapshot(time, -pressed, time * pressed, np.maximum(0, X**2 - 0.01))
+
+
+@pytest.fixture(scope="module")
+def thicknesses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a sweep over the thickness."""
+    folder = tmp_path_factory.mktemp("results")
+    write_sweep(folder, {"layer.thickness": THICKNESSES})
+    return folder
 
 
 def write_sweep(folder: Path, swept: Mapping[str, Sequence[object]]) -> None:
@@ -64,9 +74,8 @@ def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns:
     assert bool(area.get_xlabel()) == (columns == 2)  # in one column the lowest panel has it
 
 
-def test_curves_are_labelled_by_symbols(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    with open_results(tmp_path) as data:
+def test_curves_are_labelled_by_symbols(thicknesses: Path) -> None:
+    with open_results(thicknesses) as data:
         figure = curves_figure(data)
     area, pressure = figure.axes
     assert (area.get_xlabel(), area.get_ylabel()) == (r"$t/\tau$", r"$\tilde{a}$")
@@ -80,7 +89,18 @@ def test_curves_are_labelled_by_symbols(tmp_path: Path) -> None:
         np.testing.assert_array_equal(axes.lines[0].get_ydata(), scale * np.array([0.0, 1.0, 4.0]))
 
 
-def test_two_keys_are_told_by_colour_and_line_style(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("plain", "written"),
+    [
+        *(("d", "d"), ("G_0", "G_0"), ("g'", "g'"), ("tau", r"\tau"), ("dt", r"\Delta t")),
+        *(("G_inf", r"G_\infty"), ("nu_bulk", r"\nu_\mathrm{bulk}"), ("lambda_s", r"\lambda_s")),
+    ],
+)
+def test_symbols_of_the_files_become_mathtext(plain: str, written: str) -> None:
+    assert mathtext(plain) == written
+
+
+def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
     write_sweep(tmp_path, {"layer.thickness": [0.1, 0.2], "halfspace.shear_modulus": [0.1, 10.0, 1e5]})
     with open_results(tmp_path) as data:
         figure = curves_figure(data, columns=1)
@@ -122,16 +142,21 @@ def test_time_is_not_scaled_without_a_common_relaxation_time(tmp_path: Path) -> 
     assert figure.legends == []
 
 
-def test_pictures_are_named_after_the_results(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    assert plot_results(tmp_path) == [tmp_path / "demo.png", tmp_path / "demo-snapshots.png"]
-    assert {path.name for path in tmp_path.glob("*.png")} == {"demo.png", "demo-snapshots.png"}
-    one = case_path(tmp_path, 2)
+def test_pictures_are_named_after_the_results_and_matplotlib_is_left_as_it_was(thicknesses: Path) -> None:
+    before = dict(mpl.rcParams)
+    assert plot_results(thicknesses, case=3) == [thicknesses / "demo.png", thicknesses / "demo-snapshots.png"]
+    one = case_path(thicknesses, 2)
     assert plot_results(one, kind="curves") == [one.with_suffix(".png")]
     assert plot_results(one, kind="waterfall") == [one.with_name("0002-waterfall.png")]
+    written = {path.name: path.read_bytes() for path in thicknesses.rglob("*.png")}
+    assert written.keys() == {"demo.png", "demo-snapshots.png", "0002.png", "0002-waterfall.png"}
+    assert all(content.startswith(b"\x89PNG") for content in written.values())
+    assert dict(mpl.rcParams) == before
+    with pytest.raises(ResultsError, match="no complete case 0007"):
+        plot_results(thicknesses, case=7)
 
 
-@pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")])
+@pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_suffix_chooses_the_format(tmp_path: Path, suffix: str, start: bytes) -> None:
     write_case(case_path(tmp_path, 0), snapshots=False)
     (picture,) = plot_results(tmp_path, tmp_path / f"figure.{suffix}")
@@ -139,19 +164,17 @@ def test_suffix_chooses_the_format(tmp_path: Path, suffix: str, start: bytes) ->
     assert not (tmp_path / f"figure-snapshots.{suffix}").exists()
 
 
-def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
-    write_case(case_path(tmp_path, 0))
+def test_pictures_that_cannot_be_written_are_refused(thicknesses: Path) -> None:
     with pytest.raises(ResultsError, match=r"'\.bmp'; use \.png, \.pdf, \.svg"):
-        plot_results(tmp_path, tmp_path / "figure.bmp")
+        plot_results(thicknesses, thicknesses / "figure.bmp")
     with pytest.raises(ResultsError, match="cannot be written"):
-        plot_results(tmp_path, tmp_path / "nowhere" / "figure.png")
+        plot_results(case_path(thicknesses, 0), thicknesses / "nowhere" / "figure.png", kind="waterfall")
     with pytest.raises(ResultsError, match="no such folder"):
-        plot_results(tmp_path / "nowhere")
+        plot_results(thicknesses / "nowhere")
 
 
-def test_snapshots_show_the_contact_zoomed(tmp_path: Path) -> None:
-    write_case(tmp_path / "0000.h5")
-    with open_case(tmp_path / "0000.h5") as data:
+def test_snapshots_show_the_contact_zoomed(thicknesses: Path) -> None:
+    with open_case(case_path(thicknesses, 0)) as data:
         figure = snapshots_figure({"$d$ = 0": data})
     surface, pressure = figure.axes
     assert [axes.get_ylabel() for axes in figure.axes] == ["$u$", "$p$"]
@@ -172,13 +195,6 @@ def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("$x$", "$y$")
     (image,) = figure.axes[0].images
     np.testing.assert_array_equal(np.asarray(image.get_array()), field.T)
-
-
-def test_one_case_of_a_sweep_can_be_chosen(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    plot_results(tmp_path, case=3)
-    with pytest.raises(ResultsError, match="no complete case 0007"):
-        plot_results(tmp_path, case=7)
 
 
 @pytest.mark.parametrize(
@@ -204,16 +220,8 @@ def test_colours_lighten_when_printed_grey() -> None:
     assert grey[-1] < 0.75
 
 
-def test_settings_of_matplotlib_are_left_as_they_were(tmp_path: Path) -> None:
-    write_case(case_path(tmp_path, 0))
-    before = dict(mpl.rcParams)
-    plot_results(tmp_path)
-    assert dict(mpl.rcParams) == before
-
-
-def test_logarithmic_time_begins_after_zero(tmp_path: Path) -> None:
-    write_case(tmp_path / "0000.h5")
-    with open_case(tmp_path / "0000.h5") as data:
+def test_logarithmic_time_begins_after_zero(thicknesses: Path) -> None:
+    with open_case(case_path(thicknesses, 0)) as data:
         figure = curves_figure(data, log_time=True)
     for axes in figure.axes:
         assert axes.get_xscale() == "log"
@@ -221,9 +229,8 @@ def test_logarithmic_time_begins_after_zero(tmp_path: Path) -> None:
         np.testing.assert_array_equal(axes.lines[0].get_xdata(), [0.5, 2.0])
 
 
-def test_inset_shows_punch_and_surface_and_where_on_the_curve(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    with open_results(tmp_path) as data, open_case(case_path(tmp_path, 2)) as case:
+def test_inset_shows_punch_and_surface_and_where_on_the_curve(thicknesses: Path) -> None:
+    with open_results(thicknesses) as data, open_case(case_path(thicknesses, 2)) as case:
         case.coords["case"] = 2
         figure = curves_figure(data, inset=Inset.of(case, [4.0, 1.0]))
     area = figure.axes[0]
@@ -236,9 +243,8 @@ def test_inset_shows_punch_and_surface_and_where_on_the_curve(tmp_path: Path) ->
     np.testing.assert_allclose(punch, X**2 - 0.01, atol=1e-17)
 
 
-def test_inset_keeps_clear_of_the_curves(tmp_path: Path) -> None:
-    write_case(tmp_path / "0000.h5")
-    with open_case(tmp_path / "0000.h5") as data:
+def test_inset_keeps_clear_of_the_curves(thicknesses: Path) -> None:
+    with open_case(case_path(thicknesses, 0)) as data:
         figure = curves_figure(data, inset=Inset.of(data, [1.0]))
         (inset,) = figure.axes[0].child_axes
         with pytest.raises(ResultsError, match="no snapshot at time 3; there are 1, 4"):
@@ -250,9 +256,8 @@ def test_inset_keeps_clear_of_the_curves(tmp_path: Path) -> None:
     assert left > bottom
 
 
-def test_waterfall_has_a_profile_for_each_time(tmp_path: Path) -> None:
-    write_case(tmp_path / "0000.h5")
-    with open_case(tmp_path / "0000.h5") as data:
+def test_waterfall_has_a_profile_for_each_time(thicknesses: Path) -> None:
+    with open_case(case_path(thicknesses, 0)) as data:
         (axes,) = waterfall_figure(data, "$d$ = 0").axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["0.5", "2"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$", r"$t/\tau$")
@@ -279,10 +284,9 @@ def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
     assert len(area.texts) == 5
 
 
-def test_map_needs_two_keys(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
+def test_map_needs_two_keys(thicknesses: Path) -> None:
     with pytest.raises(ResultsError, match=r"2 keys, this is one over 1 \(thickness\)"):
-        plot_results(tmp_path, kind="map")
+        plot_results(thicknesses, kind="map")
 
 
 def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(tmp_path: Path) -> None:
@@ -308,9 +312,8 @@ def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(t
 
 
 @pytest.mark.parametrize("columns", [1, 2])
-def test_screen_is_the_same_figure_larger(tmp_path: Path, columns: Columns) -> None:
-    write_sweep(tmp_path, {"layer.thickness": THICKNESSES})
-    with open_results(tmp_path) as data:
+def test_screen_is_the_same_figure_larger(thicknesses: Path, columns: Columns) -> None:
+    with open_results(thicknesses) as data:
         paper, screen = (curves_figure(data, columns, style=style) for style in (PAPER, SCREEN))
     np.testing.assert_allclose(screen.get_size_inches(), SCREEN.scale * paper.get_size_inches())
     for small, large in zip(paper.axes, screen.axes, strict=True):
@@ -319,19 +322,30 @@ def test_screen_is_the_same_figure_larger(tmp_path: Path, columns: Columns) -> N
         assert [line.get_color() for line in large.lines] == [line.get_color() for line in small.lines]
 
 
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Movies of few dots, which are drawn sooner."""
+    monkeypatch.setattr(movie, "DPI", 20)
+
+
+@pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("shape", [(64,), (64, 32)])
-def test_movie_has_a_frame_for_each_snapshot(tmp_path: Path, shape: tuple[int, ...]) -> None:
+def test_movie_shows_each_snapshot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shape: tuple[int, ...]
+) -> None:
     fields = np.random.default_rng(1).random((3, 3, *shape))
     axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
     with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
         for time, three in enumerate(fields):
             case.row(time=float(time), contact_area=0.1, mean_pressure=0.2)
             case.snapshot(float(time), *three)
-    assert plot_results(tmp_path, tmp_path / "demo.gif", kind="movie") == [tmp_path / "demo.gif"]
-    with Image.open(tmp_path / "demo.gif") as movie:
-        assert movie.n_frames == 3
+    if len(shape) == 2:
+        monkeypatch.setattr("shutil.which", lambda _: None)
+        assert plot_results(tmp_path, kind="movie") == [tmp_path / "demo.gif"]  # without ffmpeg
+        with Image.open(tmp_path / "demo.gif") as written:
+            assert written.n_frames == 3
     with open_case(case_path(tmp_path, 0)) as data:
-        figure, show = animated(data, "case")
+        figure, show = movie.animated(data, "case")
         show(2)
         assert figure.get_suptitle() == r"case    $t/\tau$ = 1"
         for axes_, field in zip(figure.axes, fields[2, :2], strict=False):
@@ -339,37 +353,37 @@ def test_movie_has_a_frame_for_each_snapshot(tmp_path: Path, shape: tuple[int, .
             np.testing.assert_array_equal(drawn, field)
 
 
+@pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("reads", ["", "cat > /dev/null; "])
 def test_movie_that_ffmpeg_cannot_write_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
+    thicknesses: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
 ) -> None:
-    # As one that was built without H.264, at once; and one whose disk is full, when all has been read.
-    write_case(case_path(tmp_path, 0))
-    ffmpeg, movie = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
-    movie.write_text("an earlier one")
+    # As an ffmpeg without H.264, which ends at once, and one with a full disk, which ends after its input.
+    ffmpeg, written = tmp_path / "ffmpeg", tmp_path / "movie.mp4"
+    written.write_text("an earlier one")
     begins = 'for last; do :; done; echo some > "$last"'
     ffmpeg.write_text(f"#!/bin/sh\n{reads}{begins}; echo no such encoder >&2; exit 3\n")
     ffmpeg.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     with pytest.raises(ResultsError, match=r"movie\.mp4: ffmpeg could not write it .*3.*no such encoder"):
-        plot_results(tmp_path, movie, kind="movie")
-    assert movie.read_text() == "an earlier one"
+        plot_results(thicknesses, written, kind="movie")
+    assert written.read_text() == "an earlier one"
     assert list(tmp_path.glob("*.part*")) == []
 
 
-def test_movie_without_ffmpeg_is_a_gif(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_case(case_path(tmp_path, 0))
+def test_movie_formats_that_cannot_be_written_are_refused(
+    thicknesses: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(ResultsError, match="needs ffmpeg, which is not found"):
-        plot_results(tmp_path, tmp_path / "demo.mp4", kind="movie")
+        plot_results(thicknesses, thicknesses / "demo.mp4", kind="movie")
     with pytest.raises(ResultsError, match=r"'\.png'; use \.mp4, \.gif"):
-        plot_results(tmp_path, tmp_path / "demo.png", kind="movie")
-    assert plot_results(tmp_path, kind="movie") == [tmp_path / "demo.gif"]
+        plot_results(thicknesses, thicknesses / "demo.png", kind="movie")
     monkeypatch.setattr("shutil.which", lambda _: "/somewhere/ffmpeg")
-    assert default_suffix() == ".mp4"
+    assert movie.default_suffix() == ".mp4"
 
 
-def test_results_without_snapshots_cannot_be_shown_as_such(tmp_path: Path) -> None:
+def test_pictures_of_snapshots_need_snapshots(tmp_path: Path) -> None:
     write_case(case_path(tmp_path, 0), snapshots=False)
     for kind in ("snapshots", "waterfall", "movie"):
         with pytest.raises(ResultsError, match=r"no snapshots; set output\.snapshots"):

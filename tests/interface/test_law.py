@@ -13,7 +13,7 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.attraction import AttractionSolver
-from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
@@ -54,7 +54,7 @@ def test_traction_and_curvature_are_derivatives_of_the_energy(law: InterfaceLaw)
     np.testing.assert_allclose(law.curvature(gap), slope, rtol=1e-9, atol=0)
 
 
-@pytest.mark.parametrize("solver", [ActiveSet, Fire])
+@pytest.mark.parametrize("solver", [ActiveSet, ConjugateGradient])
 def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_balance(solver) -> None:  # type: ignore[no-untyped-def]
     # kappa_0 u = tau(g0 - u) for a uniform surface; of the two roots the one nearer to rest is stable.
     stiffness, gap = 100.0, 0.01
@@ -64,8 +64,8 @@ def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_ba
     found = AttractionSolver(solver(transforms, 3e-10), transforms, 1e-9, 1000).solve(problem, np.zeros(32))
     assert found.converged
     rise = brentq(lambda u: stiffness * u - LAW.traction(np.array(gap - u)), 0, gap / 2, xtol=1e-16)
-    # The residual bounds the stress that is out of balance by 1e-9 of tau(0) = 0.25; over kappa_0 - tau'(gap),
-    # which is at least half of kappa_0 here.
+    # The residual bounds the stress that is out of balance by 1e-9 of tau(0) = 0.25; over kappa_0 -
+    # tau'(gap), which is at least half of kappa_0 here.
     np.testing.assert_allclose(found.displacement, rise, atol=2e-9 * 0.25 / stiffness)
     assert found.mean_pressure == pytest.approx(-stiffness * rise, abs=1e-9)
     assert found.contact_area == 0
