@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
@@ -24,7 +22,7 @@ from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.inputs import make_grid, make_punch, make_trajectory, make_velocity
+from gfmdlayer.inputs import make_body, make_grid, make_punch, make_trajectory, make_velocity
 from gfmdlayer.observables.energy_balance import Energy
 from gfmdlayer.observables.steady_state import SteadyState
 from gfmdlayer.resumable import Resumable
@@ -93,11 +91,8 @@ def make_integrator(config: Config, grid: Grid) -> Integrator:
     Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
     material; see `stepping.third_order` for the equation itself.
     """
-    body = LayeredHalfspace(
-        config.layer.thickness, config.layer.poisson, config.halfspace.shear_modulus, config.halfspace.poisson
-    )
-    material, q, measure = make_material(config), grid.wavenumbers, grid.parseval_weights
-    spectrum = relaxation_spectrum(body, material, q)
+    q, measure = grid.wavenumbers, grid.parseval_weights
+    spectrum = relaxation_spectrum(make_body(config), config.layer.material, q)
     velocity = make_velocity(config)
     if velocity is not None:
         if config.time.step == "adaptive":
@@ -118,14 +113,6 @@ def make_settling(config: Config, integrator: Integrator, kinks: tuple[float, ..
     if tolerance is None or not isinstance(integrator, SlidingModes):
         return None
     return SteadyState(integrator.slowest(tolerance), tolerance, max(kinks, default=0.0))
-
-
-def make_material(config: Config) -> Material:
-    """The material of the layer."""
-    given = config.layer.material
-    if given.model == "zener":
-        return Zener(given.G0, given.Ginf, given.tau)
-    return Prony(given.G0, tuple((branch.G, branch.tau) for branch in given.branches))
 
 
 def make_loading(config: Config, grid: Grid) -> Loading:

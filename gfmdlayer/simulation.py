@@ -132,7 +132,7 @@ def simulate(
             recorder.row(
                 time=instant.time,
                 contact_area=solution.contact_area,
-                mean_pressure=solution.mean_pressure / (2 * config.layer.material.G0),
+                mean_pressure=solution.mean_pressure / (2 * config.layer.material.relaxed),
                 depth=surface.depth,
                 residual=solution.residual,
                 **attempts.taken(),

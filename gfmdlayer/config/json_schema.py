@@ -16,9 +16,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from gfmdlayer.config import punches, sweep_checks, sweeps
+from gfmdlayer.config import sweep_checks, sweeps
 from gfmdlayer.config.model import Config
-from gfmdlayer.config.sections import sequence
+from gfmdlayer.validation.fields import sequence, two
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
@@ -67,7 +67,7 @@ class _Generator(GenerateJsonSchema):
 
     def function_after_schema(self, schema: core_schema.AfterValidatorFunctionSchema) -> JsonSchemaValue:
         result = super().function_after_schema(schema)
-        if schema["function"]["function"] is punches.two:
+        if schema["function"]["function"] is two:
             return result | {"minItems": 2, "maxItems": 2}
         return result
 

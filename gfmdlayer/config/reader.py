@@ -15,14 +15,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from gfmdlayer.config import text
-from gfmdlayer.config.input_errors import ConfigError, Location, Problem
-from gfmdlayer.config.model import Config, explained, problems
+from gfmdlayer.config.model import Config, explain, problems
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
+from gfmdlayer.validation.problems import ConfigError, Location, Problem
+from gfmdlayer.validation.sections import keys_of_files
 
-FILES = ("punch.file", "trajectory.file", "trajectory.velocity_file")
-
-
+_FILES = frozenset(keys_of_files(Config))
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]
 
 
@@ -65,7 +64,7 @@ def load(
     if document.data.get("sweep") == {}:
         message = "sweep: got an empty mapping; must hold a dotted key with a list of values, or be left out"
         document.problems.append((document.values["sweep",], message))
-    _resolve(document.data, Path(path).absolute().parent)
+    document.data = _with_absolute_paths(document.data, Path(path).absolute().parent)
     try:
         config = Config.model_validate(document.data)
     except ValidationError as error:
@@ -140,33 +139,22 @@ def _override(document: Document, override: str) -> None:
     document.values.update({location: option} | new.values)
 
 
-def _resolve(data: dict[str, Any], folder: Path) -> None:
-    """Make file names absolute, in the sections and in the sweep."""
-
-    def absolute(value: object) -> object:
-        return str(folder / value) if isinstance(value, str) and value else value
-
-    for name in FILES:
-        head, _, tail = name.partition(".")
-        if isinstance(section := data.get(head), dict) and tail in section:
-            section[tail] = absolute(section[tail])
-        sweep = data.get("sweep")
-        for swept in (sweep, sweep.get("zip")) if isinstance(sweep, dict) else ():
-            if isinstance(swept, dict) and isinstance(values := swept.get(name), list):
-                swept[name] = [absolute(value) for value in values]
-            if isinstance(swept, dict) and isinstance(values := swept.get(head), list):
-                swept[head] = [
-                    value | {tail: absolute(value[tail])}
-                    if isinstance(value, dict) and tail in value
-                    else value
-                    for value in values
-                ]
+def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
+    """Return plain data with file names made absolute, in the sections and in the sweep."""
+    if isinstance(data, dict):
+        return {
+            name: _with_absolute_paths(value, folder, f"{key}.{name}".lstrip("."))
+            for name, value in data.items()
+        }
+    if isinstance(data, list):
+        return [_with_absolute_paths(value, folder, key) for value in data]
+    return str(folder / data) if isinstance(data, str) and data and unswept(key) in _FILES else data
 
 
 def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
     """Return the problems that pydantic found first, and those that they hide."""
     rest = copy.deepcopy(data)
-    found = new = explained(error)
+    found = new = explain(error)
     aside: list[str] = []
     while new:
         removed = [_set_aside(rest, problem.location) for problem in new]

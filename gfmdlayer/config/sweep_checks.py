@@ -5,14 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gfmdlayer.config import checks
-from gfmdlayer.config.input_errors import Location, Problem, shown, unknown_key
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
-
-if TYPE_CHECKING:
-    from gfmdlayer.config.model import Config
+from gfmdlayer.validation.problems import Location, Problem, shown, unknown_key
 
 MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
@@ -20,22 +16,26 @@ MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000
 Validate = Callable[[Row], list[Problem]]
 
 
-def conflicts(config: Config, keys: Sequence[str], validate: Validate) -> Iterator[Problem]:
-    """Yield what is wrong with a sweep.
+def conflicts(
+    sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
+) -> Iterator[Problem]:
+    """Yield the problems of a sweep.
 
     Parameters
     ----------
-    config : Config
-        The configuration whose `sweep` is looked at.
+    sweep : mapping
+        The sweep of a configuration.
     keys : sequence of str
         Dotted keys that can be swept.
+    unswept : sequence of Problem
+        Problems of the configuration with its own values of the swept keys.
     validate : callable
         Dotted key -> value, to the problems of the case made with these values.
     """
-    misplaced = {problem.location: problem for problem in _keys(config.sweep, keys)}
-    wrong = misplaced | {p.location: p for p in _lists(config.sweep) if p.location not in misplaced}
+    misplaced = {problem.location: problem for problem in _keys(sweep, keys)}
+    wrong = misplaced | {p.location: p for p in _lists(sweep) if p.location not in misplaced}
     yield from wrong.values()
-    sound = _without(config.sweep, wrong.keys())
+    sound = _without(sweep, wrong.keys())
     size = count(sound)
     if size > MAX_CASES:
         yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
@@ -53,7 +53,7 @@ def conflicts(config: Config, keys: Sequence[str], validate: Validate) -> Iterat
         )
     }
     if axes_left:
-        everywhere = [p for p in checks.conflicts(config) if not any(_touched(p, axis) for axis in axes_left)]
+        everywhere = [p for p in unswept if not any(_touched(p, axis) for axis in axes_left)]
         yield from everywhere
         yield from _Cases(
             axes_left, lambda case: [p for p in validate(case) if p not in everywhere]

@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from textwrap import wrap
-from typing import get_args
 
-from pydantic import Tag
 from pydantic.fields import FieldInfo
 
 from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
-from gfmdlayer.config.sections import Section
+from gfmdlayer.validation.sections import OneOf, Section, held_by
 
 _COLUMN = 36  # where the words begin
 _HEAD = """\
@@ -155,10 +153,9 @@ def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
             yield f"{indent}# {key}:", known.description or ""
 
 
-def _kinds(known: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
-    """Yield a line with the kinds of section that a key may hold, where there are several."""
-    notes = (note for member in get_args(known.annotation) for note in get_args(member))
-    tags = [note.tag for note in notes if isinstance(note, Tag)]
-    if tags:
-        lines = wrap(f"one of {', '.join(tags)}", 100)
+def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
+    """Yield lines with the kinds of section that a key may hold, where there are several."""
+    held = held_by(field)
+    if isinstance(held, OneOf):
+        lines = wrap(f"one of {', '.join(held.members)}", 100)
         yield from ((f"{indent}# {line}", "") for line in lines)

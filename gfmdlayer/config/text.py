@@ -18,7 +18,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from gfmdlayer.config.input_errors import Location, dotted
+from gfmdlayer.validation.problems import Location, dotted
 
 _TAG = "the tag {} is not used here; must be written without it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}

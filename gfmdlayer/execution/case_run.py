@@ -125,11 +125,11 @@ def _compute(
 
 def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
-        found["tau"] = config.layer.material.tau
+    if (tau := config.layer.material.characteristic_time) is not None:
+        found["tau"] = tau
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
-    if config.trajectory.velocity is not None or config.trajectory.velocity_file is not None:
+    if config.trajectory.moves:
         found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
@@ -147,4 +147,4 @@ def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
 
 def _kind(config: Config) -> tuple[object, ...]:
     """What decides which kernels are compiled and which transforms are planned."""
-    return config.grid.points, config.solver, config.time.integrator, config.layer.material.model
+    return config.grid.points, config.solver, config.time.integrator, type(config.layer.material)

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, read_matrix
+from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
+from gfmdlayer.grid.grid import Grid
 
 
 class Heights(NamedTuple):
@@ -59,6 +60,41 @@ def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
     return found
 
 
+def read_profile(file: Path, grid: Grid) -> FloatArray:
+    """Read one height for each grid point.
+
+    Parameters
+    ----------
+    file : Path
+        .npy of the grid's shape, or text with a row, x and height, for each point of a line.
+    grid : Grid
+        The grid; x in the file is spaced by L/n.
+
+    Returns
+    -------
+    ndarray
+        Heights above the lowest, of the grid's shape.
+
+    Raises
+    ------
+    TableError
+        If the file does not hold finite heights for exactly the points of the grid.
+    """
+    found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
+    if found.shape != grid.shape:
+        raise TableError(
+            f"{file}: holds {times(found.shape)} heights; must be {times(grid.shape)}, as the grid"
+        )
+    bad = ~(np.abs(found) <= LARGEST)
+    if bad.any():
+        where = np.argwhere(bad)[0].tolist()
+        wrong = (
+            f"too large; must be up to {LARGEST:g}" if np.isfinite(found[bad][0]) else "not a finite number"
+        )
+        raise TableError(f"{file}: the height at index {where} is {wrong}")
+    return np.asarray(found - found.min())
+
+
 def load_array(file: Path) -> FloatArray:
     """Read one array of real numbers from a .npy file.
 
@@ -93,6 +129,21 @@ def _text(file: Path, axes: int, _dataset: str | None) -> Heights:
         raise TableError(f"{file}: holds {found.shape[1]} columns; must be two, x and height, on a line")
     x, heights = found.T
     return Heights(np.ascontiguousarray(heights), (_length(file, "x", x),))
+
+
+def _read_line(file: Path, grid: Grid) -> FloatArray:
+    if len(grid.shape) != 1:
+        raise TableError(
+            f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
+        )
+    x, heights = read_columns(file, ("x", "height")).T
+    spacing = grid.period[0] / grid.points[0]
+    if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
+        row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
+        raise TableError(
+            f"{file}: x is not spaced by period/points = {spacing:.6g} (worst at data row {row + 1})"
+        )
+    return np.ascontiguousarray(heights)
 
 
 def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.shapes import parabola
+from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, HALFSPACE, ONE_STEP, run
 from gfmdlayer.verification.theory import RADIUS, solver_error
@@ -29,7 +29,7 @@ def tamaas(quick: bool) -> Iterator[Row]:
     tm.initialize(1)
     model = tm.ModelFactory.createModel(tm.model_type.basic_1d, [1.0], [n])
     model.E, model.nu = 3.0, 0.5  # relaxed
-    surface = -parabola(RADIUS)(Grid((n,), (1.0,)))
+    surface = -Parabola(radius=RADIUS).heights(Grid((n,), (1.0,)))
     solver = tm.MaxwellViscoelastic(model, surface, tolerance / 100, step, [9.0], [1.0])
     solver.max_iter = 100_000
     depths = []
@@ -60,7 +60,7 @@ def contact_mechanics(quick: bool) -> Iterator[Row]:
     from SurfaceTopography import UniformLineScan
 
     n, tolerance = (2**9 if quick else 2**12), 1e-8
-    heights = -parabola(RADIUS)(Grid((n,), (1.0,)))
+    heights = -Parabola(radius=RADIUS).heights(Grid((n,), (1.0,)))
     system = NonSmoothContactSystem(
         PeriodicFFTElasticHalfSpace((n,), 4.0, (1.0,)),
         UniformLineScan(heights, 1.0, periodic=True),

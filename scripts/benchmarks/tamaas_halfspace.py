@@ -16,7 +16,8 @@ import numpy as np
 import tamaas
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.config import Config, Zener
+from gfmdlayer.body.materials import Zener
+from gfmdlayer.config import Config
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.inputs import make_grid, make_punch, make_trajectory
 

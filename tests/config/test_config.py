@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.config import Config, ConfigError, Prony, Zener, digest, load
+from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.execution.sweep import input_errors
 
 CONFIGS = Path(__file__).parents[2] / "configs"

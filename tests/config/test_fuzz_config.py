@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from gfmdlayer import cli
 from gfmdlayer.config import Config
 from gfmdlayer.config.model import leaves
-from gfmdlayer.config.punches import PUNCHES
+from gfmdlayer.punch.shapes import SHAPES
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHIPPED = {path.name: path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml"))}
@@ -84,7 +84,7 @@ WORDS = st.sampled_from([*ODD_WORDS.split(), "\t"])
 SCALARS = st.one_of(NUMBERS, WORDS, st.text(max_size=8).map(lambda text: "'" + text.replace("'", "''") + "'"))
 KEYS = sorted(
     {part for key in leaves(Config(name="all")) for part in key.split(".")}
-    | {key for shape in PUNCHES for key in shape.model_fields}
+    | {key for shape in SHAPES.values() for key in shape.model_fields}
     | {"name", "sweep", "branches", "pressure", "gap", "bins", "scale", "min", "max", "G"}
 )
 DOTTED = leaves(Config(name="all"))
@@ -121,7 +121,7 @@ def structures(draw: st.DrawFn) -> str:
     for section, entries in sections.items():
         lines.append(f"{section}: {{{', '.join(entries)}}}")
     if draw(st.booleans()):
-        shape = draw(st.sampled_from(PUNCHES))
+        shape = draw(st.sampled_from(list(SHAPES.values())))
         keys = [key for key in shape.model_fields if key != "shape" and draw(st.booleans())]
         entries = [
             f"shape: {shape.model_fields['shape'].default}",

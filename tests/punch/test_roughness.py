@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gfmdlayer.punch.roughness import self_affine
 from numpy.typing import NDArray
 
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.roughness import self_affine
 
 Floats = NDArray[np.float64]
 SHAPES = [(128,), (129,), (64, 64), (63, 64), (64, 63), (65, 67)]
