@@ -10,14 +10,13 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping
-from functools import cache, lru_cache
-from itertools import takewhile
+from functools import cache
 from pathlib import Path
-from textwrap import indent
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from gfmdlayer.body.materials import Material
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.output import Output
 from gfmdlayer.punch.shape import Shape
@@ -25,8 +24,8 @@ from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.explanations import explained
 from gfmdlayer.validation.fields import MustBe
-from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
-from gfmdlayer.validation.sections import OneOf, Section, contradictions, held_by, walk
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
+from gfmdlayer.validation.sections import OneOf, Section, contradictions, sections_in
 
 Name = Annotated[
     str,
@@ -154,9 +153,9 @@ class Config(Section):
 
         A default that follows from a swept key of its section differs between the cases and is left out.
         """
-        if not self.sweep:
-            return _yaml(self)
         data = self.model_dump(exclude_none=True)
+        if not self.sweep:
+            del data["sweep"]
         for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
             section = getattr(self, head)
             for key, field in type(section).model_fields.items():
@@ -167,26 +166,6 @@ class Config(Section):
     def _given(self) -> dict[str, Any]:
         """Return what was given, without defaults: these follow from the other values."""
         return self.model_dump(exclude_unset=True, exclude={"sweep"})
-
-
-def _yaml(section: Section) -> str:
-    """Return a section's keys as YAML; what was written last is kept, as the cases of a sweep share most."""
-    parts = []
-    for key, plain in section.model_dump(exclude_none=True, exclude={"sweep"}).items():
-        value = getattr(section, key)
-        if isinstance(value, Section) and plain:
-            parts.append(f"{key}:\n" + indent(_kept_yaml(value), "  "))
-        else:
-            parts.append(_entry(key, plain) if isinstance(plain, str | float) else text.written({key: plain}))
-    return "".join(parts)
-
-
-@lru_cache(maxsize=256, typed=True)
-def _entry(key: str, value: str | float) -> str:
-    return text.written({key: value})
-
-
-_kept_yaml = lru_cache(maxsize=256)(_yaml)
 
 
 def digest(config: Config) -> str:
@@ -212,23 +191,19 @@ def digest(config: Config) -> str:
 
 def leaves(config: Config) -> list[str]:
     """Return the dotted keys of all sections that hold a value of their own, in the order of the model."""
-    keys = [
-        takewhile(lambda part: isinstance(part, str), at)
-        for at, value in walk(config)
-        if len(at) > 1 and not isinstance(value, Section)
+    return [
+        dotted((*at, key))
+        for at, section in sections_in(config)
+        if at and isinstance(at[-1], str)  # not the whole, nor a section in a list
+        for key, value in vars(section).items()
+        if not isinstance(value, Section)
     ]
-    return list(dict.fromkeys(".".join(map(str, key)) for key in keys))
 
 
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    return leaves(config) + [
-        ".".join((*map(str, at), key))
-        for at, section in walk(config)
-        if isinstance(section, Section)
-        for key, field in section.fields().items()
-        if isinstance(held_by(field), OneOf)
-    ]
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
+    return leaves(config) + [dotted(at) for at in kinds]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

@@ -6,14 +6,15 @@ and dates are words. Nothing here knows which keys a configuration has.
 
 from __future__ import annotations
 
+import json
+import math
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from io import StringIO
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -23,6 +24,8 @@ from gfmdlayer.validation.problems import Location, dotted
 _TAG = "the tag {} is not used here; must be written without it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
 _NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
+_PLAIN = re.compile(r"[A-Za-z/][A-Za-z0-9_./-]*")  # words that need no quotes
+_RESERVED = {"true", "false", "null", "yes", "no", "on", "off"}
 _WORDS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "timestamp", "merge", "value")}
 
 
@@ -177,26 +180,34 @@ class _Builder:
         self.document.problems.append((self.place(node), f"{dotted(at)}: {message}" if at else message))
 
 
-def written(data: Mapping[str, Any]) -> str:
-    """Return nested mappings as YAML: sections in block style, lists and what they hold in one line."""
-    yaml = YAML()
-    yaml.width = 110
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    stream = StringIO()
-    yaml.dump(_block(data), stream)
-    return stream.getvalue()
+def written(data: Mapping[str, Any], indent: str = "") -> str:
+    """Return nested mappings as YAML: a line for each key, and for each mapping in a list."""
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, Mapping) and value:
+            lines.append(f"{indent}{key}:\n{written(value, indent + '  ')}")
+        elif isinstance(value, (list, tuple)) and any(isinstance(item, Mapping) for item in value):
+            lines.append(f"{indent}{key}:\n" + "".join(f"{indent}  - {_flow(item)}\n" for item in value))
+        else:
+            lines.append(f"{indent}{key}: {_flow(value)}\n")
+    return "".join(lines)
 
 
-def _block(value: object) -> object:
-    if isinstance(value, Mapping):
-        return CommentedMap((key, _block(item)) for key, item in value.items())
-    if isinstance(value, (list, tuple)):
-        items = CommentedSeq(_block(item) for item in value)
-        plain = not any(isinstance(item, CommentedMap) for item in items)
-        if plain:
-            items.fa.set_flow_style()
-        for item in items:
-            if isinstance(item, CommentedMap):
-                item.fa.set_flow_style()
-        return items
-    return value if isinstance(value, (bool, int, float)) else str(value)
+def _flow(value: object) -> str:
+    """Return a value in one line."""
+    match value:
+        case None | bool():
+            return json.dumps(value)
+        case float() if not math.isfinite(value):
+            return f".{value}".replace(".-", "-.")
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
+        case list() | tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+    text = str(value)
+    if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
+        return text
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'

@@ -124,8 +124,7 @@ class Analytic(Shape):
         if axes == 1 and getattr(self, "along", "y") == "x":
             message = "got 'x', the direction of the line itself; must be y, or grid.points two numbers"
             return Problem(("along",), message)
-        for key in type(self).model_fields:
-            value = getattr(self, key)
+        for key, value in vars(self).items():
             if isinstance(value, tuple) and axes == 1:
                 message = f"got {shown(value)}; must be one number, or grid.points two numbers"
                 return Problem((key,), message)

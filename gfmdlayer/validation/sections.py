@@ -93,30 +93,33 @@ def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
     return next((kind for kind in _types(field.annotation) if issubclass(kind, Section)), None)
 
 
-def walk(section: Section, at: Location = ()) -> Iterator[tuple[Location, object]]:
-    """Yield the locations and values of a section and of everything below it, in the order of the model."""
+def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location, Section]]:
+    """Yield a section and all sections below it, with their locations, in the order of the model."""
     yield at, section
-    for key in type(section).model_fields:
-        value, here = getattr(section, key), (*at, key)
+    for key, value in vars(section).items():
         if isinstance(value, Section):
-            yield from walk(value, here)
-        elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+            yield from sections_in(value, (*at, key))
+        elif isinstance(value, tuple):
             for i, part in enumerate(value):
-                yield from walk(part, (*here, i))
-        else:
-            yield here, value
+                if isinstance(part, Section):
+                    yield from sections_in(part, (*at, key, i))
 
 
 def contradictions(section: Section) -> Iterator[Problem]:
     """Yield the problems of a section and of all sections below it."""
-    for at, part in walk(section):
-        if isinstance(part, Section):
-            yield from (problem.within(at) for problem in part.problems())
+    for at, part in sections_in(section):
+        for problem in part.problems():
+            yield problem.within(at)
 
 
 def files_named(section: Section) -> dict[str, Path]:
     """Return the files that a configuration names, by dotted key."""
-    return {dotted(at): value for at, value in walk(section) if isinstance(value, Path)}
+    return {
+        dotted((*at, key)): value
+        for at, part in sections_in(section)
+        for key, value in vars(part).items()
+        if isinstance(value, Path)
+    }
 
 
 def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
