@@ -85,7 +85,7 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
-        fit = self.punch.misfits(self.grid)
+        fit = self.punch.misfits(self.grid.cell)
         yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
@@ -125,7 +125,7 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        given, mean_height = self.trajectory, self.punch.mean_height(self.grid)
+        given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         if given.file is not None or given.velocity_file is not None or mean_height is None:
             return False
         return given.control == "load" or (given.depth is not None and given.depth < mean_height / 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, Tag
 
@@ -41,7 +41,7 @@ class Histogram(Section):
     """end of the last bin"""
     bins: Bins = 50
     """number of bins"""
-    scale: Annotated[Literal["linear", "log"], Word()] = "linear"
+    scale: Annotated[str, Word("linear", "log")] = "linear"
     """linear: bins from 0; log: from min"""
     min: Optional = None
     """beginning of the first bin; for scale: log"""

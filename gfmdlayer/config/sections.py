@@ -23,6 +23,7 @@ from pydantic import (
 from gfmdlayer.body.laws import LAWS
 from gfmdlayer.body.materials import Material, Zener
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,
     Count,
@@ -80,6 +81,11 @@ class Grid(Section):
         same = len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
         return values[0] if same else values
 
+    @property
+    def cell(self) -> Cell:
+        """The cell as shapes of the punch see it."""
+        return Cell(self.points, self.period)
+
     def problems(self) -> Iterator[Problem]:
         """Refuse periods that do not match the directions, and more points than FFTW counts."""
         if len(self.period) != len(self.points):
@@ -126,9 +132,9 @@ class Trajectory(Section):
         Of the punch along x, constant or from a table; None where it stays.
     """
 
-    control: Annotated[Literal["depth", "load"], Word()] = "depth"
+    control: Annotated[str, Word("depth", "load")] = "depth"
     """what is prescribed: depth or load"""
-    kind: Annotated[Literal["ramp_hold", "table"], Word()] = "ramp_hold"
+    kind: Annotated[str, Word("ramp_hold", "table")] = "ramp_hold"
     """ramp_hold, or table: from a file"""
     depth: Annotated[NotNegative | None, given] = Field(
         default_factory=lambda data: (
@@ -185,7 +191,7 @@ class Time(Section):
     """end of the simulation: time"""
     step: Step = 0.005
     """time step, or adaptive: steps to the tolerance below"""
-    integrator: Annotated[Literal["backward_euler", "exponential"], Word()] = "exponential"
+    integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"
     """exponential, of second order, or backward_euler, the paper's"""
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
     """relative error of pressure and displacement; for step: adaptive"""
@@ -221,11 +227,11 @@ class Time(Section):
 class Solver(Section):
     """How one step's contact problem is solved; `inertia` is None for every method but fire."""
 
-    method: Annotated[str, Word(SOLVERS)] = "active_set"
+    method: Annotated[str, Word(*SOLVERS)] = "active_set"
     """active_set, conjugate_gradient, or fire, the paper's"""
     tolerance: Tolerance = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
-    inertia: Annotated[Annotated[Literal["mass_weighted", "uniform"], Word()] | None, given] = Field(
+    inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(
         default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None
     )
     """of the modes: mass_weighted or uniform; for method: fire"""

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, field_validator
 from pydantic_core import CoreSchema, core_schema
@@ -42,7 +42,7 @@ class Range(Section):
     """beginning of the range"""
     to: Finite
     """end of the range"""
-    scale: Annotated[Literal["linear", "log"], Word()] = "linear"
+    scale: Annotated[str, Word("linear", "log")] = "linear"
     """spread evenly, or evenly in the logarithm"""
 
     @field_validator("to")

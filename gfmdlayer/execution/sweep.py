@@ -72,8 +72,8 @@ def notes(configs: Iterable[Config]) -> list[str]:
     TableError
         If a file cannot be used.
     """
-    surfaces = dict.fromkeys((config.grid, config.punch) for config in configs)
-    return list(dict.fromkeys(note for grid, punch in surfaces for note in punch.notes(grid)))
+    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in configs)
+    return list(dict.fromkeys(note for cell, punch in surfaces for note in punch.notes(cell)))
 
 
 def label(values: dict[str, object]) -> str:

@@ -58,13 +58,13 @@ class Topography(Shape):
     """where the file holds several"""
     unit: Positive = 1.0
     """length of the file's unit"""
-    fill: Annotated[Literal["none", "membrane"], Word()] = "none"
+    fill: Annotated[str, Word("none", "membrane")] = "none"
     """membrane: points without a height are filled in from around them"""
-    detrend: Annotated[Literal["none", "plane", "paraboloid"], Word()] = "none"
+    detrend: Annotated[str, Word("none", "plane", "paraboloid")] = "none"
     """plane or paraboloid: of least squares, subtracted"""
     taper: Fraction = 0.0
     """part of the period over which heights fade out to their mean"""
-    resample: Annotated[Literal["none", "fourier"], Word()] = "none"
+    resample: Annotated[str, Word("none", "fourier")] = "none"
     """fourier: to the points of the grid"""
 
     def heights(self, grid: Grid) -> FloatArray:
@@ -87,7 +87,7 @@ class Topography(Shape):
         """
         from gfmdlayer.grid.grid import Grid
 
-        return self._made_periodic(Grid(cell.points, cell.period))[1]
+        return self._made_periodic(Grid(*cell))[1]
 
     def _made_periodic(self, grid: Grid) -> tuple[FloatArray, list[str]]:
         from gfmdlayer.punch import topography

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from gfmdlayer.validation.problems import Problem, shown
 from gfmdlayer.validation.sections import Section
@@ -22,18 +22,11 @@ if TYPE_CHECKING:
 Axes = list["FloatArray"]  # coordinates along each axis, from the apex, which broadcast to the grid's shape
 
 
-class Cell(Protocol):
-    """The periodic cell and its grid."""
+class Cell(NamedTuple):
+    """The periodic cell: points and length along each axis."""
 
-    @property
-    def points(self) -> tuple[int, ...]:
-        """Points along each axis."""
-        ...
-
-    @property
-    def period(self) -> tuple[float, ...]:
-        """Length along each axis."""
-        ...
+    points: tuple[int, ...]
+    period: tuple[float, ...]
 
 
 class Extent(NamedTuple):

@@ -15,7 +15,7 @@ from gfmdlayer.validation.problems import Problem
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
 
-Along = Annotated[Literal["x", "y"], Word()]
+Along = Annotated[str, Word("x", "y")]
 Angle = Annotated[float, strict, Field(gt=0, lt=90), MustBe("a number > 0 and < 90, in degrees")]
 Faces = Annotated[int, Field(strict=True, ge=3), MustBe("a whole number >= 3")]
 

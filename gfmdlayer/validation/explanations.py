@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gfmdlayer.validation.fields import MustBe, one_of
+from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.problems import Location, Problem, nearest, shown, unknown_key
 from gfmdlayer.validation.sections import OneOf, Section, held_by
 
@@ -45,7 +45,7 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
             case "missing":
                 found.append(Problem(location, f"missing; must be {_allowed(section, str(location[-1]))}"))
             case "union_tag_invalid":
-                words = one_of(entry["ctx"]["expected_tags"].replace("'", "").split(", "))
+                words = Word(*entry["ctx"]["expected_tags"].replace("'", "").split(", "))
                 word = entry["ctx"]["tag"]
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
                 found.append(Problem((*location, chosen_by), message))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -87,31 +86,17 @@ class MustBe:
         return f"; did you mean {value.strip()}, without quotes?" if numeric else ""
 
 
-def one_of(words: Iterable[str]) -> MustBe:
-    """Return the annotation of a field that takes one of `words`."""
-    known = tuple(words)
-    return MustBe(" or ".join(known) if len(known) == 2 else "one of " + ", ".join(known), known)
+class Word(MustBe):
+    """Annotation of a field that takes one of several words."""
 
+    def __init__(self, *words: str) -> None:
+        super().__init__(" or ".join(words) if len(words) == 2 else "one of " + ", ".join(words), words)
 
-class Word:
-    """Annotation of a field that takes one of several words: those given, or those of its Literal type."""
-
-    def __init__(self, words: Iterable[str] = ()) -> None:
-        self._words = tuple(words)
-
-    def __get_pydantic_core_schema__(self, source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Take the words and nothing else."""
-        words = list(self._words or get_args(source))
-        return core_schema.no_info_wrap_validator_function(
-            one_of(words).validate, core_schema.literal_schema(words)
+        return super().__get_pydantic_core_schema__(
+            source, lambda _: core_schema.literal_schema([*self.words])
         )
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """Leave the words for `gfmdlayer.config.json_schema`."""
-        found = handler(schema)
-        return found | {"$comment": one_of(found["enum"]).allowed}
 
 
 def sequence(value: object) -> object:

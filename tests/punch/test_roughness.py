@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.self_affine import SelfAffine
+from gfmdlayer.punch.shape import Cell
 
 Floats = NDArray[np.float64]
 SHAPES = [(128,), (129,), (64, 64), (63, 64), (64, 63), (65, 67)]
@@ -94,8 +95,8 @@ def test_the_phases_are_uniform_and_follow_from_the_seed() -> None:
 
 def test_a_wave_that_the_grid_does_not_resolve_is_refused() -> None:
     rough = SelfAffine(hurst=0.7, short_cutoff=0.06, seed=3, rms_height=0.01)
-    (problem,) = rough.misfits(Grid((48,), (1.5,)))
+    (problem,) = rough.misfits(Cell((48,), (1.5,)))
     assert str(problem) == "short_cutoff: got 0.06; must be > 0.0625, two spacings of the grid"
-    assert not list(rough.misfits(Grid((64,), (1.5,))))
+    assert not list(rough.misfits(Cell((64,), (1.5,))))
     with pytest.raises(TableError, match="no wave of the cell"):
         surface((64,), short_cutoff=0.31, long_cutoff=0.32)

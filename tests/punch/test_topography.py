@@ -17,6 +17,7 @@ from gfmdlayer.execution.sweep import notes
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.measured import Topography
+from gfmdlayer.punch.shape import Cell
 from gfmdlayer.punch.topography import membrane, without_trend
 
 Floats = NDArray[np.float64]
@@ -239,10 +240,10 @@ def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool
 def test_a_tilted_surface_is_detrended_and_it_says_so(tmp_path: Path) -> None:
     tilted = WAVES + 3 * X + 0.5 * Y
     raw = Topography(file=saved(tmp_path, tilted))
-    before = raw.notes(GRID)
+    before = raw.notes(Cell(GRID.points, GRID.period))
     assert any("does not join up with itself along x: the step across the seam is" in word for word in before)
     flat = Topography(file=saved(tmp_path, tilted), detrend="plane")
-    heights, after = flat.heights(GRID), flat.notes(GRID)
+    heights, after = flat.heights(GRID), flat.notes(Cell(GRID.points, GRID.period))
     assert len(after) == 1
     assert "the plane of least squares was subtracted; rms height from" in after[0]
     # The waves have a slope of their own in the sense of least squares.
@@ -255,7 +256,7 @@ def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path: Path) -> None:
     rough = np.cumsum(np.random.default_rng(2).normal(size=grid.shape), axis=0)
     file = saved(tmp_path, rough)
     punch = Topography(file=file, taper=0.4)
-    heights, said = punch.heights(grid), punch.notes(grid)
+    heights, said = punch.heights(grid), punch.notes(Cell(grid.points, grid.period))
     deviation = heights.max() - heights - (heights.max() - heights)[0, 0]
     np.testing.assert_allclose(deviation[0], 0, atol=1e-12)
     np.testing.assert_allclose(deviation[:, 0], 0, atol=1e-12)
@@ -271,7 +272,7 @@ def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int],
     x, y = np.meshgrid(*(np.arange(n) / n for n in points), indexing="ij")
     waves = 0.1 * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * (2 * x - y))
     punch = Topography(file=saved(tmp_path, WAVES), resample="fourier")
-    heights, said = punch.heights(grid), punch.notes(grid)
+    heights, said = punch.heights(grid), punch.notes(Cell(grid.points, grid.period))
     np.testing.assert_allclose(heights, waves.max() - waves, atol=1e-14)
     assert f"resampled from 12 x 16 to {points[0]} x {points[1]} points by the Fourier series" in said[0]
 
