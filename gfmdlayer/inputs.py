@@ -71,7 +71,7 @@ def make_velocity(config: Config) -> Constant | Table | None:
 def histogram_edges(config: Config) -> dict[str, FloatArray]:
     """Return the edges of the bins of each distribution that is kept, `pressure` and `gap`, from 0 to inf.
 
-    Between these are the edges that were asked for, so that values beyond `max` and, on a log scale, below
+    Between these are the edges of the configuration, so that values beyond `max` and, on a log scale, below
     `min` have a bin of their own.
     """
     edges = {}

@@ -164,14 +164,14 @@ class Config(Section):
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:
-        """Return what was given, without defaults: these follow from the other values."""
+        """Return the given values, without defaults, which follow from other values."""
         return self.model_dump(exclude_unset=True, exclude={"sweep"})
 
 
 def digest(config: Config) -> str:
     """Return a hash of everything that determines a case's results, and of nothing else.
 
-    The name and the sweep do not enter; files enter by what they hold, not by where they are.
+    The name and the sweep do not enter; files enter by their contents, not by their paths.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The section that says what is kept of a run."""
+"""The section of the configuration that lists the output of a run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """From a file and the command line's overrides to a `Config`, or to a list of everything that is wrong.
 
-A value that is refused is set aside and the rest looked at again, so that what it hides comes to light in the
-same report; whatever rests on a value set aside is not blamed.
+A value that is refused is removed and the rest validated once more, so that errors hidden by the first are in
+the same report; errors that depend on a removed value are left out.
 """
 
 from __future__ import annotations
@@ -38,10 +38,9 @@ def load(
     path : str or Path
         YAML file. File names in it are relative to its folder.
     overrides : iterable of str
-        ``dotted.key=value`` with the value in YAML, each replacing what the file says, in this order.
+        ``dotted.key=value`` with the value in YAML, each replacing the value in the file, in this order.
     inspect : callable, optional
-        Looks further into a sound configuration, for what numbers and files can show: yields dotted keys and
-        what is wrong with them.
+        Checks the numbers and files of a sound configuration: yields dotted keys and why they are refused.
     content : str, optional
         The YAML, where the file holds it in another form.
 
@@ -53,8 +52,8 @@ def load(
     Raises
     ------
     ConfigError
-        With every problem found, each ``file:line:column: key: what was wrong; what is allowed``; those of
-        overrides begin with ``--set`` instead.
+        With every problem, each ``file:line:column: key: value found; values allowed``; those of overrides
+        begin with ``--set`` instead.
     """
     document = _document(Path(path), str(path)) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
@@ -68,10 +67,10 @@ def load(
     try:
         config = Config.model_validate(document.data)
     except ValidationError as error:
-        # A value that could not be read has been reported as such; that it is missing now says nothing more.
+        # A value that could not be read has been reported as such; do not report it as missing, too.
         unreadable = {place for place, _ in document.problems if place.line}
         found = [(_place(document, p), str(p)) for p in _all_problems(document.data, error)]
-        raise _error(document.problems + [told for told in found if told[0] not in unreadable]) from None
+        raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
     if not document.problems and inspect is not None:
         for key, message in inspect(config):
             problem = Problem(location_of(config.sweep, key), message)
@@ -82,9 +81,9 @@ def load(
 
 
 def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
-    # Keys may hold line breaks, and so may the words of those who read a file.
-    told = (f"{place}: {message}" for place, message in sorted(problems))
-    return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in told))
+    # Keys may hold line breaks, and so may messages of libraries.
+    lines = (f"{place}: {message}" for place, message in sorted(problems))
+    return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in lines))
 
 
 def _document(path: Path, source: str) -> Document:
@@ -112,7 +111,7 @@ def _override(document: Document, override: str) -> None:
     key, equals, value = override.partition("=")
     location: tuple[str, ...] = tuple(key.strip().split("."))
     if location[0] == "sweep" and len(location) > 1:
-        whole = 2 if location[1] in LISTS else 1  # what follows is one key, dots and all
+        whole = 2 if location[1] in LISTS else 1  # the rest is one key with dots
         location = (*location[:whole], ".".join(location[whole:])) if location[whole:] else location
     if not equals or not all(location):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
@@ -152,7 +151,7 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
 
 
 def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
-    """Return the problems that pydantic found first, and those that they hide."""
+    """Return the problems that pydantic found first, and those hidden by them."""
     rest = copy.deepcopy(data)
     found = new = explain(error)
     aside: list[str] = []
@@ -165,7 +164,7 @@ def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]
 
 
 def _set_aside(data: Any, location: Location) -> str:
-    """Remove what is at a location, or what should have held it; return its dotted key."""
+    """Remove the value at a location, or the section that should hold it; return its dotted key."""
     keys = [part for part in location if isinstance(part, str)]
     holder = data
     for depth, key in enumerate(keys):
@@ -196,7 +195,7 @@ def _as_written(data: Any, problem: Problem) -> Problem:
 
 
 def _place(document: Document, problem: Problem) -> Place:
-    """Return the place of the value or key; where there is none, of what should have held it."""
+    """Return the place of the value or key; where there is none, of the section that should hold it."""
     location = problem.location
     if problem.at_key and location in document.keys:
         return document.keys[location]

@@ -1,4 +1,4 @@
-"""A sweep: what a user may write of it, and the cases that it stands for.
+"""A sweep: its keys, and the cases that it stands for.
 
     layer.thickness: [0.1, 0.2]                          each value of a key with each of the other keys
     zip: {layer.thickness: [...], punch.radius: [...]}   first with first, second with second, ...

@@ -1,4 +1,4 @@
-"""Configurations to start from: every key with its value, or commented out, and what it is.
+"""Configurations to start from: every key with its meaning, and its value or commented out.
 
 The text follows from the model, whose words for the keys are those that editors show too.
 """
@@ -35,7 +35,7 @@ class Start:
     Attributes
     ----------
     summary : str
-        What it computes.
+        The case, in a sentence.
     values : dict
         Dotted keys and values that differ from the defaults.
     """

@@ -43,7 +43,7 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of its keys and values, and what was wrong with the text itself."""
+    """Plain data with the places of its keys and values, and the errors in the text itself."""
 
     data: Any = None
     keys: dict[Location, Place] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Document:
 
 
 def read(content: str, source: str, at: Location = (), *, option: bool = False) -> Document:
-    """Return what a text holds; whatever the text, nothing is raised.
+    """Return the data in a text; errors in the text are collected, never raised.
 
     Parameters
     ----------

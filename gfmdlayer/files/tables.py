@@ -12,6 +12,8 @@ from gfmdlayer.arrays import FloatArray
 
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
+Line = tuple[int, str, list[str]]  # number, text and words
+
 
 class TableError(ValueError):
     """A file of numbers cannot be used; the message names file, line if any, and what is allowed."""
@@ -52,8 +54,9 @@ def read_columns(
         Naming file and line.
     """
     wanted = f"{len(names)} numbers ({', '.join(names)})"
+    lines = read_lines(path)
     rows: list[list[float]] = []
-    for place, text, row in _rows(path, wanted):
+    for place, text, row in _rows(path, lines, wanted):
         if len(row) != len(names):
             raise TableError(f"{place}: holds {len(row)} numbers; must be {wanted}")
         if not np.isfinite(row).all():
@@ -67,7 +70,8 @@ def read_columns(
             raise TableError(f"{place}: {wrong}")
         rows.append(row)
     if len(rows) < at_least:
-        raise TableError(f"{path}: holds {len(rows)} rows of numbers; must be at least {at_least}")
+        end = lines[-1][0] if lines else 1
+        raise TableError(f"{path}:{end}: holds {len(rows)} rows of numbers; must be at least {at_least}")
     return np.array(rows)
 
 
@@ -80,7 +84,7 @@ def read_matrix(path: Path) -> FloatArray:
         Naming file and line.
     """
     rows: list[list[float]] = []
-    for place, _, row in _rows(path, "numbers"):
+    for place, _, row in _rows(path, read_lines(path), "numbers"):
         if rows and len(row) != len(rows[0]):
             raise TableError(f"{place}: holds {len(row)} numbers; must be {len(rows[0])}, as above")
         rows.append(row)
@@ -89,10 +93,10 @@ def read_matrix(path: Path) -> FloatArray:
     return np.array(rows)
 
 
-def _rows(path: Path, wanted: str) -> Iterator[tuple[str, str, list[float]]]:
+def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str, str, list[float]]]:
     """Yield place, text and numbers of the lines of numbers."""
     begun = False
-    for number, text, words in read_lines(path):
+    for number, text, words in lines:
         try:
             row = [float(word) for word in words]
         except ValueError:
@@ -103,7 +107,7 @@ def _rows(path: Path, wanted: str) -> Iterator[tuple[str, str, list[float]]]:
         yield f"{path}:{number}", text, row
 
 
-def read_lines(path: Path) -> list[tuple[int, str, list[str]]]:
+def read_lines(path: Path) -> list[Line]:
     """Return number, text and words of the lines of a file that hold more than a comment.
 
     Raises

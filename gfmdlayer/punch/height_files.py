@@ -1,4 +1,4 @@
-"""Heights from files: NumPy arrays, text, HDF5 and netCDF, and what SurfaceTopography reads.
+"""Heights from files: NumPy arrays, text, HDF5 and netCDF, and the formats of SurfaceTopography.
 
 The first axis of an array is x, the second y. In text each line is one value of x. Points that were not
 measured are NaN.
@@ -18,7 +18,7 @@ from gfmdlayer.grid.grid import Grid
 
 
 class Heights(NamedTuple):
-    """Heights, and the lengths of the cell that they fill along each axis where the file says so."""
+    """Heights, and the lengths of the cell that they fill along each axis if the file holds them."""
 
     values: FloatArray
     lengths: tuple[float, ...] | None = None
@@ -170,7 +170,7 @@ def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
 
 
 def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
-    """Return the asked variable of an xarray.Dataset, or the only one that can be meant."""
+    """Return the variable of an xarray.Dataset by name, or the only one of numbers on these axes."""
     if name:
         if name not in found:
             known = ", ".join(map(str, found.data_vars)) or "none"
@@ -198,7 +198,7 @@ def _by_surface_topography(file: Path, _axes: int, _dataset: str | None) -> Heig
             found = reader.topography()
             values = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
             return Heights(values, tuple(map(float, found.physical_sizes)))
-    except Exception as error:  # its readers raise what they like
+    except Exception as error:  # its readers raise exceptions of any kind
         raise TableError(f"{file}: SurfaceTopography cannot read it ({error})") from error
 
 

@@ -38,7 +38,7 @@ class Profile(Shape):
 
 
 class Topography(Shape):
-    """A measured surface, whose summits touch first; what is done to make it periodic.
+    """A measured surface, whose summits touch first, and the steps that make it periodic.
 
     Attributes
     ----------

@@ -92,11 +92,10 @@ class Word(MustBe):
     def __init__(self, *words: str) -> None:
         super().__init__(" or ".join(words) if len(words) == 2 else "one of " + ", ".join(words), words)
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
         """Take the words and nothing else."""
-        return super().__get_pydantic_core_schema__(
-            source, lambda _: core_schema.literal_schema([*self.words])
-        )
+        schema = core_schema.literal_schema([*self.words])
+        return core_schema.no_info_wrap_validator_function(self.validate, schema)
 
 
 def sequence(value: object) -> object:
