@@ -89,12 +89,10 @@ def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
 def _document(path: Path, source: str) -> Document:
     start = Place(source, 1, 1)
     try:
-        content, wrong = text.decoded(path.read_bytes(), source)
+        content = path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return Document(problems=[(start, f"cannot be read ({reason}); must be the name of a YAML file")])
-    if wrong:
-        return Document(problems=wrong)
     document = text.read(content, source)
     wanted = "must be a mapping of keys to values, with at least name: ..."
     if document.data is None and not document.problems:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
+from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
@@ -51,69 +51,52 @@ class Document:
     problems: list[tuple[Place, str]] = field(default_factory=list)
 
 
-def read(content: str, source: str, at: Location = (), *, option: bool = False) -> Document:
+def read(content: str | bytes, source: str, at: Location = (), *, option: bool = False) -> Document:
     """Return the data in a text; errors in the text are collected, never raised.
 
     Parameters
     ----------
-    content : str
-        YAML.
+    content : str or bytes
+        YAML, in UTF-8.
     source : str
         File or option, for the places.
     at : tuple of str and int
         Location of the text's value within the configuration.
     option : bool
-        The text is an option's, in which line and column say nothing.
+        The text is a command line option's, without line and column.
     """
     document = Document()
+    start = _place(source, "", option)
     yaml = YAML(typ="safe", pure=True)
     try:
+        if isinstance(content, bytes):
+            content = content.decode("utf-8-sig")
         with warnings.catch_warnings():  # anchors are refused, however often they are given
             warnings.simplefilter("ignore", YAMLWarning)
             node = yaml.compose(content)
         if node is not None:
             document.data = _Builder(document, source, option, yaml).build(node, at)
+    except UnicodeDecodeError as error:
+        place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"), option)
+        message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
+        document.problems.append((place, message))
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(source) if option or mark is None else Place(source, mark.line + 1, mark.column + 1)
         wrong = " ".join(filter(None, (error.context, error.problem)))
         document.problems.append((place, f"not YAML: {wrong}"))
     except ReaderError as error:
-        before = content[: error.position]
-        place = _place(source, before, option)
+        place = _place(source, str(content)[: error.position], option)
         document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
     except RecursionError:
-        document.problems.append(
-            (Place(source, 0 if option else 1, 1), "nested too deeply to be a configuration")
-        )
-    except (
-        YAMLError,
-        ArithmeticError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        AssertionError,
-    ) as error:
-        # The parser lets a few errors of its own through on odd escapes and directives.
-        document.problems.append(
-            (Place(source, 0 if option else 1, 1), f"not YAML: {error or type(error).__name__}")
-        )
+        document.problems.append((start, "nested too deeply to be a configuration"))
+    except Exception as error:  # the parser lets errors of many kinds through on odd escapes and directives
+        document.problems.append((start, f"not YAML: {error or type(error).__name__}"))
     return document
 
 
-def decoded(content: bytes, source: str) -> tuple[str, list[tuple[Place, str]]]:
-    """Return bytes as text, or the place of the first byte that is no UTF-8."""
-    try:
-        return content.decode("utf-8-sig"), []
-    except UnicodeDecodeError as error:
-        place = _place(source, content[: error.start].decode("utf-8", errors="replace"), option=False)
-        return "", [
-            (place, f"the byte 0x{content[error.start]:02x} is not UTF-8; must be a text file in UTF-8")
-        ]
-
-
 def _place(source: str, before: str, option: bool) -> Place:
+    """Return the place after a text."""
     if option:
         return Place(source)
     return Place(source, before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
