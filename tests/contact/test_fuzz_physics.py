@@ -123,7 +123,8 @@ def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     data["punch"] = draw(punches(length, coarsest))
     bare = Config.model_validate({**data, "trajectory": {"depth": 0.0}})
     height = float(inputs.make_punch(bare, inputs.make_grid(bare)).mean())
-    _, tau = bare.layer.material.maxwell_branches[0]
+    material = bare.layer.material
+    tau = material.characteristic_time or material.maxwell_branches[0][1]
     control = draw(st.sampled_from(["depth", "depth", "load"]))
     most = 0.95 * height
     if control == "load":  # up to what presses the softest mode flat
