@@ -174,7 +174,7 @@ def stretched(at: int) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         (text_rows(15), r"h\.txt: holds 15 heights; must be 16"),
         (text_rows(17), r"h\.txt: holds 17 heights; must be 16"),
@@ -189,10 +189,10 @@ def stretched(at: int) -> list[str]:
     ],
 )
 def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(
-    rows: list[str], said: str, tmp_path: Path
+    rows: list[str], message: str, tmp_path: Path
 ) -> None:
     (tmp_path / "h.txt").write_text("\n".join(rows))
-    with pytest.raises(TableError, match=said):
+    with pytest.raises(TableError, match=message):
         Profile(file=tmp_path / "h.txt").heights(LINE)
 
 
@@ -203,7 +203,7 @@ def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("heights", "said"),
+    ("heights", "message"),
     [
         (np.zeros(15), r"h\.npy: holds 15 heights; must be 16, as the grid"),
         (np.zeros((16, 16)), r"h\.npy: holds 16 x 16 heights; must be 16"),
@@ -213,9 +213,11 @@ def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Pat
         (np.array([None] * 16), r"h\.npy: is not a NumPy array file"),
     ],
 )
-def test_an_array_file_that_cannot_be_used_is_refused(heights: np.ndarray, said: str, tmp_path: Path) -> None:
+def test_an_array_file_that_cannot_be_used_is_refused(
+    heights: np.ndarray, message: str, tmp_path: Path
+) -> None:
     np.save(tmp_path / "h.npy", heights, allow_pickle=True)
-    with pytest.raises(TableError, match=said):
+    with pytest.raises(TableError, match=message):
         Profile(file=tmp_path / "h.npy").heights(LINE)
 
 

@@ -1,4 +1,4 @@
-"""Measured surfaces: what files are read, what is refused, and what is done to make them periodic."""
+"""Measured surfaces: files that are read or refused, and the steps to a periodic surface."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def labelled(heights: Floats, spacing: float = 0.25, **names: str) -> xr.Dataset
     return found.rename(names) if names else found
 
 
-# --- what is read ---
+# --- files that are read ---
 
 
 def test_the_summits_of_a_measured_surface_touch_first(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_instruments_formats_come_through_surface_topography(
     np.testing.assert_allclose(found[measured], (WAVES.max() - WAVES)[measured], atol=1e-15)
 
 
-# --- what is refused ---
+# --- files that are refused ---
 
 
 def holed() -> Floats:
@@ -202,7 +202,7 @@ def test_a_file_that_is_something_else_is_refused(name: str, tmp_path: Path) -> 
         Topography(file=tmp_path / name).heights(GRID)
 
 
-# --- what is done ---
+# --- steps to a periodic surface ---
 
 
 def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane() -> None:
@@ -237,7 +237,7 @@ def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool
     np.testing.assert_allclose(rest.ravel(), heights.ravel() - matrix @ fit, atol=1e-12)
 
 
-def test_a_tilted_surface_is_detrended_and_it_says_so(tmp_path: Path) -> None:
+def test_a_tilted_surface_is_detrended_with_a_note(tmp_path: Path) -> None:
     tilted = WAVES + 3 * X + 0.5 * Y
     raw = Topography(file=saved(tmp_path, tilted))
     before = raw.notes(Cell(GRID.points, GRID.period))
@@ -277,7 +277,7 @@ def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int],
     assert f"resampled from 12 x 16 to {points[0]} x {points[1]} points by the Fourier series" in said[0]
 
 
-def test_what_is_done_is_told_for_each_surface_once(tmp_path: Path) -> None:
+def test_changes_are_noted_for_each_surface_once(tmp_path: Path) -> None:
     file = saved(tmp_path, holed())
     punch = {"shape": "topography", "file": str(file), "fill": "membrane"}
     config = Config(name="x").with_values({"grid.points": [12, 16], "punch": punch})
