@@ -10,8 +10,6 @@ from typing import Protocol, TypedDict, Unpack
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
-from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.config import Config
 from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
@@ -132,21 +130,9 @@ class Case:
         return Transforms(self.grid.shape, self._wisdom, threads=self._threads)
 
     @cached_property
-    def material(self) -> Material:
-        """Material of the layer."""
-        given = self.config.layer.material
-        if given.model == "zener":
-            return Zener(given.G0, given.Ginf, given.tau)
-        return Prony(given.G0, tuple((branch.G, branch.tau) for branch in given.branches))
-
-    @cached_property
     def body(self) -> Body:
         """The body under the surface."""
-        layer, halfspace = self.config.layer, self.config.halfspace
-        return ViscoelasticLayer(
-            LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson),
-            self.material,
-        )
+        return ViscoelasticLayer(inputs.make_body(self.config), self.config.layer.material)
 
     @cached_property
     def punch(self) -> FloatArray:

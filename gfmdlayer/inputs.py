@@ -1,4 +1,4 @@
-"""Punch and trajectory of a case, read and checked before any work starts; imports no compiled kernel."""
+"""Grid, body, punch and trajectory of a case, checked before any work starts; imports no compiled kernel."""
 
 from __future__ import annotations
 
@@ -8,52 +8,38 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.shapes import Shape, make_shape
-from gfmdlayer.punch.topography import Topography
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
+from gfmdlayer.validation.sections import files_named
 
 
 def make_grid(config: Config) -> Grid:
-    """The grid of a case."""
+    """Return the grid of a case."""
     return Grid(config.grid.points, config.grid.period)
 
 
+def make_body(config: Config) -> LayeredHalfspace:
+    """Return the layer on its halfspace."""
+    layer, halfspace = config.layer, config.halfspace
+    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+
+
 def make_punch(config: Config, grid: Grid) -> FloatArray:
-    """Height of the punch above its lowest point, flat, one value a grid point.
+    """Return the height of the punch above its lowest point, flat, one value a grid point.
 
     Raises
     ------
     TableError
         If the heights come from a file that cannot be used.
     """
-    return np.ravel(_shape(config)(grid))
-
-
-def _shape(config: Config) -> Shape:
-    return make_shape(config.punch.model_dump())
-
-
-def notes(configs: Iterable[Config]) -> list[str]:
-    """Tell what is done to the measured surfaces of the cases before they are used.
-
-    Raises
-    ------
-    TableError
-        If a file cannot be used.
-    """
-    found = dict[str, None]()
-    for config in {(config.grid, config.punch): config for config in configs}.values():
-        shape = _shape(config)
-        if isinstance(shape, Topography):
-            found |= dict.fromkeys(shape.continued(make_grid(config))[1])
-    return list(found)
+    return np.ravel(config.punch.heights(grid))
 
 
 def make_trajectory(config: Config) -> Trajectory:
-    """What is prescribed over time, `trajectory.control` says of what.
+    """Return the depth or the mean pressure over time, as `trajectory.control` says.
 
     Raises
     ------
@@ -69,7 +55,7 @@ def make_trajectory(config: Config) -> Trajectory:
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
-    """Velocity of the punch along x over time; none where it stays.
+    """Return the velocity of the punch along x over time; None where it stays.
 
     Raises
     ------
@@ -83,65 +69,52 @@ def make_velocity(config: Config) -> Constant | Table | None:
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
-    """Read what the cases read, and see that they can be done.
+    """Read the files of the cases and check that the cases are possible.
 
     Yields
     ------
     key, message : str
-        The key that cannot be used, and why: a file that does not hold what it should, a negative load, or a
-        depth for which an incompressible body would have to leave the cell. With a mean displacement of zero
-        the punch cannot go deeper than the mean height of its surface.
+        The key that cannot be used, and why: a file with wrong contents, a negative load, or a depth for
+        which an incompressible body would have to leave the cell. With a mean displacement of zero the punch
+        cannot go deeper than the mean height of its surface.
     """
     seen = set()
     for config in configs:
-        matter = (config.grid, config.punch, config.trajectory, config.time.steady, mean_is_fixed(config))
-        if matter not in seen:
-            seen.add(matter)
+        inputs = (config.grid, config.punch, config.trajectory, config.time.steady, make_body(config))
+        if inputs not in seen:
+            seen.add(inputs)
             yield from _input_errors(config)
 
 
 def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
-    given = config.trajectory
+    given, names = config.trajectory, files_named(config)
+    key = next((name for name in names if name.startswith("punch.")), "punch")
     try:
         heights = make_punch(config, make_grid(config))
+        key = "trajectory.file"
+        trajectory = make_trajectory(config)
+        key = "trajectory.velocity_file"
+        velocity = make_velocity(config)
     except TableError as error:
-        yield ("punch.file" if hasattr(config.punch, "file") else "punch"), str(error)
+        yield key, str(error)
         return
     except MemoryError:
         message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
         yield "grid.points", f"{message}; must be fewer"
         return
-    try:
-        trajectory = make_trajectory(config)
-    except TableError as error:
-        yield "trajectory.file", str(error)
-        return
-    try:
-        velocity = make_velocity(config)
-    except TableError as error:
-        yield "trajectory.velocity_file", str(error)
-        return
     if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
         message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
-    table = trajectory if isinstance(trajectory, Table) else None
+    values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
     if given.control == "load":
-        if table is not None and (table.values < 0).any():
-            yield (
-                "trajectory.file",
-                f"{given.file}: holds a negative load; must be >= 0, there is no adhesion",
-            )
+        if (values < 0).any():
+            message = f"{given.file}: holds a negative load; must be >= 0, there is no adhesion"
+            yield "trajectory.file", message
         return
-    room = float(heights.mean())
-    deepest = float(table.values.max()) if table is not None else trajectory(math.inf)
-    if mean_is_fixed(config) and deepest >= room:
+    deepest, mean_height = float(values.max()), float(heights.mean())
+    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
         yield (
-            "trajectory.depth" if table is None else "trajectory.file",
+            "trajectory.depth" if given.file is None else "trajectory.file",
             f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {room:.6g}",
+            f"must be below the mean height of the punch, {mean_height:.6g}",
         )
-
-
-def mean_is_fixed(config: Config) -> bool:
-    """Whether the mean displacement is zero: always, but for a compressible layer on a rigid base."""
-    return config.layer.poisson == 0.5 or math.isfinite(config.halfspace.shear_modulus)

@@ -9,23 +9,63 @@ a dashpot G_k tau_k), so that
 after Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. G(s) is s times the Laplace transform
 of G(t), Eq. (2): the modulus that takes an elastic solution to the viscoelastic one. Moduli and times may be
 in any units; those of the results follow.
+
+A law is a section of the configuration and a Python object at once; `gfmdlayer.body.laws` lists them.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-import numpy as np
+from pydantic import Field, ValidationError, ValidationInfo, field_validator
+
+from gfmdlayer.validation.fields import NotNegative, Positive
+from gfmdlayer.validation.problems import InconsistentError, Problem
+from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from gfmdlayer.arrays import ComplexArray, FloatArray
 
-class Material(ABC):
+Init = TypeVar("Init", bound=Callable[..., None])
+
+
+def _alone(init: Init) -> Init:
+    """Mark an __init__ that pydantic does not call: in a configuration a sweep may replace the values."""
+    init.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+    return init
+
+
+class Material(Section):
     """Shear response of an isotropic solid whose stress relaxes through Maxwell branches."""
+
+    model: str
+    """word that chooses the law"""
+
+    @_alone
+    def __init__(self, *values: Any, **keys: Any) -> None:
+        """Make a material from its parameters, in the order of the fields or by name.
+
+        Raises
+        ------
+        ValueError
+            A parameter is outside of its bounds, or parameters contradict each other.
+        """
+        names = list(type(self).model_fields)[1:]
+        given = dict(zip(names, values, strict=False)) | keys
+        if len(values) > len(names) or len(given) < len(values) + len(keys):
+            raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once")
+        try:
+            self.__pydantic_validator__.validate_python(given, self_instance=self, context="alone")
+        except ValidationError as error:
+            problems = [Problem(each["loc"], each["msg"]) for each in error.errors(include_url=False)]
+            raise InconsistentError(problems) from None
+        if problems := list(self.problems()):
+            raise InconsistentError(problems)
 
     @property
     @abstractmethod
@@ -34,66 +74,82 @@ class Material(ABC):
 
     @property
     @abstractmethod
-    def branch_moduli(self) -> NDArray[np.float64]:
-        """Moduli G_k >= 0 of the Maxwell branches, shape (branches,)."""
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (G_k, tau_k) of the Maxwell branches: modulus G_k >= 0 and relaxation time tau_k > 0."""
 
     @property
-    @abstractmethod
-    def branch_times(self) -> NDArray[np.float64]:
+    def characteristic_time(self) -> float | None:
+        """The relaxation time of a law that has a single one, else None."""
+        return None
+
+    @property
+    def branch_moduli(self) -> FloatArray:
+        """Moduli G_k >= 0 of the Maxwell branches, shape (branches,)."""
+        import numpy as np
+
+        return np.array([modulus for modulus, _ in self.maxwell_branches], dtype=float)
+
+    @property
+    def branch_times(self) -> FloatArray:
         """Relaxation times tau_k > 0 of the Maxwell branches at constant strain, shape (branches,)."""
+        import numpy as np
+
+        return np.array([time for _, time in self.maxwell_branches], dtype=float)
 
     @property
     def glassy(self) -> float:
         """Modulus at short times and high frequencies, Ginf = G0 + sum_k G_k."""
-        return self.relaxed + math.fsum(self.branch_moduli)
+        return self.relaxed + math.fsum(modulus for modulus, _ in self.maxwell_branches)
 
     @property
     def elastic(self) -> bool:
         """Whether nothing relaxes."""
-        return not self.branch_moduli.any()
+        return not any(modulus for modulus, _ in self.maxwell_branches)
 
-    def relaxation_modulus(self, t: ArrayLike) -> NDArray[np.float64]:
+    def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
         """Stress after a unit step of strain, over two: G(t) of Eq. (5), for t >= 0, in the shape of t."""
+        import numpy as np
+
         elapsed = np.asarray(t, dtype=float)[..., np.newaxis]
         relaxing = self.branch_moduli * np.exp(-elapsed / self.branch_times)
         return np.asarray(self.relaxed + relaxing.sum(axis=-1))
 
-    def complex_modulus(self, omega: ArrayLike) -> NDArray[np.complex128]:
+    def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
         """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
+        import numpy as np
+
         return self.laplace(1j * np.asarray(omega, dtype=float))
 
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s) at the Laplace variable s, real or complex, in the shape of s."""
+        import numpy as np
+
         cycles = np.asarray(s)[..., np.newaxis] * self.branch_times
         return np.asarray(self.relaxed + (self.branch_moduli * (cycles / (1 + cycles))).sum(axis=-1))
 
 
-@dataclass(frozen=True)
 class Zener(Material):
-    """Standard linear solid: one branch of modulus Ginf - G0, Eqs. (4) to (6).
+    """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
 
-    Parameters
-    ----------
-    G0, Ginf
-        Relaxed and glassy modulus, 0 < G0 <= Ginf; equal moduli make the material elastic.
-    tau
-        Relaxation time at constant strain, positive.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or outside of these bounds.
+    One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
     """
 
-    G0: float
-    Ginf: float
-    tau: float
+    model: Literal["zener"] = "zener"
+    """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
+    G0: Positive = 1.0
+    """relaxed shear modulus: for slow loads"""
+    Ginf: Positive = 10.0
+    """instantaneous shear modulus: for fast loads"""
+    tau: Positive = 1.0
+    """relaxation time at constant strain"""
 
-    def __post_init__(self) -> None:
-        _require_positive("G0", self.G0)
-        _require_positive("tau", self.tau)
-        if not self.G0 <= self.Ginf < math.inf:
-            raise ValueError(f"Ginf = {self.Ginf!r}: must be finite and at least G0 = {self.G0!r}")
+    __init__ = Material.__init__
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse a modulus that grows with time."""
+        if self.Ginf < self.G0:
+            allowed = "must be a number >= G0 (relaxation softens)"
+            yield Problem(("Ginf",), f"got {self.Ginf!r}, below G0 = {self.G0!r}; {allowed}", ("G0",))
 
     @property
     def relaxed(self) -> float:
@@ -106,43 +162,57 @@ class Zener(Material):
         return self.Ginf
 
     @property
-    def branch_moduli(self) -> NDArray[np.float64]:
-        """Ginf - G0, or nothing where the two are equal."""
-        return np.array([self.Ginf - self.G0] if self.Ginf > self.G0 else [], dtype=float)
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        """The branch (Ginf - G0, tau), or nothing where the two moduli are equal."""
+        return ((self.Ginf - self.G0, self.tau),) if self.Ginf > self.G0 else ()
 
     @property
-    def branch_times(self) -> NDArray[np.float64]:
-        """The relaxation time tau, or nothing where G0 and Ginf are equal."""
-        return np.array([self.tau] if self.Ginf > self.G0 else [], dtype=float)
+    def characteristic_time(self) -> float:
+        """Relaxation time tau."""
+        return self.tau
 
 
-@dataclass(frozen=True)
+class Branch(Section):
+    """One term G exp(-t/tau) of a Prony series."""
+
+    G: NotNegative
+    """shear modulus of the branch"""
+    tau: Positive
+    """relaxation time of the branch"""
+
+    def __iter__(self) -> Iterator[float]:  # type: ignore[override]
+        """Unpack as a pair: G, tau = branch."""
+        return iter((self.G, self.tau))
+
+
 class Prony(Material):
-    """Generalised Maxwell solid: a Prony series of relaxing branches.
+    """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus.
 
-    Parameters
-    ----------
-    G0
-        Relaxed modulus, positive.
-    branches
-        Pairs (G_k, tau_k): modulus, not negative, and relaxation time, positive. Without any, the material is
-        elastic.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or outside of these bounds.
+    Made alone, it takes its branches as pairs (G, tau), or none: then the material is elastic.
     """
 
-    G0: float
-    branches: tuple[tuple[float, float], ...] = ()
+    model: Literal["prony"] = "prony"
+    """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
+    G0: Positive = 1.0
+    """relaxed shear modulus"""
+    branches: tuple[Branch, ...] = Field(
+        description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0", json_schema_extra={"minItems": 1}
+    )
 
-    def __post_init__(self) -> None:
-        _require_positive("G0", self.G0)
-        for index, (modulus, time) in enumerate(self.branches):
-            _require_positive(f"tau of branch {index}", time)
-            if not 0 <= modulus < math.inf:
-                raise ValueError(f"G of branch {index} = {modulus!r}: must be finite and not negative")
+    @_alone
+    def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:
+        made = [
+            each if isinstance(each, Mapping) else dict(zip(("G", "tau"), each, strict=True))
+            for each in branches
+        ]
+        super().__init__(G0, tuple(made), **keys)
+
+    @field_validator("branches")
+    @classmethod
+    def _at_least_one(cls, branches: tuple[Branch, ...], info: ValidationInfo) -> tuple[Branch, ...]:
+        if not branches and not info.context:
+            raise ValueError("got an empty list; must be at least one {G: ..., tau: ...}")
+        return branches
 
     @property
     def relaxed(self) -> float:
@@ -150,16 +220,6 @@ class Prony(Material):
         return self.G0
 
     @property
-    def branch_moduli(self) -> NDArray[np.float64]:
-        """Moduli of the branches, in the order given."""
-        return np.array([modulus for modulus, _ in self.branches], dtype=float)
-
-    @property
-    def branch_times(self) -> NDArray[np.float64]:
-        """Relaxation times of the branches, in the order given."""
-        return np.array([time for _, time in self.branches], dtype=float)
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not 0 < value < math.inf:
-        raise ValueError(f"{name} = {value!r}: must be finite and positive")
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        """Moduli and relaxation times of the branches, in the order given."""
+        return tuple((G, tau) for G, tau in self.branches)

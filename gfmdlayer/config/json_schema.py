@@ -16,9 +16,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from gfmdlayer.config import punches, sweep_checks, sweeps
+from gfmdlayer.config import sweep_checks, sweeps
 from gfmdlayer.config.model import Config
-from gfmdlayer.config.sections import sequence
+from gfmdlayer.validation.fields import sequence, two
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
@@ -34,7 +34,7 @@ def json_schema() -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
-    """Says of the model what pydantic cannot know: what its validators take, and what they refuse."""
+    """Adds the values that validators take and refuse, which pydantic cannot know."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
         return False  # keys are their own titles
@@ -67,12 +67,12 @@ class _Generator(GenerateJsonSchema):
 
     def function_after_schema(self, schema: core_schema.AfterValidatorFunctionSchema) -> JsonSchemaValue:
         result = super().function_after_schema(schema)
-        if schema["function"]["function"] is punches.two:
+        if schema["function"]["function"] is two:
             return result | {"minItems": 2, "maxItems": 2}
         return result
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """Ask for the tag in every member but the one that is meant where there is none."""
+        """Require the tag in every member but the default one."""
         find: Any = schema["discriminator"]
         members = {tag: self.generate_inner(member) for tag, member in schema["choices"].items()}
         for tag, member in members.items():
@@ -86,16 +86,16 @@ class _Generator(GenerateJsonSchema):
 
 
 def _described(node: Any) -> Any:
-    """Return a schema whose descriptions are for users of the keys: what they are, and what is allowed."""
+    """Return a schema with descriptions for users: the meaning of each key and the values allowed."""
     if isinstance(node, list):
         return [_described(item) for item in node]
     if not isinstance(node, dict):
         return node
     result = {key: _described(value) for key, value in node.items() if key not in {"$comment", "title"}}
-    what = result.get("description", "")
-    if isinstance(what, str) and (what or "$comment" in node):
+    meaning = result.get("description", "")
+    if isinstance(meaning, str) and (meaning or "$comment" in node):
         allowed = f"must be {node['$comment']}" if isinstance(node.get("$comment"), str) else ""
-        summary = " ".join(what.partition("\n\n")[0].split())
+        summary = " ".join(meaning.partition("\n\n")[0].split())
         result["description"] = "; ".join(filter(None, (summary, allowed)))
     return result
 
@@ -112,7 +112,7 @@ def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> It
 
 
 def _sweep(schema: Mapping[str, Any]) -> None:
-    """Tell the sections of a sweep which keys they have."""
+    """Add the keys that may be swept to the sections of a sweep."""
     kinds = {key: _either(places) for key, places in _swept(schema).items()}
     lists = {key: {"type": "array", "minItems": 1, "items": kind} for key, kind in kinds.items()}
     different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
@@ -133,7 +133,7 @@ def _sweep(schema: Mapping[str, Any]) -> None:
 
 
 def _takes_numbers(schema: Mapping[str, Any], node: Mapping[str, Any]) -> bool:
-    """Whether numbers that are not whole ones are among what a schema takes."""
+    """Whether a schema takes numbers with a fraction."""
     if "$ref" in node:
         target: Any = schema
         for part in node["$ref"].split("/")[1:]:
@@ -144,7 +144,7 @@ def _takes_numbers(schema: Mapping[str, Any], node: Mapping[str, Any]) -> bool:
 
 
 def _swept(schema: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the dotted keys that may be swept, each with the places of what it may hold."""
+    """Return the dotted keys that may be swept, each with the places of the schemas of its values."""
     found: dict[str, list[str]] = {}
     for head, section in schema["properties"].items():
         if head not in {"name", "sweep"}:

@@ -1,4 +1,4 @@
-"""The whole configuration: its sections, the cases made from it, and what it is written back as.
+"""The whole configuration: its sections, the cases made from it, and its text in YAML.
 
 A `Config` that exists is sound: every value allowed, no two in contradiction, every case of its sweep as good
 as itself. See `gfmdlayer.config.sections` for the keys.
@@ -8,18 +8,30 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from functools import lru_cache
+import math
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
-from textwrap import indent
 from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gfmdlayer.config import checks, punches, sections, sweep_checks, sweeps, text
-from gfmdlayer.config import output as outputs
-from gfmdlayer.config.input_errors import ConfigError, InconsistentError, Location, Problem, problems_of
-from gfmdlayer.config.sections import Section
+from gfmdlayer.body.materials import Material
+from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.output import Output
+from gfmdlayer.punch.shape import Shape
+from gfmdlayer.punch.shapes import SHAPES
+from gfmdlayer.punch.simple_shapes import Parabola
+from gfmdlayer.validation.explanations import explained
+from gfmdlayer.validation.fields import MustBe
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
+from gfmdlayer.validation.sections import OneOf, Section, contradictions, sections_in
+
+Name = Annotated[
+    str,
+    Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
+    MustBe("text of at most 128 letters, digits and . _ -, not beginning with . or - (it names a folder)"),
+]
 
 
 class Config(Section):
@@ -36,7 +48,7 @@ class Config(Section):
         with a sweep is sound when its cases are: its own value of a swept key is not run.
     """
 
-    name: sections.Name
+    name: Name
     """names the folder of the results"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
@@ -44,7 +56,7 @@ class Config(Section):
     """the viscoelastic layer"""
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
     """the elastic base under the layer"""
-    punch: punches.Punch = Field(default_factory=punches.Parabola)
+    punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
     """what is prescribed over time"""
@@ -52,23 +64,71 @@ class Config(Section):
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
     """the contact problem of each step"""
-    output: outputs.Output = Field(default_factory=outputs.Output)
+    output: Output = Field(default_factory=Output)
     """what is kept besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
     """dotted keys and their values; the cases are their product"""
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
+        found = contradictions(self)
         if self.sweep:
             given = self._given()
+            keys = sweepable(self)
             found = sweep_checks.conflicts(
-                self, sweepable(self), lambda values: problems(assigned(given, values))
+                self.sweep, keys, list(found), lambda values: problems(assigned(given, values))
             )
-        else:
-            found = checks.conflicts(self)
         if listed := list(found):
             raise InconsistentError(listed)
         return self
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield contradictions between sections."""
+        yield from self._problems_of_the_body()
+        fit = self.punch.misfits(self.grid.cell)
+        yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        yield from self._problems_of_the_motion()
+        yield from self._problems_of_the_output()
+
+    def _problems_of_the_body(self) -> Iterator[Problem]:
+        modulus = self.halfspace.shear_modulus
+        if self.layer.thickness == 0 and modulus in {0, math.inf}:
+            nothing = "halfspace without stiffness: nothing carries a load"
+            base = "rigid halfspace: nothing is left to deform" if modulus else nothing
+            allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
+            message = f"got 0 on a {base}; {allowed}"
+            yield Problem(("layer", "thickness"), message, ("halfspace.shear_modulus",))
+
+    def _problems_of_the_motion(self) -> Iterator[Problem]:
+        given, time = self.trajectory, self.time
+        velocity = "trajectory.velocity" if given.velocity is not None else "trajectory.velocity_file"
+        if given.moves and time.integrator == "backward_euler":
+            message = "got backward_euler with a moving punch; must be exponential, which follows it"
+            yield Problem(("time", "integrator"), message, (velocity,))
+        if time.steady is not None and (not given.moves or given.velocity == 0):
+            message = (
+                "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
+            )
+            others = ("trajectory.velocity", "trajectory.velocity_file")
+            yield Problem(("time", "steady"), message, others)
+
+    def _problems_of_the_output(self) -> Iterator[Problem]:
+        time, output = self.time, self.output
+        yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
+        if output.times is not None and time.step != "adaptive":
+            message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
+            yield Problem(("output", "times"), message, ("time.step",))
+        for i, snapshot in enumerate(output.snapshots):
+            if message := time.misses(snapshot):
+                yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
+
+    @property
+    def plainly_possible(self) -> bool:
+        """Whether the depth is well below the mean height of a punch that is known in closed form."""
+        given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
+        if given.file is not None or given.velocity_file is not None or mean_height is None:
+            return False
+        return given.control == "load" or (given.depth is not None and given.depth < mean_height / 2)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep.
@@ -86,16 +146,16 @@ class Config(Section):
         try:
             return Config.model_validate(assigned(self._given(), values))
         except ValidationError as error:
-            raise ConfigError(map(str, explained(error))) from None
+            raise ConfigError(map(str, explain(error))) from None
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
 
         A default that follows from a swept key of its section differs between the cases and is left out.
         """
-        if not self.sweep:
-            return _yaml(self)
         data = self.model_dump(exclude_none=True)
+        if not self.sweep:
+            del data["sweep"]
         for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
             section = getattr(self, head)
             for key, field in type(section).model_fields.items():
@@ -104,34 +164,14 @@ class Config(Section):
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:
-        """Return what was given, without defaults: these follow from the other values."""
+        """Return the given values, without defaults, which follow from other values."""
         return self.model_dump(exclude_unset=True, exclude={"sweep"})
-
-
-def _yaml(section: Section) -> str:
-    """Return a section's keys as YAML; what was written last is kept, as the cases of a sweep share most."""
-    parts = []
-    for key, plain in section.model_dump(exclude_none=True, exclude={"sweep"}).items():
-        value = getattr(section, key)
-        if isinstance(value, Section) and plain:
-            parts.append(f"{key}:\n" + indent(_kept_yaml(value), "  "))
-        else:
-            parts.append(_entry(key, plain) if isinstance(plain, str | float) else text.written({key: plain}))
-    return "".join(parts)
-
-
-@lru_cache(maxsize=256, typed=True)
-def _entry(key: str, value: str | float) -> str:
-    return text.written({key: value})
-
-
-_kept_yaml = lru_cache(maxsize=256)(_yaml)
 
 
 def digest(config: Config) -> str:
     """Return a hash of everything that determines a case's results, and of nothing else.
 
-    The name and the sweep do not enter; files enter by what they hold, not by where they are.
+    The name and the sweep do not enter; files enter by their contents, not by their paths.
 
     Raises
     ------
@@ -149,23 +189,21 @@ def digest(config: Config) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def leaves(section: Section, prefix: str = "") -> list[str]:
-    """Return the dotted keys below a section that hold a value of their own, in the order of the model."""
-    found = []
-    for key in type(section).model_fields:
-        value = getattr(section, key)
-        if isinstance(value, Section):
-            found += leaves(value, f"{prefix}{key}.")
-        elif prefix:
-            found.append(prefix + key)
-    return found
+def leaves(config: Config) -> list[str]:
+    """Return the dotted keys of all sections that hold a value of their own, in the order of the model."""
+    return [
+        dotted((*at, key))
+        for at, section in sections_in(config)
+        if at and isinstance(at[-1], str)  # not the whole, nor a section in a list
+        for key, value in vars(section).items()
+        if not isinstance(value, Section)
+    ]
 
 
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [".".join(map(str, at)) for at, tag in _TAGS.items() if tag]
-    keys = leaves(config)
-    return keys + [kind for kind in kinds if any(key.startswith(f"{kind}.") for key in keys)]
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
+    return leaves(config) + [dotted(at) for at in kinds]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
@@ -179,53 +217,19 @@ def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str,
 
 
 def problems(data: Mapping[str, Any]) -> list[Problem]:
-    """Return what is wrong with plain nested data as a configuration."""
+    """Return the problems of plain nested data as a configuration."""
     try:
         Config.model_validate(data)
     except ValidationError as error:
-        return explained(error)
+        return explain(error)
     return []
 
 
-def explained(error: ValidationError) -> list[Problem]:
-    """Return what pydantic found wrong with a configuration, as problems."""
-    known = ["name", *leaves(Config(name="defaults"))]
-    return problems_of(error, _section, _TAGS, known)
+def explain(error: ValidationError) -> list[Problem]:
+    """Return the errors that pydantic found in a configuration, as problems."""
+    return explained(error, Config, _known_keys())
 
 
-def _section(location: Location) -> type[Section] | None:
-    if location[0:1] == ("sweep",):
-        return (sweeps.Sweep, sweeps.Samples, sweeps.Range)[len(location) - 1]
-    return _SECTIONS.get(location)
-
-
-def _by_shape(members: Iterable[type[Section]]) -> dict[str, type[Section]]:
-    return {str(member.model_fields["shape"].default): member for member in members}
-
-
-_TAGS: dict[Location, str] = {
-    ("layer", "material"): "model",
-    ("punch",): "shape",
-    ("punch", "element"): "shape",
-    **{("punch", key): "" for key in punches.EITHER_WAY},
-    **{("punch", "element", key): "" for key in punches.EITHER_WAY},
-    ("output", "times"): "",
-}
-_SECTIONS: dict[Location, type[Section]] = {
-    (): Config,
-    ("grid",): sections.Grid,
-    ("layer",): sections.Layer,
-    ("layer", "material", "zener"): sections.Zener,
-    ("layer", "material", "prony"): sections.Prony,
-    ("layer", "material", "prony", "branches"): sections.Branch,
-    ("halfspace",): sections.Halfspace,
-    **{("punch", shape): each for shape, each in _by_shape(punches.PUNCHES).items()},
-    **{("punch", "array", "element", shape): each for shape, each in _by_shape(punches.ELEMENTS).items()},
-    ("trajectory",): sections.Trajectory,
-    ("time",): sections.Time,
-    ("solver",): sections.Solver,
-    ("output",): outputs.Output,
-    ("output", "histograms"): outputs.Histograms,
-    ("output", "histograms", "pressure"): outputs.Histogram,
-    ("output", "histograms", "gap"): outputs.Histogram,
-}
+@cache
+def _known_keys() -> list[str]:
+    return ["name", *leaves(Config(name="defaults"))]

@@ -1,20 +1,34 @@
-"""The section that says what is kept of a run."""
+"""The section of the configuration that lists the output of a run."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from gfmdlayer.config.input_errors import InconsistentError, MustBe, Problem, one_of
-from gfmdlayer.config.sections import NotNegative, Positive, Section, Spacing, given, number_or_list
+from gfmdlayer.validation.fields import (
+    MustBe,
+    NotNegative,
+    Optional,
+    Positive,
+    Switch,
+    Word,
+    given,
+    number_or_list,
+    strict,
+)
+from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.sections import Section
 
+Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
 Rows = Annotated[
     Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
     number_or_list,
 ]
 Bins = Annotated[int, Field(strict=True, ge=1, le=1000), MustBe("a whole number from 1 to 1000")]
-Switch = Annotated[bool, Field(strict=True), MustBe("true or false")]
+MOST_ROWS = 1_000_000  # of a case
 
 
 class Histogram(Section):
@@ -27,14 +41,14 @@ class Histogram(Section):
     """end of the last bin"""
     bins: Bins = 50
     """number of bins"""
-    scale: Annotated[Literal["linear", "log"], one_of("linear", "log")] = "linear"
+    scale: Annotated[str, Word("linear", "log")] = "linear"
     """linear: bins from 0; log: from min"""
-    min: Annotated[Positive | None, given] = None
+    min: Optional = None
     """beginning of the first bin; for scale: log"""
 
-    @model_validator(mode="after")
-    def _bins_between(self) -> Self:
-        wrong = None
+    def problems(self) -> Iterator[Problem]:
+        """Refuse a beginning that does not go with the scale or the end."""
+        wrong = ""
         if self.scale == "linear" and self.min is not None:
             wrong = "given, but scale is linear, which begins at 0; must be left out, or scale be log"
         elif self.scale == "log" and self.min is None:
@@ -42,8 +56,7 @@ class Histogram(Section):
         elif self.min is not None and self.min >= self.max:
             wrong = f"got {self.min!r}; must be a number > 0 and < max = {self.max!r}"
         if wrong:
-            raise InconsistentError([Problem(("min",), wrong)])
-        return self
+            yield Problem(("min",), wrong, ("scale", "max"))
 
 
 class Histograms(Section):
@@ -71,3 +84,27 @@ class Output(Section):
     """whether to count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
     """distributions that are kept in each row"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse times that do not increase."""
+        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
+            for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
+                if time <= before:
+                    yield Problem(
+                        (key, i), f"got {time!r} after {before!r}; must be larger, times increase", (key,)
+                    )
+
+    def problems_until(self, end: float) -> Iterator[Problem]:
+        """Refuse times past the end of the run, and too many rows."""
+        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
+            for i, time in enumerate(times if isinstance(times, tuple) else ()):
+                if time > end:
+                    yield Problem(
+                        (key, i), f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
+                    )
+        if isinstance(self.times, float) and not 0 < self.times <= end:
+            message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
+            yield Problem(("times",), message)
+        elif isinstance(self.times, float) and end / self.times > MOST_ROWS:
+            message = f"got {self.times!r}, {end / self.times:.3g} rows; must be >= {end / MOST_ROWS!r}"
+            yield Problem(("times",), message)

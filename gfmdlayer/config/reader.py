@@ -1,7 +1,7 @@
 """From a file and the command line's overrides to a `Config`, or to a list of everything that is wrong.
 
-A value that is refused is set aside and the rest looked at again, so that what it hides comes to light in the
-same report; whatever rests on a value set aside is not blamed.
+A value that is refused is removed and the rest validated once more, so that errors hidden by the first are in
+the same report; errors that depend on a removed value are left out.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from gfmdlayer.config import text
-from gfmdlayer.config.input_errors import ConfigError, Location, Problem
-from gfmdlayer.config.model import Config, explained, problems
+from gfmdlayer.config.model import Config, explain, problems
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
+from gfmdlayer.validation.problems import ConfigError, Location, Problem
+from gfmdlayer.validation.sections import keys_of_files
 
-FILES = ("punch.file", "trajectory.file", "trajectory.velocity_file")
-
-
+_FILES = frozenset(keys_of_files(Config))
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]
 
 
@@ -39,10 +38,9 @@ def load(
     path : str or Path
         YAML file. File names in it are relative to its folder.
     overrides : iterable of str
-        ``dotted.key=value`` with the value in YAML, each replacing what the file says, in this order.
+        ``dotted.key=value`` with the value in YAML, each replacing the value in the file, in this order.
     inspect : callable, optional
-        Looks further into a sound configuration, for what numbers and files can show: yields dotted keys and
-        what is wrong with them.
+        Checks the numbers and files of a sound configuration: yields dotted keys and why they are refused.
     content : str, optional
         The YAML, where the file holds it in another form.
 
@@ -54,8 +52,8 @@ def load(
     Raises
     ------
     ConfigError
-        With every problem found, each ``file:line:column: key: what was wrong; what is allowed``; those of
-        overrides begin with ``--set`` instead.
+        With every problem, each ``file:line:column: key: value found; values allowed``; those of overrides
+        begin with ``--set`` instead.
     """
     document = _document(Path(path), str(path)) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
@@ -65,14 +63,14 @@ def load(
     if document.data.get("sweep") == {}:
         message = "sweep: got an empty mapping; must hold a dotted key with a list of values, or be left out"
         document.problems.append((document.values["sweep",], message))
-    _resolve(document.data, Path(path).absolute().parent)
+    document.data = _with_absolute_paths(document.data, Path(path).absolute().parent)
     try:
         config = Config.model_validate(document.data)
     except ValidationError as error:
-        # A value that could not be read has been reported as such; that it is missing now says nothing more.
+        # A value that could not be read has been reported as such; do not report it as missing, too.
         unreadable = {place for place, _ in document.problems if place.line}
         found = [(_place(document, p), str(p)) for p in _all_problems(document.data, error)]
-        raise _error(document.problems + [told for told in found if told[0] not in unreadable]) from None
+        raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
     if not document.problems and inspect is not None:
         for key, message in inspect(config):
             problem = Problem(location_of(config.sweep, key), message)
@@ -83,20 +81,18 @@ def load(
 
 
 def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
-    # Keys may hold line breaks, and so may the words of those who read a file.
-    told = (f"{place}: {message}" for place, message in sorted(problems))
-    return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in told))
+    # Keys may hold line breaks, and so may messages of libraries.
+    lines = (f"{place}: {message}" for place, message in sorted(problems))
+    return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in lines))
 
 
 def _document(path: Path, source: str) -> Document:
     start = Place(source, 1, 1)
     try:
-        content, wrong = text.decoded(path.read_bytes(), source)
+        content = path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return Document(problems=[(start, f"cannot be read ({reason}); must be the name of a YAML file")])
-    if wrong:
-        return Document(problems=wrong)
     document = text.read(content, source)
     wanted = "must be a mapping of keys to values, with at least name: ..."
     if document.data is None and not document.problems:
@@ -113,7 +109,7 @@ def _override(document: Document, override: str) -> None:
     key, equals, value = override.partition("=")
     location: tuple[str, ...] = tuple(key.strip().split("."))
     if location[0] == "sweep" and len(location) > 1:
-        whole = 2 if location[1] in LISTS else 1  # what follows is one key, dots and all
+        whole = 2 if location[1] in LISTS else 1  # the rest is one key with dots
         location = (*location[:whole], ".".join(location[whole:])) if location[whole:] else location
     if not equals or not all(location):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
@@ -140,33 +136,22 @@ def _override(document: Document, override: str) -> None:
     document.values.update({location: option} | new.values)
 
 
-def _resolve(data: dict[str, Any], folder: Path) -> None:
-    """Make file names absolute, in the sections and in the sweep."""
-
-    def absolute(value: object) -> object:
-        return str(folder / value) if isinstance(value, str) and value else value
-
-    for name in FILES:
-        head, _, tail = name.partition(".")
-        if isinstance(section := data.get(head), dict) and tail in section:
-            section[tail] = absolute(section[tail])
-        sweep = data.get("sweep")
-        for swept in (sweep, sweep.get("zip")) if isinstance(sweep, dict) else ():
-            if isinstance(swept, dict) and isinstance(values := swept.get(name), list):
-                swept[name] = [absolute(value) for value in values]
-            if isinstance(swept, dict) and isinstance(values := swept.get(head), list):
-                swept[head] = [
-                    value | {tail: absolute(value[tail])}
-                    if isinstance(value, dict) and tail in value
-                    else value
-                    for value in values
-                ]
+def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
+    """Return plain data with file names made absolute, in the sections and in the sweep."""
+    if isinstance(data, dict):
+        return {
+            name: _with_absolute_paths(value, folder, f"{key}.{name}".lstrip("."))
+            for name, value in data.items()
+        }
+    if isinstance(data, list):
+        return [_with_absolute_paths(value, folder, key) for value in data]
+    return str(folder / data) if isinstance(data, str) and data and unswept(key) in _FILES else data
 
 
 def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
-    """Return the problems that pydantic found first, and those that they hide."""
+    """Return the problems that pydantic found first, and those hidden by them."""
     rest = copy.deepcopy(data)
-    found = new = explained(error)
+    found = new = explain(error)
     aside: list[str] = []
     while new:
         removed = [_set_aside(rest, problem.location) for problem in new]
@@ -177,7 +162,7 @@ def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]
 
 
 def _set_aside(data: Any, location: Location) -> str:
-    """Remove what is at a location, or what should have held it; return its dotted key."""
+    """Remove the value at a location, or the section that should hold it; return its dotted key."""
     keys = [part for part in location if isinstance(part, str)]
     holder = data
     for depth, key in enumerate(keys):
@@ -208,7 +193,7 @@ def _as_written(data: Any, problem: Problem) -> Problem:
 
 
 def _place(document: Document, problem: Problem) -> Place:
-    """Return the place of the value or key; where there is none, of what should have held it."""
+    """Return the place of the value or key; where there is none, of the section that should hold it."""
     location = problem.location
     if problem.at_key and location in document.keys:
         return document.keys[location]

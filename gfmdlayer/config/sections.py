@@ -1,4 +1,4 @@
-"""The sections of a configuration: plain validated data, with the paper's case as defaults.
+"""The sections of a configuration besides punch and material, with the paper's case as defaults.
 
 Lengths are in units of the period, moduli in units of G0 and times in units of tau, unless a configuration
 gives all three in other units consistently. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.
@@ -7,87 +7,53 @@ gives all three in other units consistently. Symbols and defaults follow Petrenk
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+import math
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import (
-    AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
-    Discriminator,
     Field,
     FieldSerializationInfo,
-    Tag,
     ValidationInfo,
     field_serializer,
     field_validator,
 )
 
-from gfmdlayer.config.input_errors import MustBe, one_of
+from gfmdlayer.body.laws import LAWS
+from gfmdlayer.body.materials import Material, Zener
+from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.punch.shape import Cell
+from gfmdlayer.validation.fields import (
+    MANY,
+    Count,
+    Extended,
+    File,
+    Finite,
+    MustBe,
+    NotNegative,
+    Optional,
+    Positive,
+    Word,
+    given,
+    sequence,
+    strict,
+)
+from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.sections import OneOf, Section
 
-
-def sequence(value: object) -> object:
-    """Take a single value for a list of one."""
-    return tuple(value) if isinstance(value, (list, tuple)) else (value,)
-
-
-def _readable(path: Path) -> Path:
-    """Refuse early what a run could only refuse late; what the file holds is looked at by its reader."""
-    path = path.absolute()
-    try:
-        if not path.exists():
-            wrong = "does not exist"
-        elif not path.is_file():
-            wrong = "is not a regular file"
-        else:
-            path.open("rb").close()
-            return path
-    except OSError as error:
-        wrong = f"cannot be read ({error.strerror})"
-    raise ValueError(
-        f"{path} {wrong}; must be the name of a readable file, relative to the configuration's folder"
-    )
-
-
-def _not_null(value: object) -> object:
-    # None says in the model that a key has no meaning here; a user says so by leaving the key out.
-    if value is None:
-        raise ValueError("got nothing (null); must have a value, or be left out")
-    return value
-
-
-MANY = 2**31  # points that FFTW, which counts in 32 bits, cannot transform any more
-
-given = AfterValidator(_not_null)
-strict = Field(strict=True, allow_inf_nan=False)
-Finite = Annotated[float, strict, MustBe("a number, finite")]
-Positive = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite")]
-NotNegative = Annotated[float, strict, Field(ge=0), MustBe("a number >= 0, finite")]
-Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
-Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
-Count = Annotated[int, Field(strict=True, ge=1, lt=MANY), MustBe("a whole number >= 1 and < 2^31")]
 Points = Annotated[
     int,
     Field(strict=True, ge=8, lt=MANY),
     MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]"),
 ]
 Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
-Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
-File = Annotated[Path, MustBe("the name of a file"), AfterValidator(_readable)]
-Name = Annotated[
-    str,
-    Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
-    MustBe("text of at most 128 letters, digits and . _ -, not beginning with . or - (it names a folder)"),
+Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
+Tolerance = Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")]
+Step = Annotated[
+    Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
+    MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
 ]
-
-
-class Section(BaseModel):
-    """A part of the configuration: immutable, and without any key that is not listed."""
-
-    # Built when first used: the whole configuration holds a copy of most of them.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, use_attribute_docstrings=True)
 
 
 class Grid(Section):
@@ -112,74 +78,26 @@ class Grid(Section):
 
     @field_serializer("points", "period")
     def _number_where_one_will_do(self, values: tuple[float, ...], info: FieldSerializationInfo) -> object:
-        return (
-            values[0]
-            if len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
-            else values
-        )
+        same = len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
+        return values[0] if same else values
 
+    @property
+    def cell(self) -> Cell:
+        """The cell as shapes of the punch see it."""
+        return Cell(self.points, self.period)
 
-class Zener(Section):
-    """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau)."""
-
-    model: Literal["zener"] = "zener"
-    """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
-    G0: Positive = 1.0
-    """relaxed shear modulus: for slow loads"""
-    Ginf: Positive = 10.0
-    """instantaneous shear modulus: for fast loads"""
-    tau: Positive = 1.0
-    """relaxation time at constant strain"""
-
-
-class Branch(Section):
-    """One term G exp(-t/tau) of a Prony series."""
-
-    G: Positive
-    """shear modulus of the branch"""
-    tau: Positive
-    """relaxation time of the branch"""
-
-
-class Prony(Section):
-    """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus."""
-
-    model: Literal["prony"] = "prony"
-    """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
-    G0: Positive = 1.0
-    """relaxed shear modulus"""
-    branches: tuple[Branch, ...] = Field(
-        description="a list of {G: ..., tau: ...}, each a number > 0", json_schema_extra={"minItems": 1}
-    )
-
-    @field_validator("branches")
-    @classmethod
-    def _at_least_one(cls, branches: tuple[Branch, ...]) -> tuple[Branch, ...]:
-        if not branches:
-            raise ValueError("got an empty list; must be at least one {G: ..., tau: ...}")
-        return branches
-
-
-def tagged(key: str, default: str) -> Discriminator:
-    """Return the rule that picks a member of a union by its `key`, which may be left out for the default."""
-
-    def tag(value: object) -> str:
-        if isinstance(value, Section):
-            return str(getattr(value, key))
-        return str(value.get(key, default)) if isinstance(value, Mapping) else default
-
-    return Discriminator(tag)
-
-
-def _form(value: object) -> str:
-    return "list" if isinstance(value, (list, tuple)) else "number"
-
-
-number_or_list = Discriminator(_form)
-Material = Annotated[
-    Annotated[Zener, Tag("zener")] | Annotated[Prony, Tag("prony")],
-    tagged("model", "zener"),
-]
+    def problems(self) -> Iterator[Problem]:
+        """Refuse periods that do not match the directions, and more points than FFTW counts."""
+        if len(self.period) != len(self.points):
+            message = (
+                f"got {len(self.period)} lengths for {len(self.points)} "
+                f"direction{'s' * (len(self.points) > 1)} of points; must be one number, or one for each "
+                "direction"
+            )
+            yield Problem(("period",), message, ("points",))
+        if math.prod(self.points) >= MANY:
+            total = f"{math.prod(self.points):.3g} points"
+            yield Problem(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")
 
 
 class Layer(Section):
@@ -189,8 +107,9 @@ class Layer(Section):
     """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
-    material: Material = Field(default_factory=Zener)
-    """viscoelastic law of the layer: model zener or prony"""
+    material: Annotated[Material, OneOf(LAWS)] = Field(
+        default_factory=Zener, description=f"viscoelastic law of the layer: model {' or '.join(LAWS)}"
+    )
 
 
 class Halfspace(Section):
@@ -213,9 +132,9 @@ class Trajectory(Section):
         Of the punch along x, constant or from a table; None where it stays.
     """
 
-    control: Annotated[Literal["depth", "load"], one_of("depth", "load")] = "depth"
+    control: Annotated[str, Word("depth", "load")] = "depth"
     """what is prescribed: depth or load"""
-    kind: Annotated[Literal["ramp_hold", "table"], one_of("ramp_hold", "table")] = "ramp_hold"
+    kind: Annotated[str, Word("ramp_hold", "table")] = "ramp_hold"
     """ramp_hold, or table: from a file"""
     depth: Annotated[NotNegative | None, given] = Field(
         default_factory=lambda data: (
@@ -225,9 +144,7 @@ class Trajectory(Section):
     """depth that is reached and held: length; for control: depth"""
     load: Annotated[NotNegative | None, given] = None
     """mean pressure that is reached and held; for control: load"""
-    ramp_time: Annotated[Positive | None, given] = Field(
-        default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None
-    )
+    ramp_time: Optional = Field(default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None)
     """duration of the ramp: time"""
     file: Annotated[File | None, given] = None
     """two columns, time and depth or mean pressure; for kind: table"""
@@ -238,8 +155,30 @@ class Trajectory(Section):
 
     @property
     def moves(self) -> bool:
-        """Whether the punch moves along the surface."""
+        """Whether the punch moves along x."""
         return self.velocity is not None or self.velocity_file is not None
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse keys without meaning for this control and kind, and the lack of those that are needed."""
+        table, other = self.kind == "table", "load" if self.control == "depth" else "depth"
+        wrong = []
+        if table and self.file is None:
+            wrong.append(("file", "missing; kind: table must be given the name of a file"))
+        if not table and self.file is not None:
+            wrong.append(("file", "given, but kind is ramp_hold; must be left out, or kind be table"))
+        if table and self.ramp_time is not None:
+            wrong.append(("ramp_time", "given, but the table sets the times; must be left out"))
+        if table and getattr(self, self.control) is not None:
+            wrong.append((self.control, "given, but the table sets it; must be left out"))
+        if getattr(self, other) is not None:
+            message = f"given, but control is {self.control}; must be left out, or control be {other}"
+            wrong.append((other, message))
+        if not table and self.control == "load" and self.load is None:
+            wrong.append(("load", "missing; control: load must be given a number >= 0, the mean pressure"))
+        yield from (Problem((key,), message, ("control", "kind")) for key, message in wrong)
+        if self.velocity is not None and self.velocity_file is not None:
+            message = "given, but velocity is a number; must be left out, or velocity be left out"
+            yield Problem(("velocity_file",), message, ("velocity",))
 
 
 class Time(Section):
@@ -250,36 +189,62 @@ class Time(Section):
 
     end: Positive = 8.0
     """end of the simulation: time"""
-    step: Annotated[
-        Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
-        MustBe("a number > 0, finite, or the word adaptive", ("adaptive",)),
-    ] = 0.005
+    step: Step = 0.005
     """time step, or adaptive: steps to the tolerance below"""
-    integrator: Annotated[
-        Literal["backward_euler", "exponential"], one_of("backward_euler", "exponential")
-    ] = "exponential"
+    integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"
     """exponential, of second order, or backward_euler, the paper's"""
-    tolerance: Annotated[Positive | None, given] = Field(
-        default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None
-    )
+    tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
     """relative error of pressure and displacement; for step: adaptive"""
-    steady: Annotated[Positive | None, given] = None
+    steady: Optional = None
     """relative change below which the run of a moving punch ends"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
+        if self.step == "adaptive":
+            if self.integrator == "backward_euler":
+                message = (
+                    "got backward_euler with step: adaptive; must be exponential, which estimates its error"
+                )
+                yield Problem(("integrator",), message, ("step",))
+            return
+        if self.tolerance is not None:
+            message = "given, but a fixed step has no use for it; must be left out, or time.step be adaptive"
+            yield Problem(("tolerance",), message, ("step",))
+        if self.step > self.end:
+            message = f"got {self.step!r}, beyond time.end = {self.end!r}; must be a number <= time.end"
+            yield Problem(("step",), message, ("end",))
+        elif message := self.misses(self.end):
+            yield Problem(("end",), message, ("step", "integrator"))
+
+    def misses(self, time: float) -> str:
+        """Return why no step ends at a time, if so: the steps of backward Euler are equal, as the paper's."""
+        if self.integrator != "backward_euler" or self.step == "adaptive" or whole_steps(time, self.step):
+            return ""
+        allowed = f"must be a whole number of steps of {self.step!r}, or time.integrator be exponential"
+        return f"got {time!r}; {allowed}"
 
 
 class Solver(Section):
     """How one step's contact problem is solved; `inertia` is None for every method but fire."""
 
-    method: Annotated[
-        Literal["fire", "active_set", "conjugate_gradient"],
-        one_of("fire", "active_set", "conjugate_gradient"),
-    ] = "active_set"
+    method: Annotated[str, Word(*SOLVERS)] = "active_set"
     """active_set, conjugate_gradient, or fire, the paper's"""
-    tolerance: Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")] = 1e-6
+    tolerance: Tolerance = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
-    inertia: Annotated[
-        Annotated[Literal["mass_weighted", "uniform"], one_of("mass_weighted", "uniform")] | None, given
-    ] = Field(default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None)
+    inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(
+        default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None
+    )
     """of the modes: mass_weighted or uniform; for method: fire"""
     max_iterations: Count = 20000
     """iterations of a step after which its case fails"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse the inertia of modes where they have none."""
+        if self.inertia is not None and self.method != "fire":
+            message = f"given, but method is {self.method}; must be left out, or method be fire"
+            yield Problem(("inertia",), message, ("method",))
+
+
+def whole_steps(time: float, step: float) -> bool:
+    """Whether a time is a whole number of steps, within a millionth of one."""
+    return abs(time / step - round(time / step)) <= 1e-6

@@ -5,14 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gfmdlayer.config import checks
-from gfmdlayer.config.input_errors import Location, Problem, shown, unknown_key
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
-
-if TYPE_CHECKING:
-    from gfmdlayer.config.model import Config
+from gfmdlayer.validation.problems import Location, Problem, shown, unknown_key
 
 MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
@@ -20,48 +16,49 @@ MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000
 Validate = Callable[[Row], list[Problem]]
 
 
-def conflicts(config: Config, keys: Sequence[str], validate: Validate) -> Iterator[Problem]:
-    """Yield what is wrong with a sweep.
+def conflicts(
+    sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
+) -> Iterator[Problem]:
+    """Yield the problems of a sweep.
 
     Parameters
     ----------
-    config : Config
-        The configuration whose `sweep` is looked at.
+    sweep : mapping
+        The sweep of a configuration.
     keys : sequence of str
         Dotted keys that can be swept.
+    unswept : sequence of Problem
+        Problems of the configuration with its own values of the swept keys.
     validate : callable
         Dotted key -> value, to the problems of the case made with these values.
     """
-    misplaced = {problem.location: problem for problem in _keys(config.sweep, keys)}
-    wrong = misplaced | {p.location: p for p in _lists(config.sweep) if p.location not in misplaced}
+    misplaced = {problem.location: problem for problem in _keys(sweep, keys)}
+    wrong = misplaced | {p.location: p for p in _lists(sweep) if p.location not in misplaced}
     yield from wrong.values()
-    sound = _without(config.sweep, wrong.keys())
+    sound = _without(sweep, wrong.keys())
     size = count(sound)
     if size > MAX_CASES:
         yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
         return
     factors = axes(sound)
-    refused = {problem.location: problem for axis in factors for problem in _values(axis)}
-    yield from refused.values()
-    axes_left = {
-        axis: places
+    found = {problem.location: problem for axis in factors for problem in _values(axis)}
+    yield from found.values()
+    refused = found.keys()
+    left = {
+        axis: [i for i, row in enumerate(axis.rows) if refused.isdisjoint(_places(axis, row, i))]
         for axis in factors
-        if (
-            places := [
-                i for i, row in enumerate(axis.rows) if refused.keys().isdisjoint(_places(axis, row, i))
-            ]
-        )
     }
-    if axes_left:
-        everywhere = [p for p in checks.conflicts(config) if not any(_touched(p, axis) for axis in axes_left)]
+    usable = {axis: places for axis, places in left.items() if places}
+    if usable:
+        everywhere = [
+            p for p in unswept if not any(_rests_on(p, key) for axis in usable for key in axis.rows[0])
+        ]
         yield from everywhere
-        yield from _Cases(
-            axes_left, lambda case: [p for p in validate(case) if p not in everywhere]
-        ).problems()
+        yield from _Cases(usable, lambda case: [p for p in validate(case) if p not in everywhere]).problems()
 
 
 def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
-    """Yield what is wrong with the keys: unknown ones, those swept twice, lists beside each other."""
+    """Yield unknown keys, keys swept twice, and lists of combinations beside each other."""
     lists = [name for name in LISTS if name in sweep]
     for name in lists[1:]:
         message = f"given beside {lists[0]}; must be one of {', '.join(LISTS)}"
@@ -93,7 +90,7 @@ def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
 
 
 def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
-    """Yield what is wrong with the lists of values as such, and with the number of samples."""
+    """Yield values that are no list or no list of the right length, and impossible numbers of samples."""
     zipped = {("sweep", "zip", key): values for key, values in sweep.get("zip", {}).items()}
     for location, values in (zipped | {("sweep", k): v for k, v in sweep.items() if k not in LISTS}).items():
         if not isinstance(values, list | tuple):
@@ -118,7 +115,7 @@ def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def _without(sweep: Mapping[str, Any], wrong: Collection[Location]) -> dict[str, Any]:
-    """Return what is sound of a sweep; samples are so as a whole."""
+    """Return a sweep without the keys at wrong locations; samples are left out as a whole."""
     sound: dict[str, Any] = {}
     for name, given in sweep.items():
         if ("sweep", name) in wrong:
@@ -131,7 +128,7 @@ def _without(sweep: Mapping[str, Any], wrong: Collection[Location]) -> dict[str,
 
 
 def _values(axis: Axis) -> Iterator[Problem]:
-    """Yield what is wrong with values before any is tried."""
+    """Yield empty values and values given twice."""
     seen: dict[object, int] = {}
     for i, row in enumerate(axis.rows):
         nothing = [key for key, value in row.items() if value is None]
@@ -159,16 +156,15 @@ def _places(axis: Axis, row: Row, index: int) -> list[Location]:
     return [axis.place(key, index) for key in row]
 
 
-def _touched(problem: Problem, axis: Axis) -> list[str]:
-    """Return the axis's keys that a problem rests on, the one that it is about first."""
-    names = (problem.key, *problem.others)
-    return [key for name in names for key in axis.rows[0] if f"{name}.".startswith(f"{key}.")]
+def _rests_on(problem: Problem, key: str) -> bool:
+    """Whether a problem depends on a swept key."""
+    return any(f"{name}.".startswith(f"{key}.") for name in (problem.key, *problem.others))
 
 
 class _Cases:
-    """Tries the cases: first those that differ from the first in a single place, then their whole product.
+    """Validates the cases: those that differ from the first in one value, then the whole product.
 
-    All of them will run, so nothing is refused for a value of the configuration itself that no case has.
+    Only the cases run, so a value of the configuration itself that no case has is not refused.
     """
 
     def __init__(self, places: Mapping[Axis, Sequence[int]], validate: Validate) -> None:
@@ -176,18 +172,18 @@ class _Cases:
         self._axes = list(places)
 
     def problems(self) -> list[Problem]:
-        """Return what is wrong, told of the swept values that cases fail on; of drawn ones the first."""
+        """Return the problems, at the swept values that they come from; of drawn values the first."""
         first = tuple(places[0] for places in self._places.values())
         known = self._validate(self._case(first))
-        found = [self._blame(problem, first, 0) for problem in known]
+        found = [self._at_value(problem, first, 0) for problem in known]
         for n, places in enumerate(self._places.values()):
             for i in places[1:]:
                 at = (*first[:n], i, *first[n + 1 :])
                 new = [problem for problem in self._validate(self._case(at)) if problem not in known]
-                found += [self._blame(problem, at, n) for problem in new]
+                found += [self._at_value(problem, at, n) for problem in new]
         if not found and math.prod(map(len, self._places.values())) <= MAX_CHECKED_PRODUCT:
             for at in itertools.product(*self._places.values()):
-                found += [self._blame(problem, at, 0) for problem in self._validate(self._case(at))]
+                found += [self._at_value(problem, at, 0) for problem in self._validate(self._case(at))]
         drawn = {axis.location for axis in self._axes if axis.sampled}
         once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(found)}
         return list(reversed(once.values()))
@@ -196,17 +192,12 @@ class _Cases:
         rows = [axis.rows[i] for axis, i in zip(self._axes, at, strict=True)]
         return {key: value for row in rows for key, value in row.items()}
 
-    def _blame(self, problem: Problem, at: Sequence[int], varied: int) -> Problem:
-        """Tell a case's problem of the swept value that it comes from."""
-        touched = [(key, n) for n, axis in enumerate(self._axes) for key in _touched(problem, axis)]
+    def _at_value(self, problem: Problem, at: Sequence[int], varied: int) -> Problem:
+        """Return a case's problem at the swept value on which it depends first, or else at the varied one."""
         names = (problem.key, *problem.others)
-        rank = {
-            key: next(i for i, name in enumerate(names) if f"{name}.".startswith(f"{key}."))
-            for key, _ in touched
-        }
-        key, n = min(
-            touched, key=lambda one: rank[one[0]], default=(next(iter(self._axes[varied].rows[0])), varied)
-        )
+        swept = [(n, key) for n, axis in enumerate(self._axes) for key in axis.rows[0]]
+        touched = ((n, key) for name in names for n, key in swept if f"{name}.".startswith(f"{key}."))
+        n, key = next(touched, (varied, next(iter(self._axes[varied].rows[0]))))
         value = self._axes[n].rows[at[n]][key]
         message = problem.message if key == problem.key else f"with {shown(value)}, {problem}"
         return Problem(self._axes[n].place(key, at[n]), message, names)

@@ -1,4 +1,4 @@
-"""A sweep: what a user may write of it, and the cases that it stands for.
+"""A sweep: its keys, and the cases that it stands for.
 
     layer.thickness: [0.1, 0.2]                          each value of a key with each of the other keys
     zip: {layer.thickness: [...], punch.radius: [...]}   first with first, second with second, ...
@@ -16,13 +16,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, field_validator
 from pydantic_core import CoreSchema, core_schema
 
-from gfmdlayer.config.input_errors import Location, MustBe, one_of, shown
-from gfmdlayer.config.sections import Count, Section, given
+from gfmdlayer.validation.fields import Count, Finite, Seed, Word, given
+from gfmdlayer.validation.problems import Location, shown
+from gfmdlayer.validation.sections import Section
 
 SAMPLED = ("latin_hypercube", "sobol")
 LISTS = ("zip", *SAMPLED)
@@ -31,7 +32,6 @@ LISTS = ("zip", *SAMPLED)
 # and a sweep that is taken up elsewhere must find its own cases again.
 _DIGITS = 12
 
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False), MustBe("a number, finite")]
 Row = dict[str, object]
 
 
@@ -42,7 +42,7 @@ class Range(Section):
     """beginning of the range"""
     to: Finite
     """end of the range"""
-    scale: Annotated[Literal["linear", "log"], one_of("linear", "log")] = "linear"
+    scale: Annotated[str, Word("linear", "log")] = "linear"
     """spread evenly, or evenly in the logarithm"""
 
     @field_validator("to")
@@ -75,10 +75,11 @@ class Samples(Section):
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Range]
+    entries = Range
 
     samples: Count
     """number of samples"""
-    seed: Annotated[int, Field(strict=True, ge=0), MustBe("a whole number >= 0")] = 0
+    seed: Seed = 0
     """of the random numbers: the same samples every time"""
 
 
@@ -100,6 +101,8 @@ class Sweep(Section):
 
 class PlainSweep:
     """Annotation of a mapping that has the shape of a `Sweep` and stays plain data."""
+
+    section = Sweep
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Validate the shape, then write it back with its defaults."""

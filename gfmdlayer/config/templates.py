@@ -1,21 +1,19 @@
-"""Configurations to start from: every key with its value, or commented out, and what it is.
+"""Configurations to start from: every key with its meaning, and its value or commented out.
 
 The text follows from the model, whose words for the keys are those that editors show too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from textwrap import wrap
-from typing import get_args
+from typing import Any, NamedTuple
 
-from pydantic import Tag
 from pydantic.fields import FieldInfo
 
 from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
-from gfmdlayer.config.sections import Section
+from gfmdlayer.validation.sections import OneOf, Section, held_by
 
 _COLUMN = 36  # where the words begin
 _HEAD = """\
@@ -30,88 +28,77 @@ _SWEEP = """\
 """
 
 
-@dataclass(frozen=True)
-class Start:
-    """A configuration to start from.
-
-    Attributes
-    ----------
-    summary : str
-        What it computes.
-    values : dict
-        Dotted keys and values that differ from the defaults.
-    """
+class Template(NamedTuple):
+    """A configuration to start from: a sentence about it, and dotted keys that differ from the defaults."""
 
     summary: str
-    values: Mapping[str, object] = field(default_factory=dict)
+    values: dict[str, Any]
 
 
-_QUICK: dict[str, object] = {"grid.points": 1024, "time.step": "adaptive", "output.snapshots": [1.0, 8.0]}
-_SURFACE: dict[str, object] = {
-    "grid.points": [128, 128],
-    "trajectory.control": "load",
-    "time.end": 2.0,
-    "time.step": "adaptive",
-    "output.snapshots": [1.0, 2.0],
-}
-STARTS = {
-    "indentation": Start("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
-    "sweep": Start(
+def _template(summary: str, *parts: str) -> Template:
+    values: dict[str, Any] = {}
+    for part in parts:
+        values |= text.read(part, "template").data
+    return Template(summary, values)
+
+
+_QUICK = "{grid.points: 1024, time.step: adaptive, output.snapshots: [1.0, 8.0]}"
+_SURFACE = """
+grid.points: [128, 128]
+trajectory.control: load
+time.end: 2.0
+time.step: adaptive
+output.snapshots: [1.0, 2.0]
+"""
+TEMPLATES = {
+    "indentation": _template("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
+    "sweep": _template(
         "A parabola is pressed into layers of several thicknesses.",
-        _QUICK | {"sweep": {"layer.thickness": [0.02, 0.05, 0.1, 0.2]}},
+        _QUICK,
+        "sweep: {layer.thickness: [0.02, 0.05, 0.1, 0.2]}",
     ),
-    "prony": Start(
+    "prony": _template(
         "A parabola is pressed into a layer that relaxes over two decades of time.",
-        _QUICK
-        | {
-            "layer.material": {
-                "model": "prony",
-                "branches": [{"G": 6.0, "tau": 0.1}, {"G": 3.0, "tau": 10.0}],
-            },
-            "time.end": 100.0,
-            "output.snapshots": [1.0, 10.0, 100.0],
-        },
+        _QUICK,
+        """
+layer.material: {model: prony, branches: [{G: 6.0, tau: 0.1}, {G: 3.0, tau: 10.0}]}
+time.end: 100.0
+output.snapshots: [1.0, 10.0, 100.0]
+""",
     ),
-    "sliding": Start(
+    "sliding": _template(
         "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
-        _QUICK
-        | {
-            "punch": {"shape": "cylinder", "radius": 0.6},
-            "trajectory.control": "load",
-            "trajectory.load": 0.01,
-            "trajectory.velocity": 0.1,
-            "time.end": 400.0,
-            "time.steady": 1e-3,
-            "output.snapshots": [],
-            "sweep": {"trajectory.velocity": [0.03, 0.3, 3.0]},
-        },
+        _QUICK,
+        """
+punch: {shape: cylinder, radius: 0.6}
+trajectory.control: load
+trajectory.load: 0.01
+trajectory.velocity: 0.1
+time.end: 400.0
+time.steady: 1e-3
+output.snapshots: []
+sweep: {trajectory.velocity: [0.03, 0.3, 3.0]}
+""",
     ),
-    "sphere": Start(
+    "sphere": _template(
         "A sphere is pressed into a coated solid by a force; a surface in two directions.",
-        _SURFACE
-        | {
-            "halfspace": {"shear_modulus": 10.0, "poisson": 0.3},
-            "punch": {"shape": "sphere", "radius": 1.0},
-            "trajectory.load": 0.02,
-        },
+        _SURFACE,
+        """
+halfspace: {shear_modulus: 10.0, poisson: 0.3}
+punch: {shape: sphere, radius: 1.0}
+trajectory.load: 0.02
+""",
     ),
-    "rough": Start(
+    "rough": _template(
         "A self-affine rough surface is pressed into a layer on a rigid base.",
-        _SURFACE
-        | {
-            "layer.thickness": 0.2,
-            "halfspace.shear_modulus": float("inf"),
-            "punch": {
-                "shape": "self_affine",
-                "hurst": 0.8,
-                "short_cutoff": 0.0625,
-                "seed": 1,
-                "roll_off": 0.25,
-                "rms_slope": 0.1,
-            },
-            "trajectory.load": 0.05,
-            "output.patches": True,
-        },
+        _SURFACE,
+        """
+layer.thickness: 0.2
+halfspace.shear_modulus: .inf
+punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.0625, seed: 1, roll_off: 0.25, rms_slope: 0.1}
+trajectory.load: 0.05
+output.patches: true
+""",
     ),
 }
 
@@ -122,19 +109,19 @@ def commented(name: str, like: str) -> str:
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the configuration.
     like : str
-        Key of `STARTS`.
+        Key of `TEMPLATES`.
 
     Raises
     ------
     ConfigError
-        Where the name is none for a configuration.
+        If a configuration cannot have this name.
     """
-    start = STARTS[like]
-    config = Config(name="new").with_values({"name": name, **start.values})
+    template = TEMPLATES[like]
+    config = Config(name="new").with_values({"name": name, **template.values})
     lines = (f"{entry:<{_COLUMN - 2}}  # {words}".rstrip(" #") for entry, words in _entries(config))
-    return _HEAD.format(summary=start.summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
+    return _HEAD.format(summary=template.summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
 
 
 def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
@@ -155,10 +142,9 @@ def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
             yield f"{indent}# {key}:", known.description or ""
 
 
-def _kinds(known: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
-    """Yield a line with the kinds of section that a key may hold, where there are several."""
-    notes = (note for member in get_args(known.annotation) for note in get_args(member))
-    tags = [note.tag for note in notes if isinstance(note, Tag)]
-    if tags:
-        lines = wrap(f"one of {', '.join(tags)}", 100)
+def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
+    """Yield lines with the kinds of section that a key may hold, where there are several."""
+    held = held_by(field)
+    if isinstance(held, OneOf):
+        lines = wrap(f"one of {', '.join(held.members)}", 100)
         yield from ((f"{indent}# {line}", "") for line in lines)

@@ -6,23 +6,26 @@ and dates are words. Nothing here knows which keys a configuration has.
 
 from __future__ import annotations
 
+import json
+import math
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from io import StringIO
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
+from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from gfmdlayer.config.input_errors import Location, dotted
+from gfmdlayer.validation.problems import Location, dotted
 
 _TAG = "the tag {} is not used here; must be written without it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
 _NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
+_PLAIN = re.compile(r"[A-Za-z/][A-Za-z0-9_./-]*")  # words that need no quotes
+_RESERVED = {"true", "false", "null", "yes", "no", "on", "off"}
 _WORDS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "timestamp", "merge", "value")}
 
 
@@ -40,7 +43,7 @@ class Place:
 
 @dataclass
 class Document:
-    """Plain data with the places of its keys and values, and what was wrong with the text itself."""
+    """Plain data with the places of its keys and values, and the errors in the text itself."""
 
     data: Any = None
     keys: dict[Location, Place] = field(default_factory=dict)
@@ -48,69 +51,52 @@ class Document:
     problems: list[tuple[Place, str]] = field(default_factory=list)
 
 
-def read(content: str, source: str, at: Location = (), *, option: bool = False) -> Document:
-    """Return what a text holds; whatever the text, nothing is raised.
+def read(content: str | bytes, source: str, at: Location = (), *, option: bool = False) -> Document:
+    """Return the data in a text; errors in the text are collected, never raised.
 
     Parameters
     ----------
-    content : str
-        YAML.
+    content : str or bytes
+        YAML, in UTF-8.
     source : str
         File or option, for the places.
     at : tuple of str and int
         Location of the text's value within the configuration.
     option : bool
-        The text is an option's, in which line and column say nothing.
+        The text is a command line option's, without line and column.
     """
     document = Document()
+    start = _place(source, "", option)
     yaml = YAML(typ="safe", pure=True)
     try:
+        if isinstance(content, bytes):
+            content = content.decode("utf-8-sig")
         with warnings.catch_warnings():  # anchors are refused, however often they are given
             warnings.simplefilter("ignore", YAMLWarning)
             node = yaml.compose(content)
         if node is not None:
             document.data = _Builder(document, source, option, yaml).build(node, at)
+    except UnicodeDecodeError as error:
+        place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"), option)
+        message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
+        document.problems.append((place, message))
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(source) if option or mark is None else Place(source, mark.line + 1, mark.column + 1)
         wrong = " ".join(filter(None, (error.context, error.problem)))
         document.problems.append((place, f"not YAML: {wrong}"))
     except ReaderError as error:
-        before = content[: error.position]
-        place = _place(source, before, option)
+        place = _place(source, str(content)[: error.position], option)
         document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
     except RecursionError:
-        document.problems.append(
-            (Place(source, 0 if option else 1, 1), "nested too deeply to be a configuration")
-        )
-    except (
-        YAMLError,
-        ArithmeticError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        AssertionError,
-    ) as error:
-        # The parser lets a few errors of its own through on odd escapes and directives.
-        document.problems.append(
-            (Place(source, 0 if option else 1, 1), f"not YAML: {error or type(error).__name__}")
-        )
+        document.problems.append((start, "nested too deeply to be a configuration"))
+    except Exception as error:  # the parser lets errors of many kinds through on odd escapes and directives
+        document.problems.append((start, f"not YAML: {error or type(error).__name__}"))
     return document
 
 
-def decoded(content: bytes, source: str) -> tuple[str, list[tuple[Place, str]]]:
-    """Return bytes as text, or the place of the first byte that is no UTF-8."""
-    try:
-        return content.decode("utf-8-sig"), []
-    except UnicodeDecodeError as error:
-        place = _place(source, content[: error.start].decode("utf-8", errors="replace"), option=False)
-        return "", [
-            (place, f"the byte 0x{content[error.start]:02x} is not UTF-8; must be a text file in UTF-8")
-        ]
-
-
 def _place(source: str, before: str, option: bool) -> Place:
+    """Return the place after a text."""
     if option:
         return Place(source)
     return Place(source, before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
@@ -177,26 +163,34 @@ class _Builder:
         self.document.problems.append((self.place(node), f"{dotted(at)}: {message}" if at else message))
 
 
-def written(data: Mapping[str, Any]) -> str:
-    """Return nested mappings as YAML: sections in block style, lists and what they hold in one line."""
-    yaml = YAML()
-    yaml.width = 110
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    stream = StringIO()
-    yaml.dump(_block(data), stream)
-    return stream.getvalue()
+def written(data: Mapping[str, Any], indent: str = "") -> str:
+    """Return nested mappings as YAML: a line for each key, and for each mapping in a list."""
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, Mapping) and value:
+            lines.append(f"{indent}{key}:\n{written(value, indent + '  ')}")
+        elif isinstance(value, (list, tuple)) and any(isinstance(item, Mapping) for item in value):
+            lines.append(f"{indent}{key}:\n" + "".join(f"{indent}  - {_flow(item)}\n" for item in value))
+        else:
+            lines.append(f"{indent}{key}: {_flow(value)}\n")
+    return "".join(lines)
 
 
-def _block(value: object) -> object:
-    if isinstance(value, Mapping):
-        return CommentedMap((key, _block(item)) for key, item in value.items())
-    if isinstance(value, (list, tuple)):
-        items = CommentedSeq(_block(item) for item in value)
-        plain = not any(isinstance(item, CommentedMap) for item in items)
-        if plain:
-            items.fa.set_flow_style()
-        for item in items:
-            if isinstance(item, CommentedMap):
-                item.fa.set_flow_style()
-        return items
-    return value if isinstance(value, (bool, int, float)) else str(value)
+def _flow(value: object) -> str:
+    """Return a value in one line."""
+    match value:
+        case None | bool():
+            return json.dumps(value)
+        case float() if not math.isfinite(value):
+            return f".{value}".replace(".-", "-.")
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
+        case list() | tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+    text = str(value)
+    if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
+        return text
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'

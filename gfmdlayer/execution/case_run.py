@@ -152,8 +152,8 @@ def _compute(
 
 def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
-        found["tau"] = config.layer.material.tau
+    if (tau := config.layer.material.characteristic_time) is not None:
+        found["tau"] = tau
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
     if config.trajectory.moves:

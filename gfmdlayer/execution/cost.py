@@ -67,10 +67,9 @@ def estimate(config: Config) -> Cost:
     width = sum(column.size for column in columns(config))
     at_4096, power = PAIRS[solver.method, inertia]
     pairs = steps * at_4096 * (size / 4096) ** power * (SLIDING if config.trajectory.moves else 1)
-    if solver.method == "active_set" and config.punch.shape in ("self_affine", "topography"):
+    if solver.method == "active_set" and config.punch.rough:
         pairs *= ROUGH
-    material = config.layer.material
-    branches = 1 if material.model == "zener" else len(material.branches)
+    branches = len(config.layer.material.maxwell_branches)
     fields = FIELDS[solver.method] + BRANCH_FIELDS * branches
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.execution.sweep import input_errors
+from gfmdlayer.validation.sections import files_named
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 
@@ -40,12 +41,7 @@ def stored_config(path: str | Path, overrides: Iterable[str] = ()) -> Config:
         raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
     content, overrides = str(known["config"]), list(overrides)
     config = load(path, overrides, input_errors, content)
-    files = [str(file) for section in (config.punch, config.trajectory) if (file := _file(section))]
+    files = [str(file) for file in files_named(config).values()]
     if files and not overrides and digest(config) != known.get("digest"):
         raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
     return config
-
-
-def _file(section: object) -> Path | None:
-    found: Path | None = getattr(section, "file", None)
-    return found

@@ -10,7 +10,6 @@ from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 from gfmdlayer.config import Config
-from gfmdlayer.config.checks import plainly_possible
 from gfmdlayer.config.sweeps import as_label, combinations
 
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
@@ -67,7 +66,7 @@ def cases(config: Config) -> list[Case]:
 
 def input_errors(config: Config) -> Iterable[tuple[str, str]]:
     """Look at the numbers and files of the cases, for `config.load`; light where there are none."""
-    doubtful = [case.config for case in cases(config) if not plainly_possible(case.config)]
+    doubtful = [case.config for case in cases(config) if not case.config.plainly_possible]
     if not doubtful:
         return ()
     from gfmdlayer import inputs
@@ -76,13 +75,15 @@ def input_errors(config: Config) -> Iterable[tuple[str, str]]:
 
 
 def notes(configs: Iterable[Config]) -> list[str]:
-    """Tell what is done to measured surfaces before they are used; light where there are none."""
-    measured = [config for config in configs if config.punch.shape == "topography"]
-    if not measured:
-        return []
-    from gfmdlayer import inputs
+    """Return the changes made to the measured surfaces of the cases, each once.
 
-    return inputs.notes(measured)
+    Raises
+    ------
+    TableError
+        If a file cannot be used.
+    """
+    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in configs)
+    return list(dict.fromkeys(note for cell, punch in surfaces for note in punch.notes(cell)))
 
 
 def label(values: dict[str, object]) -> str:

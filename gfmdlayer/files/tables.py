@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-LARGEST = 1e30  # that is taken: what is computed from larger numbers may leave the range of double precision
+from gfmdlayer.arrays import FloatArray
+
+LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
+
+Line = tuple[int, str, list[str]]  # number, text and words
 
 
 class TableError(ValueError):
@@ -23,7 +26,7 @@ def read_columns(
     increasing: bool = False,
     at_least: int = 2,
     row_error: Callable[[Sequence[float]], str | None] = lambda _: None,
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Read columns of numbers separated by commas, semicolons or white space.
 
     Lines that are empty or start with ``#`` are passed over, and so are lines of words before the numbers.
@@ -33,13 +36,13 @@ def read_columns(
     path : Path
         The file.
     names : tuple of str
-        What the columns hold, for the messages; as many as there must be.
+        The columns that the file must hold, for the messages.
     increasing : bool
         Whether the first column must grow from row to row.
     at_least : int
-        The fewest rows that will do.
+        The fewest rows allowed.
     row_error : callable
-        Says what is wrong with the numbers of a row, and what is allowed; nothing if they will do.
+        From the numbers of a row to the reason why they cannot be used, if any.
 
     Returns
     -------
@@ -50,34 +53,29 @@ def read_columns(
     TableError
         Naming file and line.
     """
-    number = 1
     wanted = f"{len(names)} numbers ({', '.join(names)})"
+    lines = read_lines(path)
     rows: list[list[float]] = []
-    for number, text, words in read_lines(path):
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            if not rows and not any(is_number(word) for word in words):
-                continue  # the names of the columns
-            raise TableError(f"{path}:{number}: cannot read {text!r}; must be {wanted}") from None
+    for place, text, row in _rows(path, lines, wanted):
         if len(row) != len(names):
-            raise TableError(f"{path}:{number}: holds {len(row)} numbers; must be {wanted}")
+            raise TableError(f"{place}: holds {len(row)} numbers; must be {wanted}")
         if not np.isfinite(row).all():
-            raise TableError(f"{path}:{number}: {text!r} is not finite; must be {wanted}")
+            raise TableError(f"{place}: {text!r} is not finite; must be {wanted}")
         if max(map(abs, row)) > LARGEST:
-            raise TableError(f"{path}:{number}: {text!r} is too large; must be {wanted}, up to {LARGEST:g}")
+            raise TableError(f"{place}: {text!r} is too large; must be {wanted}, up to {LARGEST:g}")
         if increasing and rows and row[0] <= rows[-1][0]:
             found = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
-            raise TableError(f"{path}:{number}: {found}; must increase from row to row")
+            raise TableError(f"{place}: {found}; must increase from row to row")
         if wrong := row_error(row):
-            raise TableError(f"{path}:{number}: {wrong}")
+            raise TableError(f"{place}: {wrong}")
         rows.append(row)
     if len(rows) < at_least:
-        raise TableError(f"{path}:{number}: holds {len(rows)} rows of numbers; must be at least {at_least}")
+        end = lines[-1][0] if lines else 1
+        raise TableError(f"{path}:{end}: holds {len(rows)} rows of numbers; must be at least {at_least}")
     return np.array(rows)
 
 
-def read_matrix(path: Path) -> npt.NDArray[np.float64]:
+def read_matrix(path: Path) -> FloatArray:
     """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan.
 
     Raises
@@ -86,22 +84,30 @@ def read_matrix(path: Path) -> npt.NDArray[np.float64]:
         Naming file and line.
     """
     rows: list[list[float]] = []
-    for number, text, words in read_lines(path):
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            if not rows and not any(is_number(word) for word in words):
-                continue  # the names of the columns
-            raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be numbers") from None
+    for place, _, row in _rows(path, read_lines(path), "numbers"):
         if rows and len(row) != len(rows[0]):
-            raise TableError(f"{path}:{number}: holds {len(row)} numbers; must be {len(rows[0])}, as above")
+            raise TableError(f"{place}: holds {len(row)} numbers; must be {len(rows[0])}, as above")
         rows.append(row)
     if not rows:
         raise TableError(f"{path}: holds no numbers")
     return np.array(rows)
 
 
-def read_lines(path: Path) -> list[tuple[int, str, list[str]]]:
+def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str, str, list[float]]]:
+    """Yield place, text and numbers of the lines of numbers."""
+    begun = False
+    for number, text, words in lines:
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            if begun or any(map(is_number, words)):
+                raise TableError(f"{path}:{number}: cannot read {text[:60]!r}; must be {wanted}") from None
+            continue  # the names of the columns
+        begun = True
+        yield f"{path}:{number}", text, row
+
+
+def read_lines(path: Path) -> list[Line]:
     """Return number, text and words of the lines of a file that hold more than a comment.
 
     Raises

@@ -25,7 +25,7 @@ class ContactMeans(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._unit = 2 * case.config.layer.material.G0
+        self._unit = 2 * case.config.layer.material.relaxed
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return them."""

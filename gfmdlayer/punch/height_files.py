@@ -1,4 +1,4 @@
-"""Heights from files: NumPy arrays, text, HDF5 and netCDF, and what SurfaceTopography reads.
+"""Heights from files: NumPy arrays, text, HDF5 and netCDF, and the formats of SurfaceTopography.
 
 The first axis of an array is x, the second y. In text each line is one value of x. Points that were not
 measured are NaN.
@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, read_matrix
+from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
+from gfmdlayer.grid.grid import Grid
 
 
 class Heights(NamedTuple):
-    """Heights, and the lengths of the cell that they fill along each axis where the file says so."""
+    """Heights, and the lengths of the cell that they fill along each axis if the file holds them."""
 
     values: FloatArray
     lengths: tuple[float, ...] | None = None
@@ -59,6 +60,41 @@ def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
     return found
 
 
+def read_profile(file: Path, grid: Grid) -> FloatArray:
+    """Read one height for each grid point.
+
+    Parameters
+    ----------
+    file : Path
+        .npy of the grid's shape, or text with a row, x and height, for each point of a line.
+    grid : Grid
+        The grid; x in the file is spaced by L/n.
+
+    Returns
+    -------
+    ndarray
+        Heights above the lowest, of the grid's shape.
+
+    Raises
+    ------
+    TableError
+        If the file does not hold finite heights for exactly the points of the grid.
+    """
+    found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
+    if found.shape != grid.shape:
+        raise TableError(
+            f"{file}: holds {times(found.shape)} heights; must be {times(grid.shape)}, as the grid"
+        )
+    bad = ~(np.abs(found) <= LARGEST)
+    if bad.any():
+        where = np.argwhere(bad)[0].tolist()
+        wrong = (
+            f"too large; must be up to {LARGEST:g}" if np.isfinite(found[bad][0]) else "not a finite number"
+        )
+        raise TableError(f"{file}: the height at index {where} is {wrong}")
+    return np.asarray(found - found.min())
+
+
 def load_array(file: Path) -> FloatArray:
     """Read one array of real numbers from a .npy file.
 
@@ -95,6 +131,21 @@ def _text(file: Path, axes: int, _dataset: str | None) -> Heights:
     return Heights(np.ascontiguousarray(heights), (_length(file, "x", x),))
 
 
+def _read_line(file: Path, grid: Grid) -> FloatArray:
+    if len(grid.shape) != 1:
+        raise TableError(
+            f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
+        )
+    x, heights = read_columns(file, ("x", "height")).T
+    spacing = grid.period[0] / grid.points[0]
+    if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
+        row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
+        raise TableError(
+            f"{file}: x is not spaced by period/points = {spacing:.6g} (worst at data row {row + 1})"
+        )
+    return np.ascontiguousarray(heights)
+
+
 def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
     import h5py
     import xarray
@@ -119,7 +170,7 @@ def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
 
 
 def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
-    """Return the asked variable of an xarray.Dataset, or the only one that can be meant."""
+    """Return the variable of an xarray.Dataset by name, or the only one of numbers on these axes."""
     if name:
         if name not in found:
             known = ", ".join(map(str, found.data_vars)) or "none"
@@ -147,7 +198,7 @@ def _by_surface_topography(file: Path, _axes: int, _dataset: str | None) -> Heig
             found = reader.topography()
             values = np.ma.filled(np.ma.asarray(found.heights(), dtype=np.float64), np.nan)
             return Heights(values, tuple(map(float, found.physical_sizes)))
-    except Exception as error:  # its readers raise what they like
+    except Exception as error:  # its readers raise exceptions of any kind
         raise TableError(f"{file}: SurfaceTopography cannot read it ({error})") from error
 
 

@@ -1,219 +1,64 @@
-"""Shapes of the rigid punch: the height of its surface above its lowest point, on the grid.
-
-x is the coordinate of a line contact; on a surface in two dimensions round shapes depend on r = (x^2 +
-y^2)^(1/2) in its place. A shape is either `Analytic`, a function of the coordinates that can be evaluated
-with its apex anywhere, or one that gives heights on the grid: from a file, or by random numbers.
-"""
+"""The shapes of the punch that a configuration may name, and copies of one side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
+from pydantic import BeforeValidator, Field
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.tables import LARGEST, TableError, read_columns
-from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.height_files import load_array, times
-from gfmdlayer.punch.roughness import self_affine
-from gfmdlayer.punch.topography import Topography
+from gfmdlayer.punch.shape import Analytic, Cell, Shape
+from gfmdlayer.validation.fields import Count, sequence
+from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.sections import OneOf, load_table
 
-Shape = Callable[[Grid], FloatArray]
-Axes = list[FloatArray]  # coordinates along each axis, from the apex, which broadcast to the grid's shape
-PerAxis = float | tuple[float, float]
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.grid.grid import Grid
 
-
-@dataclass(frozen=True)
-class Analytic:
-    """A shape that is a function of the coordinates, repeated with the period of the grid.
-
-    Attributes
-    ----------
-    height : callable
-        From the coordinates along each axis, counted from the apex.
-    counts : tuple of int
-        How many of them fill the cell along each axis, one after the other; the last number stands for the
-        axes that follow, too.
-    """
-
-    height: Callable[[Axes], FloatArray]
-    counts: tuple[int, ...] = (1,)
-
-    def __call__(self, grid: Grid, shift: float = 0.0) -> FloatArray:
-        """Heights on the grid, of the grid's shape, with the punch moved along x by any length."""
-        counts = self.counts + self.counts[-1:] * (len(grid.shape) - len(self.counts))
-        axes = [
-            _from_apex(x - moved, length, count)
-            for x, moved, length, count in zip(
-                grid.coordinates, (shift, 0.0), grid.period, counts, strict=False
-            )
-        ]
-        sparse = np.meshgrid(*axes, indexing="ij", sparse=True)
-        return np.array(np.broadcast_to(self.height(list(sparse)), grid.shape))
+# Functions of the coordinates (`Analytic`) of which an array may hold copies. The first is the default.
+ELEMENTS: Mapping[str, type[Analytic]] = load_table(
+    "gfmdlayer.punch.simple_shapes:Parabola",
+    "gfmdlayer.punch.simple_shapes:Sphere",
+    "gfmdlayer.punch.simple_shapes:Cylinder",
+    "gfmdlayer.punch.simple_shapes:Cone",
+    "gfmdlayer.punch.simple_shapes:Wedge",
+    "gfmdlayer.punch.simple_shapes:Pyramid",
+    "gfmdlayer.punch.simple_shapes:Flat",
+)
 
 
-def parabola(radius: PerAxis) -> Analytic:
-    """r^2/(2 R), the paper's Eq. (30); with two radii x^2/(2 Rx) + y^2/(2 Ry)."""
+class Array(Shape):
+    """`counts` copies of a shape along each direction, as many as fill the period."""
 
-    def height(axes: Axes) -> FloatArray:
-        if isinstance(radius, tuple):
-            return np.asarray(sum(x**2 / (2 * R) for x, R in zip(axes, radius, strict=True)))
-        return distance(axes) ** 2 / (2 * radius)
+    shape: Literal["array"] = "array"
+    """copies of another shape side by side"""
+    element: Annotated[Analytic, OneOf(ELEMENTS)] = Field(description="a mapping with the keys of a shape")
+    counts: Annotated[tuple[Count, ...], BeforeValidator(sequence)]
+    """number of copies, or [nx, ny]"""
 
-    return Analytic(height)
+    def heights(self, grid: Grid) -> FloatArray:
+        """Heights of the copies, of the grid's shape."""
+        return self.element.heights(grid, self.counts)
 
-
-def sphere(radius: float) -> Analytic:
-    """R - (R^2 - r^2)^(1/2), and R beyond the radius."""
-    return Analytic(lambda axes: _circle(distance(axes), radius))
-
-
-def cylinder(radius: float, along: str = "y") -> Analytic:
-    """R - (R^2 - x^2)^(1/2), and R beyond the radius, constant along one axis."""
-    return Analytic(lambda axes: _circle(np.abs(_across(axes, along)), radius))
-
-
-def cone(slope: float) -> Analytic:
-    """Slope times r."""
-    return Analytic(lambda axes: slope * distance(axes))
-
-
-def wedge(slope: float, along: str = "y") -> Analytic:
-    """Slope times |x|, constant along one axis."""
-    return Analytic(lambda axes: slope * np.abs(_across(axes, along)))
-
-
-def pyramid(angle: float, faces: int) -> Analytic:
-    """A pyramid with equal faces, at an angle (in degrees) to its axis, the first of them towards +x.
-
-    Three faces at 65.27 degrees are Berkovich's, as modified to have the area of Vickers's, which has four at
-    68 (ISO 14577-2).
-    """
-    turns = 2 * np.pi * np.arange(faces) / faces
-    slope = 1 / np.tan(np.radians(angle))
-
-    def height(axes: Axes) -> FloatArray:
-        x, y = axes
-        return np.asarray(slope * np.max([np.cos(t) * x + np.sin(t) * y for t in turns], axis=0))
-
-    return Analytic(height)
-
-
-def flat(width: PerAxis, edge_radius: float) -> Analytic:
-    """Flat over a line or a disc as wide, or a rectangle; s^2/(2 R_edge) a distance s outside."""
-
-    def height(axes: Axes) -> FloatArray:
-        if isinstance(width, tuple):
-            outside = distance([np.maximum(np.abs(x) - w / 2, 0.0) for x, w in zip(axes, width, strict=True)])
+    def misfits(self, cell: Cell) -> Iterator[Problem]:
+        """Yield why one copy does not fit into its part of the cell."""
+        axes = len(cell.points)
+        if len(self.counts) in {1, axes}:
+            counts = self.counts * (axes // len(self.counts))
+            yield from (each.within(("element",)) for each in self.element.misfits(cell, counts))
         else:
-            outside = np.maximum(distance(axes) - width / 2, 0.0)
-        return outside**2 / (2 * edge_radius)
-
-    return Analytic(height)
+            wanted = f"one number, or one for each of the {axes} directions" if axes > 1 else "one number"
+            yield Problem(("counts",), f"got {len(self.counts)} numbers; must be {wanted}")
 
 
-def sinusoid(amplitude: PerAxis, wavelength: PerAxis) -> Analytic:
-    """Amplitude times (1 - cos(2 pi x/wavelength)), summed over the axes."""
-
-    def height(axes: Axes) -> FloatArray:
-        waves = zip(axes, _pair(amplitude), _pair(wavelength), strict=False)
-        return np.asarray(sum(a * (1 - np.cos(2 * np.pi * x / length)) for x, a, length in waves))
-
-    return Analytic(height)
-
-
-def array(element: Mapping[str, object], counts: tuple[int, ...]) -> Analytic:
-    """Copies of a shape side by side, as many as fill the cell along each axis."""
-    one = make_shape(element)
-    assert isinstance(one, Analytic)
-    return Analytic(one.height, counts)
-
-
-def profile(file: Path) -> Shape:
-    """Heights from a file: .npy of the grid's shape, or text with a row, x and height, for each grid point.
-
-    Raises
-    ------
-    TableError
-        When called with a grid, if the file does not hold finite heights for exactly its points; x must be
-        spaced by L/n.
-    """
-
-    def heights(grid: Grid) -> FloatArray:
-        found = load_array(file) if file.suffix == ".npy" else _load_text(file, grid)
-        if found.shape != grid.shape:
-            raise TableError(
-                f"{file}: holds {times(found.shape)} heights; must be {times(grid.shape)}, as the grid"
-            )
-        if not np.isfinite(found).all():
-            where = np.argwhere(~np.isfinite(found))[0].tolist()
-            raise TableError(f"{file}: the height at index {where} is not a finite number")
-        if np.abs(found).max() > LARGEST:
-            where = list(map(int, np.unravel_index(np.abs(found).argmax(), found.shape)))
-            raise TableError(f"{file}: the height at index {where} is too large; must be up to {LARGEST:g}")
-        return np.asarray(found - found.min())
-
-    return heights
-
-
-def make_shape(punch: Mapping[str, object]) -> Shape:
-    """The shape that a section of a configuration describes, its keys as plain data."""
-    keys = dict(punch)
-    return SHAPES[str(keys.pop("shape"))](**keys)
-
-
-SHAPES: dict[str, Callable[..., Shape]] = {
-    "parabola": parabola,
-    "sphere": sphere,
-    "cylinder": cylinder,
-    "cone": cone,
-    "wedge": wedge,
-    "pyramid": pyramid,
-    "flat": flat,
-    "sinusoid": sinusoid,
-    "array": array,
-    "self_affine": self_affine,
-    "profile": profile,
-    "topography": Topography,
+SHAPES: Mapping[str, type[Shape]] = {
+    **ELEMENTS,
+    "array": Array,
+    **load_table(
+        "gfmdlayer.punch.simple_shapes:Sinusoid",
+        "gfmdlayer.punch.self_affine:SelfAffine",
+        "gfmdlayer.punch.measured:Profile",
+        "gfmdlayer.punch.measured:Topography",
+    ),
 }
-
-
-def distance(axes: Axes) -> FloatArray:
-    """Distance r from the apex."""
-    return np.asarray(np.sqrt(sum(np.square(x) for x in axes)))
-
-
-def _circle(r: FloatArray, radius: float) -> FloatArray:
-    r = np.minimum(r, radius)
-    return np.asarray(r * r / (radius + np.sqrt(radius * radius - r * r)))
-
-
-def _across(axes: Axes, along: str) -> FloatArray:
-    return axes[1] if along == "x" else axes[0]
-
-
-def _pair(values: PerAxis) -> tuple[float, float]:
-    return values if isinstance(values, tuple) else (values, values)
-
-
-def _from_apex(x: FloatArray, length: float, count: int) -> FloatArray:
-    """Coordinate from the middle of the nearest of `count` copies in a period around the origin."""
-    copies = np.floor((x / length + 0.5) * count)
-    return np.asarray(x - ((copies + 0.5) / count - 0.5) * length)
-
-
-def _load_text(file: Path, grid: Grid) -> FloatArray:
-    if len(grid.shape) != 1:
-        raise TableError(
-            f"{file}: two columns describe a line; a surface in two dimensions needs an array (.npy)"
-        )
-    x, height = read_columns(file, ("x", "height")).T
-    spacing = grid.period[0] / grid.points[0]
-    if x.size == grid.size and not np.allclose(np.diff(x), spacing, rtol=1e-6, atol=0):
-        row = int(np.argmax(np.abs(np.diff(x) - spacing))) + 1
-        raise TableError(
-            f"{file}: x is not spaced by period/points = {spacing:.6g} (worst at data row {row + 1})"
-        )
-    return np.ascontiguousarray(height)

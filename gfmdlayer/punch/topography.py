@@ -1,151 +1,122 @@
-"""Measured surfaces as punches: what is missing is filled in, and the cell continued periodically.
+"""The steps that make a measured surface periodic and complete.
 
-A measurement neither joins up with itself at the edges nor is it free of holes. What is done about that is
-what the user asks for, in this order, and each step says what it did:
+A measurement neither joins up with itself at the edges nor is it free of holes. The steps that the user asks
+for are taken in this order, and each describes its change:
 
 fill        points that were not measured take the heights of a membrane spanned between their neighbours
 detrend     the plane, or the paraboloid, of least squares is subtracted
 taper       deviations from the mean height fade out towards the edges (Tukey's window; 1 is Hann's)
 resample    to the points of the grid, by the Fourier series
+
+Each returns the heights and a note, which is empty where nothing changed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.height_files import read_heights, times
+from gfmdlayer.punch.height_files import times
 
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
 
 
-@dataclass(frozen=True)
-class Topography:
-    """A measured surface, upside down: its summits touch first.
+def check_lengths(
+    file: Path, lengths: tuple[float, ...] | None, unit: float, period: tuple[float, ...]
+) -> None:
+    """Compare the lengths of the measured cell, in units of `unit`, with the period of the grid.
 
-    Parameters
-    ----------
-    file : Path
-        See `height_files`.
-    dataset : str, optional
-        The name of the heights in an HDF5 or netCDF file.
-    unit : float
-        Length of the file's unit.
-    fill : str
-        ``none`` or ``membrane``.
-    detrend : str
-        ``none``, ``plane`` or ``paraboloid``.
-    taper : float
-        Part of the cell, from 0 to 1, over which the heights fade out along each axis.
-    resample : str
-        ``none`` or ``fourier``.
+    Raises
+    ------
+    TableError
+        If they differ by more than a thousandth.
     """
-
-    file: Path
-    dataset: str | None = None
-    unit: float = 1.0
-    fill: str = "none"
-    detrend: str = "none"
-    taper: float = 0.0
-    resample: str = "none"
-
-    def __call__(self, grid: Grid) -> FloatArray:
-        """Heights of the punch above its lowest point, of the grid's shape.
-
-        Raises
-        ------
-        TableError
-            If the file cannot be used.
-        """
-        return self.continued(grid)[0]
-
-    def continued(self, grid: Grid) -> tuple[FloatArray, list[str]]:
-        """Heights as `__call__` returns them, and what was done to the measured ones."""
-        measured = read_heights(self.file, len(grid.shape), self.dataset)
-        heights, done = self.unit * measured.values, list[str]()
-        self._check_lengths(measured.lengths, grid)
-        for step in (self._filled, self._detrended, self._tapered):
-            heights, note = step(heights)
-            done += [note] if note else []
-        done += [note for note in map(self._seam, range(heights.ndim), [heights] * 2) if note]
-        heights, note = self._resampled(heights, grid)
-        done += [note] if note else []
-        return heights.max() - heights, [f"{self.file}: {note}" for note in done]
-
-    def _check_lengths(self, lengths: tuple[float, ...] | None, grid: Grid) -> None:
-        if lengths is None:
-            return
-        found = tuple(self.unit * length for length in lengths)
-        if not np.allclose(found, grid.period, rtol=1e-3, atol=0):
-            raise TableError(
-                f"{self.file}: is {_lengths(found)} long (with unit = {self.unit:g}), but grid.period is "
-                f"{_lengths(grid.period)}; must agree within a thousandth"
-            )
-
-    def _filled(self, heights: FloatArray) -> tuple[FloatArray, str]:
-        holes = np.isnan(heights)
-        if not holes.any():
-            return heights, ""
-        count = f"{holes.sum()} of {holes.size} points have no height"
-        if holes.all():
-            raise TableError(f"{self.file}: {count}")
-        if self.fill == "none":
-            first = np.argwhere(holes)[0].tolist()
-            raise TableError(
-                f"{self.file}: {count}, the first at index {first}; must be none, or fill: membrane"
-            )
-        return membrane(heights, holes), f"{count}; a membrane between their neighbours fills them in"
-
-    def _detrended(self, heights: FloatArray) -> tuple[FloatArray, str]:
-        if self.detrend == "none":
-            return heights, ""
-        rest = without_trend(heights, curved=self.detrend == "paraboloid")
-        return rest, f"the {self.detrend} of least squares was subtracted; {_change(heights, rest)}"
-
-    def _tapered(self, heights: FloatArray) -> tuple[FloatArray, str]:
-        if self.taper == 0:
-            return heights, ""
-        from scipy.signal.windows import tukey
-
-        windows = np.meshgrid(
-            *(tukey(n, self.taper, sym=False) for n in heights.shape), indexing="ij", sparse=True
+    found = tuple(unit * length for length in lengths or ())
+    if found and not np.allclose(found, period, rtol=1e-3, atol=0):
+        raise TableError(
+            f"{file}: is {_lengths(found)} long (with unit = {unit:g}), but grid.period is "
+            f"{_lengths(period)}; must agree within a thousandth"
         )
-        faded = heights - heights.mean()
-        for window in windows:
-            faded = faded * window
-        return faded, f"heights fade out over {self.taper:g} of the cell; {_change(heights, faded)}"
 
-    def _seam(self, axis: int, heights: FloatArray) -> str:
-        usual = _rms(np.diff(heights, axis=axis))
-        seam = _rms(np.take(heights, 0, axis) - np.take(heights, -1, axis))
-        if seam <= _SEAM * usual:
-            return ""
-        times_usual = f"{seam / usual:.3g} times the usual one" if usual > 0 else "the only one"
-        advice = "" if self.taper else "; taper makes it join up"
-        where = f"does not join up with itself along {'xy'[axis]}"
-        return f"{where}: the step across the seam is {times_usual}{advice}"
 
-    def _resampled(self, heights: FloatArray, grid: Grid) -> tuple[FloatArray, str]:
-        if heights.shape == grid.shape:
-            return heights, ""
-        if self.resample == "none":
-            raise TableError(
-                f"{self.file}: holds {times(heights.shape)} heights; must be {times(grid.shape)}, as the "
-                "grid, or resample: fourier"
-            )
-        from scipy.signal import resample
+def filled(file: Path, heights: FloatArray, method: str) -> tuple[FloatArray, str]:
+    """Fill points without a height, NaN, by the method `none` or `membrane`.
 
-        found = heights
-        for axis, n in enumerate(grid.shape):
-            found = resample(found, n, axis=axis)
-        done = f"resampled from {times(heights.shape)} to {times(grid.shape)} points by the Fourier series"
-        return found, f"{done}; {_change(heights, found)}"
+    Raises
+    ------
+    TableError
+        If there are such points and no method, or no other points.
+    """
+    holes = np.isnan(heights)
+    if not holes.any():
+        return heights, ""
+    count = f"{holes.sum()} of {holes.size} points have no height"
+    if holes.all():
+        raise TableError(f"{file}: {count}")
+    if method == "none":
+        first = np.argwhere(holes)[0].tolist()
+        raise TableError(f"{file}: {count}, the first at index {first}; must be none, or fill: membrane")
+    return membrane(heights, holes), f"{count}; a membrane between their neighbours fills them in"
+
+
+def detrended(heights: FloatArray, trend: str) -> tuple[FloatArray, str]:
+    """Subtract the trend of least squares: `none`, `plane` or `paraboloid`."""
+    if trend == "none":
+        return heights, ""
+    rest = without_trend(heights, curved=trend == "paraboloid")
+    return rest, f"the {trend} of least squares was subtracted; {_change(heights, rest)}"
+
+
+def tapered(heights: FloatArray, part: float) -> tuple[FloatArray, str]:
+    """Fade the deviations from the mean out over a part of the cell along each axis."""
+    if part == 0:
+        return heights, ""
+    from scipy.signal.windows import tukey
+
+    windows = np.meshgrid(*(tukey(n, part, sym=False) for n in heights.shape), indexing="ij", sparse=True)
+    faded = heights - heights.mean()
+    for window in windows:
+        faded = faded * window
+    return faded, f"heights fade out over {part:g} of the cell; {_change(heights, faded)}"
+
+
+def seam(heights: FloatArray, axis: int, is_tapered: bool) -> str:
+    """Describe the step from the last row of an axis to the first, where it is unusually large."""
+    usual = _rms(np.diff(heights, axis=axis))
+    step = _rms(np.take(heights, 0, axis) - np.take(heights, -1, axis))
+    if step <= _SEAM * usual:
+        return ""
+    times_usual = f"{step / usual:.3g} times the usual one" if usual > 0 else "the only one"
+    advice = "" if is_tapered else "; taper makes it join up"
+    where = f"does not join up with itself along {'xy'[axis]}"
+    return f"{where}: the step across the seam is {times_usual}{advice}"
+
+
+def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: str) -> tuple[FloatArray, str]:
+    """Resample to the shape of the grid, by the method `none` or `fourier`.
+
+    Raises
+    ------
+    TableError
+        If the shapes differ and there is no method.
+    """
+    if heights.shape == shape:
+        return heights, ""
+    if method == "none":
+        raise TableError(
+            f"{file}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid, or "
+            "resample: fourier"
+        )
+    from scipy.signal import resample
+
+    found = heights
+    for axis, n in enumerate(shape):
+        found = resample(found, n, axis=axis)
+    done = f"resampled from {times(heights.shape)} to {times(shape)} points by the Fourier series"
+    return found, f"{done}; {_change(heights, found)}"
 
 
 def without_trend(heights: FloatArray, *, curved: bool) -> FloatArray:
@@ -164,7 +135,7 @@ def without_trend(heights: FloatArray, *, curved: bool) -> FloatArray:
     return np.asarray(rest)
 
 
-def membrane(heights: FloatArray, holes: npt.NDArray[np.bool_]) -> FloatArray:
+def membrane(heights: FloatArray, holes: BoolArray) -> FloatArray:
     """Give each hole the mean height of its neighbours, up to four on two axes: a membrane at rest."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve

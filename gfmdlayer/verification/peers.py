@@ -9,7 +9,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.shapes import parabola
+from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, HALFSPACE, ONE_STEP, run
 from gfmdlayer.verification.theory import RADIUS, solver_error
@@ -72,7 +72,7 @@ def tamaas(quick: bool) -> Iterator[Row]:
     the pressure. Tamaas is asked for a tenth of our residual.
     """
     n, step, steps, tolerance = (2**9 if quick else 2**11), 0.1, 15, 1e-7
-    peer = TamaasHalfspace(parabola(RADIUS)(Grid((n,), (1.0,))), step, tolerance / 100)
+    peer = TamaasHalfspace(Parabola(radius=RADIUS).heights(Grid((n,), (1.0,))), step, tolerance / 100)
     depths = [peer.press(_LOAD * min(i * step, 1.0)) for i in range(1, steps + 1)]
     time = {"time": {"end": steps * step, "step": step, "integrator": "backward_euler"}}
     found = run(ALONE, _TRAJECTORY, time, {"grid.points": n, "solver.tolerance": tolerance})
@@ -94,7 +94,7 @@ def contact_mechanics(quick: bool) -> Iterator[Row]:
     from SurfaceTopography import UniformLineScan
 
     n, tolerance = (2**9 if quick else 2**12), 1e-8
-    heights = -parabola(RADIUS)(Grid((n,), (1.0,)))
+    heights = -Parabola(radius=RADIUS).heights(Grid((n,), (1.0,)))
     system = NonSmoothContactSystem(
         PeriodicFFTElasticHalfSpace((n,), 4.0, (1.0,)), UniformLineScan(heights, 1.0, periodic=True)
     )

@@ -22,6 +22,7 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.punch.self_affine import SelfAffine
 from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
@@ -152,7 +153,7 @@ def _rough(points: int, *, halfspace: bool = False) -> Config:
     """The case on another grid; the surface keeps its waves as long as four spacings carry the shortest."""
     given = load(_CASE)
     values: dict[str, object] = {"grid.points": [points, points], "output.snapshots": []}
-    assert given.punch.shape == "self_affine"
+    assert isinstance(given.punch, SelfAffine)
     values["punch.short_cutoff"] = max(given.punch.short_cutoff, 4 / points)
     if halfspace:
         values |= {"layer.thickness": 0.0, "halfspace.shear_modulus": 1.0, "solver.tolerance": _RESIDUAL}

@@ -8,11 +8,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from gfmdlayer.body.materials import Material, Prony, Zener
+from gfmdlayer.config import Config
 
 # A handful of operations of half an ulp each.
 ROUNDING = 1e-15
@@ -61,8 +62,11 @@ def test_response_runs_from_glassy_to_relaxed(material: Material) -> None:
     assert material.glassy == pytest.approx(material.relaxed + material.branch_moduli.sum(), rel=ROUNDING)
 
 
+@settings(deadline=None)
 @given(
-    st.lists(st.tuples(st.floats(0, 1e6), st.floats(-6, 6).map(lambda k: 10**k)), max_size=8),
+    st.lists(
+        st.tuples(st.just(0.0) | st.floats(1e-30, 1e6), st.floats(-6, 6).map(lambda k: 10**k)), max_size=8
+    ),
     st.floats(-8, 8).map(lambda k: 10**k),
 )
 def test_any_series_stores_and_loses_energy_but_makes_none(
@@ -98,18 +102,35 @@ def test_relaxing_material_is_not_elastic() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Zener(0.0, 1.0, 1.0), "G0 = 0.0: must be finite and positive"),
-        (lambda: Zener(2.0, 1.0, 1.0), "Ginf = 1.0: must be finite and at least G0 = 2.0"),
-        (lambda: Zener(1.0, math.inf, 1.0), "Ginf = inf"),
-        (lambda: Zener(1.0, math.nan, 1.0), "Ginf = nan"),
-        (lambda: Zener(1.0, 2.0, -1.0), "tau = -1.0"),
-        (lambda: Zener(1.0, 2.0, math.inf), "tau = inf"),
-        (lambda: Prony(-1.0), "G0 = -1.0"),
-        (lambda: Prony(1.0, ((1.0, 1.0), (-2.0, 1.0))), "G of branch 1 = -2.0"),
-        (lambda: Prony(1.0, ((1.0, 0.0),)), "tau of branch 0 = 0.0"),
-        (lambda: Prony(1.0, ((math.nan, 1.0),)), "G of branch 0 = nan"),
+        (lambda: Zener(0.0, 1.0, 1.0), "G0: got 0.0; must be a number > 0"),
+        (lambda: Zener(2.0, 1.0, 1.0), "Ginf: got 1.0, below G0 = 2.0; must be a number >= G0"),
+        (lambda: Zener(1.0, math.inf, 1.0), "Ginf: got .inf; must be a number > 0, finite"),
+        (lambda: Zener(1.0, math.nan, 1.0), "Ginf: got .nan"),
+        (lambda: Zener(1.0, 2.0, -1.0), "tau: got -1.0"),
+        (lambda: Zener(1.0, 2.0, math.inf), "tau: got .inf"),
+        (lambda: Prony(-1.0), "G0: got -1.0"),
+        (lambda: Prony(1.0, ((1.0, 1.0), (-2.0, 1.0))), r"branches\[1\].G: got -2.0; must be a number >= 0"),
+        (lambda: Prony(1.0, ((1.0, 0.0),)), r"branches\[0\].tau: got 0.0"),
+        (lambda: Prony(1.0, ((math.nan, 1.0),)), r"branches\[0\].G: got .nan"),
     ],
 )
 def test_impossible_materials_are_refused(make: Callable[[], Material], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_parameters_are_taken_in_order_or_by_name_but_once() -> None:
+    assert Zener(2.0, tau=3.0, Ginf=5.0) == Zener(2.0, 5.0, 3.0)
+    assert Prony(branches=[{"G": 2.0, "tau": 3.0}]) == Prony(1.0, ((2.0, 3.0),))
+    assert [tau for _, tau in BROAD.branches] == [1e-3, 1.0, 50.0]
+    with pytest.raises(TypeError, match="takes each of G0, Ginf, tau once"):
+        Zener(1.0, 2.0, 3.0, 4.0)
+    with pytest.raises(TypeError, match="takes each of G0, Ginf, tau once"):
+        Zener(1.0, G0=2.0)
+
+
+def test_the_material_of_a_configuration_is_the_one_of_the_theory() -> None:
+    keys = {"model": "prony", "G0": 0.5, "branches": [{"G": G, "tau": tau} for G, tau in BROAD.branches]}
+    config = Config.model_validate({"name": "x", "layer": {"material": keys}})
+    assert config.layer.material == BROAD
+    assert Config(name="x").layer.material == Zener(1.0, 10.0, 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from gfmdlayer.cli import main, new
 from gfmdlayer.config import load
-from gfmdlayer.config.templates import STARTS, commented
+from gfmdlayer.config.templates import TEMPLATES, commented
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble
 
@@ -19,7 +19,7 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_command_line_offers_all_of_them() -> None:
-    assert list(new.LIKE) == list(STARTS)
+    assert list(new.LIKE) == list(TEMPLATES)
 
 
 @pytest.mark.parametrize("like", new.LIKE)

@@ -127,7 +127,7 @@ def test_a_case_is_the_same_however_it_was_swept(read: Read) -> None:
         "{output.snapshots: [[], [0.01], [0.01, 0.02]]}",
     ],
 )
-def test_what_is_dumped_of_a_sweep_stands_for_the_same_cases(read: Read, tmp_path: Path, sweep: str) -> None:
+def test_a_dumped_sweep_stands_for_the_same_cases(read: Read, tmp_path: Path, sweep: str) -> None:
     config = read(sweep)
     (tmp_path / "dumped.yaml").write_text(config.dump())
     again = load(tmp_path / "dumped.yaml")
@@ -186,7 +186,7 @@ def test_results_of_a_list_lie_along_the_cases_with_their_values(read: Read, tmp
         assert not results["mean_pressure"].isnull().any()
 
 
-def test_results_of_samples_tell_how_they_were_drawn(read: Read, tmp_path: Path) -> None:
+def test_results_of_samples_record_how_they_were_drawn(read: Read, tmp_path: Path) -> None:
     config = read("{sobol: {samples: 4, seed: 9, layer.thickness: {from: 0.1, to: 1}}}")
     run(config, tmp_path / "out")
     with open_results(tmp_path / "out") as results:

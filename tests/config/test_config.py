@@ -1,4 +1,4 @@
-"""What a user may write, and what is said of everything else."""
+"""Configurations that are accepted, and the messages for all others."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.config import Config, ConfigError, Prony, Zener, digest, load
+from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.execution.sweep import input_errors
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -926,7 +927,7 @@ _configs = st.fixed_dictionaries(
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=_configs)
-def test_what_is_dumped_loads_as_an_equal_configuration(tmp_path: Path, data: dict[str, Any]) -> None:
+def test_a_dump_loads_as_an_equal_configuration(tmp_path: Path, data: dict[str, Any]) -> None:
     config = Config.model_validate(data)
     again = load(write(tmp_path, config.dump()))
     assert again == config
@@ -1030,7 +1031,7 @@ def test_no_numerics_is_imported() -> None:
 # --- any text at all ---
 
 
-def taken_or_refused(path: Path, *overrides: str) -> bool:
+def accepted_or_refused(path: Path, *overrides: str) -> bool:
     """Anything else that `load` raises goes through."""
     try:
         return isinstance(load(path, overrides), Config)
@@ -1079,7 +1080,7 @@ _scraps = st.lists(
 def test_any_text_is_a_configuration_or_a_named_error(tmp_path: Path, content: str, prefix: str) -> None:
     path = tmp_path / "case.yaml"
     path.write_bytes((prefix + content).encode("utf-8", errors="surrogatepass"))
-    assert taken_or_refused(path)
+    assert accepted_or_refused(path)
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -1089,4 +1090,4 @@ def test_any_text_is_a_configuration_or_a_named_error(tmp_path: Path, content: s
     )
 )
 def test_any_override_is_taken_or_a_named_error(tmp_path: Path, override: str) -> None:
-    assert taken_or_refused(write(tmp_path, "name: x"), override)
+    assert accepted_or_refused(write(tmp_path, "name: x"), override)

@@ -1,4 +1,4 @@
-"""Any file at all, given to the command line: it is run, or what is wrong is told and the exit status is 2.
+"""Any file at all, given to the command line: it is run, or refused with named errors and exit status 2.
 
 With --hypothesis-profile=long (see `conftest`) each of these takes ten thousand examples.
 """
@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from gfmdlayer import cli
 from gfmdlayer.config import Config
 from gfmdlayer.config.model import leaves
-from gfmdlayer.config.punches import PUNCHES
+from gfmdlayer.punch.shapes import SHAPES
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHIPPED = {path.name: path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml"))}
@@ -49,16 +49,16 @@ def gfmdlayer(*arguments: str) -> tuple[int, str]:
     return status, err.buffer.getvalue().decode()  # type: ignore[attr-defined]
 
 
-def told_or_taken(path: Path, content: str | bytes) -> bool:
+def accepted_or_refused(path: Path, content: str | bytes) -> bool:
     """Check what the command line makes of a file; return whether it takes it."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "surrogatepass"))
-    status, told = gfmdlayer("check", path.name)
+    status, errors = gfmdlayer("check", path.name)
     if status == 0:
-        assert all(line.startswith("warning") for line in told.splitlines())
+        assert all(line.startswith("warning") for line in errors.splitlines())
     else:
         assert status == 2
-        assert told
-        for line in told.splitlines():
+        assert errors
+        for line in errors.splitlines():
             assert line.startswith(f"gfmdlayer: {path.name}:")
     return status == 0
 
@@ -84,7 +84,7 @@ WORDS = st.sampled_from([*ODD_WORDS.split(), "\t"])
 SCALARS = st.one_of(NUMBERS, WORDS, st.text(max_size=8).map(lambda text: "'" + text.replace("'", "''") + "'"))
 KEYS = sorted(
     {part for key in leaves(Config(name="all")) for part in key.split(".")}
-    | {key for shape in PUNCHES for key in shape.model_fields}
+    | {key for shape in SHAPES.values() for key in shape.model_fields}
     | {"name", "sweep", "branches", "pressure", "gap", "bins", "scale", "min", "max", "G"}
 )
 DOTTED = leaves(Config(name="all"))
@@ -121,7 +121,7 @@ def structures(draw: st.DrawFn) -> str:
     for section, entries in sections.items():
         lines.append(f"{section}: {{{', '.join(entries)}}}")
     if draw(st.booleans()):
-        shape = draw(st.sampled_from(PUNCHES))
+        shape = draw(st.sampled_from(list(SHAPES.values())))
         keys = [key for key in shape.model_fields if key != "shape" and draw(st.booleans())]
         entries = [
             f"shape: {shape.model_fields['shape'].default}",
@@ -138,8 +138,8 @@ def structures(draw: st.DrawFn) -> str:
 
 @anything
 @given(content=st.one_of(st.binary(max_size=200), st.text(), trees))
-def test_any_bytes_are_told_or_taken(folder: Path, content: str | bytes) -> None:
-    told_or_taken(folder / "case.yaml", content)
+def test_any_bytes_are_accepted_or_refused(folder: Path, content: str | bytes) -> None:
+    accepted_or_refused(folder / "case.yaml", content)
 
 
 @anything
@@ -151,8 +151,8 @@ def test_any_bytes_are_told_or_taken(folder: Path, content: str | bytes) -> None
 @example("name: x\ngrid: {points: " + "9" * 400 + "}\n")
 @example("name: x\ngrid: {period: 1e200}\n")
 @example("name: x\npunch: {shape: array, element: {shape: cone, slope: 1}, counts: " + "9" * 400 + "}\n")
-def test_what_looks_like_a_configuration_is_told_or_taken(folder: Path, content: str) -> None:
-    told_or_taken(folder / "case.yaml", content)
+def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, content: str) -> None:
+    accepted_or_refused(folder / "case.yaml", content)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_what_looks_like_a_configuration_is_told_or_taken(folder: Path, content:
     ids=lambda text: text[:12],
 )
 def test_texts_that_are_hard_to_read_are_refused_or_taken(folder: Path, content: str) -> None:
-    told_or_taken(folder / "case.yaml", content)
+    accepted_or_refused(folder / "case.yaml", content)
 
 
 # --- the shipped configurations, damaged ---
@@ -217,8 +217,8 @@ def damaged(draw: st.DrawFn) -> str:
 
 @anything
 @given(content=damaged())
-def test_damaged_configurations_are_told_or_taken(folder: Path, content: str) -> None:
-    told_or_taken(folder / "case.yaml", content)
+def test_damaged_configurations_are_accepted_or_refused(folder: Path, content: str) -> None:
+    accepted_or_refused(folder / "case.yaml", content)
 
 
 # --- files that a configuration names ---
@@ -260,10 +260,12 @@ def npy(value: object) -> bytes:
 @example(npy([np.nan] * 8), "punch: {shape: topography, file: FILE, fill: membrane}", ".npy")
 @example(npy(1.0), "punch: {shape: topography, file: FILE}", ".npy")
 @example(npy(np.zeros((0, 3))), "punch: {shape: topography, file: FILE}", ".npy")
-def test_files_of_any_content_are_told_or_taken(folder: Path, content: bytes, use: str, suffix: str) -> None:
+def test_files_of_any_content_are_accepted_or_refused(
+    folder: Path, content: bytes, use: str, suffix: str
+) -> None:
     (folder / f"data{suffix}").write_bytes(content)
     config = f"name: x\ngrid: {{points: 8}}\n{use.replace('FILE', f'data{suffix}')}\n"
-    told_or_taken(folder / "case.yaml", config)
+    accepted_or_refused(folder / "case.yaml", config)
 
 
 # --- what is taken, run ---
@@ -286,8 +288,8 @@ def small(draw: st.DrawFn) -> str:
 @anything
 @given(content=small())
 def test_what_check_takes_is_run(folder: Path, content: str) -> None:
-    if not told_or_taken(folder / "case.yaml", content):
+    if not accepted_or_refused(folder / "case.yaml", content):
         return
     shutil.rmtree(folder / "results", ignore_errors=True)
-    status, told = gfmdlayer("run", "case.yaml", "--out", "results")
-    assert status == 0, told
+    status, errors = gfmdlayer("run", "case.yaml", "--out", "results")
+    assert status == 0, errors

@@ -16,10 +16,10 @@ from jsonschema import Draft202012Validator
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import load, text
-from gfmdlayer.config.input_errors import Problem
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.config.model import problems
 from gfmdlayer.config.sweeps import unswept
+from gfmdlayer.validation.problems import Problem
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = json_schema()

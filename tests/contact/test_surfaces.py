@@ -16,7 +16,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.roughness import self_affine
+from gfmdlayer.punch.self_affine import SelfAffine
 
 Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
@@ -231,7 +231,8 @@ def test_a_surface_that_is_constant_along_an_axis_is_a_line(
 @methods
 @pytest.mark.parametrize("points", [(24, 36), (25, 36), (24, 35), (25, 35)])
 def test_the_two_axes_are_alike(points: tuple[int, int], method: str, run: Run, tmp_path: Path) -> None:
-    heights = self_affine(hurst=0.8, short_cutoff=0.2, rms_height=0.01, seed=1)(Grid(points, (1.0, 1.5)))
+    rough = SelfAffine(hurst=0.8, short_cutoff=0.2, rms_height=0.01, seed=1)
+    heights = rough.heights(Grid(points, (1.0, 1.5)))
     found = []
     for turned in (False, True):
         np.save(tmp_path / "h.npy", heights.T if turned else heights)

@@ -15,9 +15,7 @@ from scipy.integrate import quad
 from gfmdlayer import cli
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material, Prony
-from gfmdlayer.case import Case
 from gfmdlayer.config import load
-from gfmdlayer.config import sections as config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting import (
     WLF,
@@ -353,8 +351,8 @@ def test_the_material_written_can_be_loaded_and_run(data: Path) -> None:
     report = fit_material(data, normalise=True, wlf=shift)
     read_back = load("rubber 1.yaml", ["grid.points=32", "time.end=0.03", "time.step=0.01"])
     assert read_back.name == "rubber-1"
-    assert isinstance(read_back.layer.material, config.Prony)
-    material = Case(read_back).material
+    assert isinstance(read_back.layer.material, Prony)
+    material = read_back.layer.material
     assert material.relaxed == 1
     # The search's tolerance as above, and seven digits.
     np.testing.assert_allclose(material.branch_times, KNOWN.branch_times * shift.factor, rtol=1e-4)
@@ -454,7 +452,7 @@ def test_the_command_line_fits_with_its_options(data: Path, capsys: pytest.Captu
     assert cli.main(arguments) == 0
     assert "in units of G0 = 1.9e+06" in capsys.readouterr().out
     written = load("out.yaml").layer.material
-    assert isinstance(written, config.Prony)
+    assert isinstance(written, Prony)
     assert (written.G0, len(written.branches)) == (1, 2)
 
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
-from gfmdlayer.config.checks import whole_steps
+from gfmdlayer.config.sections import whole_steps
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.time_points import Instant, equal_steps, landing_steps
-from gfmdlayer.punch.shapes import parabola
+from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.simulation import ConvergenceError, simulate
 
 times = st.floats(1e-3, 10.0)
@@ -86,7 +86,7 @@ def test_every_step_from_rest_on_has_a_row(integrator: str, run: Run) -> None:
     assert (found["residual"] <= 1e-6).all()
     assert (found["transforms"] >= found["iterations"]).all()
     assert [time for time, _, _ in found.snapshots] == pytest.approx([0.0, 0.5, 1.5])
-    heights = parabola(0.25)(Grid((256,), (1.0,)))
+    heights = Parabola().heights(Grid((256,), (1.0,)))
     for time, u, p in found.snapshots:
         assert u.shape == p.shape == (256,)
         assert (u <= heights - 0.01 * min(time, 1.0)).all()

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.roughness import self_affine
+from gfmdlayer.punch.self_affine import SelfAffine
+from gfmdlayer.punch.shape import Cell
 
 Floats = NDArray[np.float64]
 SHAPES = [(128,), (129,), (64, 64), (63, 64), (64, 63), (65, 67)]
@@ -21,7 +22,7 @@ def period(points: tuple[int, ...]) -> tuple[float, ...]:
 
 def surface(points: tuple[int, ...], seed: int = 3, **keys: float) -> Floats:
     keys = {"hurst": 0.7, "short_cutoff": 0.06, "rms_height": 0.01} | keys
-    return self_affine(seed=seed, **keys)(Grid(points, period(points)))
+    return SelfAffine(seed=seed, **keys).heights(Grid(points, period(points)))
 
 
 def waves(heights: Floats) -> tuple[Floats, NDArray[np.complex128]]:
@@ -37,7 +38,8 @@ def waves(heights: Floats) -> tuple[Floats, NDArray[np.complex128]]:
 @shapes
 def test_the_rms_height_and_slope_are_those_asked(points: tuple[int, ...]) -> None:
     assert surface(points, rms_height=0.02).std() == pytest.approx(0.02, rel=1e-12)
-    heights = self_affine(hurst=0.7, short_cutoff=0.06, seed=3, rms_slope=0.1)(Grid(points, period(points)))
+    rough = SelfAffine(hurst=0.7, short_cutoff=0.06, seed=3, rms_slope=0.1)
+    heights = rough.heights(Grid(points, period(points)))
     q, amplitude = waves(heights)
     assert np.sqrt(np.sum(np.abs(q * amplitude) ** 2)) == pytest.approx(0.1, rel=1e-12)
     assert heights.min() == 0
@@ -92,7 +94,9 @@ def test_the_phases_are_uniform_and_follow_from_the_seed() -> None:
 
 
 def test_a_wave_that_the_grid_does_not_resolve_is_refused() -> None:
-    with pytest.raises(TableError, match=r"short_cutoff is 0\.06; must be > 0\.0625, two spacings"):
-        surface((48,))  # spaced by 1.5/48
+    rough = SelfAffine(hurst=0.7, short_cutoff=0.06, seed=3, rms_height=0.01)
+    (problem,) = rough.misfits(Cell((48,), (1.5,)))
+    assert str(problem) == "short_cutoff: got 0.06; must be > 0.0625, two spacings of the grid"
+    assert not list(rough.misfits(Cell((64,), (1.5,))))
     with pytest.raises(TableError, match="no wave of the cell"):
         surface((64,), short_cutoff=0.31, long_cutoff=0.32)

@@ -9,31 +9,21 @@ import numpy as np
 import pytest
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.shapes import (
-    SHAPES,
-    Analytic,
-    Shape,
-    array,
-    cone,
-    cylinder,
-    flat,
-    parabola,
-    profile,
-    pyramid,
-    sinusoid,
-    sphere,
-    wedge,
-)
+from gfmdlayer.punch.measured import Profile
+from gfmdlayer.punch.shape import Shape
+from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
+from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
 
 LINE = Grid((16,), (1.0,))
 SQUARE = Grid((16, 16), (1.0, 1.0))
 ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
-    "parabola": (parabola(0.25), lambda r: r**2 / 0.5),
-    "sphere": (sphere(0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
-    "cone": (cone(0.3), lambda r: 0.3 * r),
-    "flat": (flat(0.4, 0.1), lambda r: np.where(r < 0.2, 0.0, (r - 0.2) ** 2 / 0.2)),
+    "parabola": (Parabola(radius=0.25), lambda r: r**2 / 0.5),
+    "sphere": (Sphere(radius=0.5), lambda r: 0.5 - np.sqrt(0.25 - np.minimum(r, 0.5) ** 2)),
+    "cone": (Cone(slope=0.3), lambda r: 0.3 * r),
+    "flat": (Flat(width=0.4, edge_radius=0.1), lambda r: np.where(r < 0.2, 0.0, (r - 0.2) ** 2 / 0.2)),
 }
 
 
@@ -41,14 +31,14 @@ ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
 def test_round_shapes_follow_their_closed_form(name: str) -> None:
     shape, closed_form = ROUND[name]
     x = np.arange(16) / 16 - 0.5
-    np.testing.assert_allclose(shape(LINE), closed_form(np.abs(x)), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(shape.heights(LINE), closed_form(np.abs(x)), rtol=1e-12, atol=1e-15)
     r = np.hypot(x[:, np.newaxis], x)
-    np.testing.assert_allclose(shape(SQUARE), closed_form(r), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(shape.heights(SQUARE), closed_form(r), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", ROUND)
 def test_round_shapes_are_symmetric_about_their_apex_in_the_middle(name: str) -> None:
-    heights = ROUND[name][0](SQUARE)
+    heights = ROUND[name][0].heights(SQUARE)
     assert heights[8, 8] == heights.min() == 0
     inner = heights[1:, 1:]  # the first row and column are the seam of the period
     np.testing.assert_array_equal(inner, inner.T)
@@ -58,29 +48,32 @@ def test_round_shapes_are_symmetric_about_their_apex_in_the_middle(name: str) ->
 def test_a_large_cylinder_keeps_its_digits() -> None:
     # R - (R^2 - x^2)^(1/2) = x^2/2R (1 + x^2/4R^2 + ...), which the difference itself would lose at R = 1e8.
     x = LINE.coordinates[0]
-    np.testing.assert_allclose(cylinder(1e8)(LINE), x**2 / 2e8, rtol=1e-14)
+    np.testing.assert_allclose(Cylinder(radius=1e8).heights(LINE), x**2 / 2e8, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
     ("shape", "closed_form"),
     [
-        (cylinder(0.5), lambda x, y: 0.5 - np.sqrt(0.25 - x**2) + 0 * y),
-        (cylinder(0.75, along="x"), lambda x, y: 0.75 - np.sqrt(0.5625 - y**2) + 0 * x),
-        (wedge(0.3), lambda x, y: 0.3 * np.abs(x) + 0 * y),
-        (wedge(0.3, along="x"), lambda x, y: 0.3 * np.abs(y) + 0 * x),
-        (parabola((0.2, 0.5)), lambda x, y: x**2 / 0.4 + y**2),
-        (parabola((0.2, np.inf)), lambda x, y: x**2 / 0.4 + 0 * y),
+        (Cylinder(radius=0.5), lambda x, y: 0.5 - np.sqrt(0.25 - x**2) + 0 * y),
+        (Cylinder(radius=0.75, along="x"), lambda x, y: 0.75 - np.sqrt(0.5625 - y**2) + 0 * x),
+        (Wedge(slope=0.3), lambda x, y: 0.3 * np.abs(x) + 0 * y),
+        (Wedge(slope=0.3, along="x"), lambda x, y: 0.3 * np.abs(y) + 0 * x),
+        (Parabola(radius=(0.2, 0.5)), lambda x, y: x**2 / 0.4 + y**2),
+        (Parabola(radius=(0.2, np.inf)), lambda x, y: x**2 / 0.4 + 0 * y),
         (
-            flat((0.4, 0.6), 0.1),
+            Flat(width=(0.4, 0.6), edge_radius=0.1),
             lambda x, y: (np.maximum(np.abs(x) - 0.2, 0) ** 2 + np.maximum(np.abs(y) - 0.3, 0) ** 2) / 0.2,
         ),
-        (flat((0.4, np.inf), 0.1), lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y),
         (
-            sinusoid((0.02, 0.0), (0.5, np.inf)),
+            Flat(width=(0.4, np.inf), edge_radius=0.1),
+            lambda x, y: np.maximum(np.abs(x) - 0.2, 0) ** 2 / 0.2 + 0 * y,
+        ),
+        (
+            Sinusoid(amplitude=(0.02, 0.0), wavelength=(0.5, np.inf)),
             lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0 * y,
         ),
         (
-            sinusoid((0.02, 0.01), (0.5, 1.5)),
+            Sinusoid(amplitude=(0.02, 0.01), wavelength=(0.5, 1.5)),
             lambda x, y: 0.02 * (1 - np.cos(4 * np.pi * x)) + 0.01 * (1 - np.cos(4 * np.pi / 3 * y)),
         ),
     ],
@@ -90,13 +83,13 @@ def test_shapes_of_two_directions_follow_their_closed_form(
 ) -> None:
     grid = Grid((16, 15), (1.0, 1.5))
     x, y = np.arange(16)[:, np.newaxis] / 16 - 0.5, np.arange(15) / 10 - 0.75
-    np.testing.assert_allclose(shape(grid), closed_form(x, y), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(shape.heights(grid), closed_form(x, y), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(("angle", "faces", "area"), [(65.27, 3, 24.5), (68.0, 4, 24.5)])
 def test_a_pyramid_has_equal_faces_and_the_area_of_vickers(angle: float, faces: int, area: float) -> None:
     grid = Grid((400, 400), (8.0, 8.0))
-    heights = pyramid(angle, faces)(grid)
+    heights = Pyramid(angle=angle, faces=faces).heights(grid)
     x, y = np.meshgrid(*grid.coordinates, indexing="ij")
     r, turn = np.hypot(x, y), np.arctan2(y, x)
     # On the bisector of a face the slope is that of the face; a turn by a face changes nothing.
@@ -117,40 +110,22 @@ def test_an_array_repeats_its_element(name: str, counts: tuple[int, ...]) -> Non
     keys = {"parabola": {"radius": 0.2}, "cone": {"slope": 0.4}, "flat": {"width": 0.1, "edge_radius": 0.05}}
     keys["pyramid"] = {"angle": 65.27, "faces": 3}
     nx, ny = counts if len(counts) == 2 else counts * 2
-    one = SHAPES[name](**keys[name])(Grid((16, 18), (1.0, 1.5)))
-    many = SHAPES["array"](element={"shape": name} | keys[name], counts=counts)(
-        Grid((16 * nx, 18 * ny), (nx * 1.0, ny * 1.5))
-    )
+    element = ELEMENTS[name](**keys[name])
+    one = element.heights(Grid((16, 18), (1.0, 1.5)))
+    many = Array(element=element, counts=counts).heights(Grid((16 * nx, 18 * ny), (nx * 1.0, ny * 1.5)))
     np.testing.assert_allclose(many, np.tile(one, (nx, ny)), atol=1e-14)
-
-
-@pytest.mark.parametrize("name", [*ROUND, "wedge", "pyramid", "array"])
-def test_a_shape_moves_along_x_by_whole_points_exactly_and_by_parts_of_one_as_a_function(name: str) -> None:
-    others = {
-        "wedge": wedge(0.3),
-        "pyramid": pyramid(65.27, 3),
-        "array": array({"shape": "parabola", "radius": 0.5}, (2,)),
-    }
-    shape = ROUND[name][0] if name in ROUND else others[name]
-    assert isinstance(shape, Analytic)
-    rest = shape(SQUARE)
-    for cells in (1, 5, -3, 16, 37):
-        np.testing.assert_allclose(shape(SQUARE, cells / 16), np.roll(rest, cells, axis=0), atol=1e-14)
-    # Half a cell further the points of a grid twice as fine take over.
-    fine = shape(Grid((32, 16), (1.0, 1.0)))
-    np.testing.assert_allclose(shape(SQUARE, 1 / 32), np.roll(fine, 1, axis=0)[::2], atol=1e-14)
 
 
 def test_sinusoid_is_lowest_in_the_middle_and_repeats() -> None:
     x = np.arange(64) / 64 - 0.5
-    heights = sinusoid(0.02, 0.25)(Grid((64,), (1.0,)))
+    heights = Sinusoid(amplitude=0.02, wavelength=0.25).heights(Grid((64,), (1.0,)))
     np.testing.assert_allclose(heights, 0.02 * (1 - np.cos(8 * np.pi * x)), atol=1e-16)
     assert heights[32] == 0
     np.testing.assert_allclose(heights, np.roll(heights, 16), atol=1e-16)
 
 
 def test_sinusoids_of_both_directions_add_up() -> None:
-    heights = sinusoid(0.02, 1.0)(Grid((8, 16), (1.0, 2.0)))
+    heights = Sinusoid(amplitude=0.02, wavelength=1.0).heights(Grid((8, 16), (1.0, 2.0)))
     x, y = np.arange(8) / 8 - 0.5, np.arange(16) / 8 - 1
     waves = 2 - np.cos(2 * np.pi * x)[:, np.newaxis] - np.cos(2 * np.pi * y)
     np.testing.assert_allclose(heights, 0.02 * waves, atol=1e-16)
@@ -163,7 +138,9 @@ def test_an_array_file_gives_its_heights_above_the_lowest(
 ) -> None:
     heights = np.random.default_rng(0).integers(-50, 50, grid.shape).astype(dtype)
     np.save(tmp_path / "h.npy", heights)
-    np.testing.assert_array_equal(profile(tmp_path / "h.npy")(grid), heights - float(heights.min()))
+    np.testing.assert_array_equal(
+        Profile(file=tmp_path / "h.npy").heights(grid), heights - float(heights.min())
+    )
 
 
 @pytest.mark.parametrize("separator", [" ", "\t", ", ", ";"])
@@ -173,14 +150,14 @@ def test_a_text_file_gives_its_heights_bit_by_bit(separator: str, tmp_path: Path
     rows = [f"{float(a)!r}{separator}{float(b)!r}" for a, b in zip(x, heights, strict=True)]
     file = tmp_path / "h.txt"
     file.write_text("# measured\nx" + separator + "height\n\n" + "\n".join(rows) + "\n")
-    np.testing.assert_array_equal(profile(file)(LINE), heights)
+    np.testing.assert_array_equal(Profile(file=file).heights(LINE), heights)
 
 
 def test_the_origin_of_a_text_profile_is_free(tmp_path: Path) -> None:
     file = tmp_path / "h.txt"
-    x, heights = LINE.coordinates[0], parabola(0.25)(LINE)
+    x, heights = LINE.coordinates[0], Parabola().heights(LINE)
     np.savetxt(file, np.column_stack((x + 7.5, heights - 3)))
-    np.testing.assert_allclose(profile(file)(LINE), heights, atol=1e-14)
+    np.testing.assert_allclose(Profile(file=file).heights(LINE), heights, atol=1e-14)
 
 
 def text_rows(count: int = 16, spacing: float = 1 / 16) -> list[str]:
@@ -197,7 +174,7 @@ def stretched(at: int) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         (text_rows(15), r"h\.txt: holds 15 heights; must be 16"),
         (text_rows(17), r"h\.txt: holds 17 heights; must be 16"),
@@ -212,21 +189,21 @@ def stretched(at: int) -> list[str]:
     ],
 )
 def test_a_text_file_that_cannot_be_used_is_refused_by_its_line(
-    rows: list[str], said: str, tmp_path: Path
+    rows: list[str], message: str, tmp_path: Path
 ) -> None:
     (tmp_path / "h.txt").write_text("\n".join(rows))
-    with pytest.raises(TableError, match=said):
-        profile(tmp_path / "h.txt")(LINE)
+    with pytest.raises(TableError, match=message):
+        Profile(file=tmp_path / "h.txt").heights(LINE)
 
 
 def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Path) -> None:
     (tmp_path / "h.txt").write_text("\n".join(text_rows()))
     with pytest.raises(TableError, match=r"h\.txt: .*needs an array \(\.npy\)"):
-        profile(tmp_path / "h.txt")(SQUARE)
+        Profile(file=tmp_path / "h.txt").heights(SQUARE)
 
 
 @pytest.mark.parametrize(
-    ("heights", "said"),
+    ("heights", "message"),
     [
         (np.zeros(15), r"h\.npy: holds 15 heights; must be 16, as the grid"),
         (np.zeros((16, 16)), r"h\.npy: holds 16 x 16 heights; must be 16"),
@@ -236,20 +213,43 @@ def test_a_text_file_does_not_describe_a_surface_in_two_dimensions(tmp_path: Pat
         (np.array([None] * 16), r"h\.npy: is not a NumPy array file"),
     ],
 )
-def test_an_array_file_that_cannot_be_used_is_refused(heights: np.ndarray, said: str, tmp_path: Path) -> None:
+def test_an_array_file_that_cannot_be_used_is_refused(
+    heights: np.ndarray, message: str, tmp_path: Path
+) -> None:
     np.save(tmp_path / "h.npy", heights, allow_pickle=True)
-    with pytest.raises(TableError, match=said):
-        profile(tmp_path / "h.npy")(LINE)
+    with pytest.raises(TableError, match=message):
+        Profile(file=tmp_path / "h.npy").heights(LINE)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x93NUMPY", b"0 1\n1 2\n"], ids=["empty", "cut short", "text"])
 def test_a_file_that_is_no_array_is_refused(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "h.npy").write_bytes(content)
     with pytest.raises(TableError, match=r"h\.npy: is not a NumPy array file"):
-        profile(tmp_path / "h.npy")(LINE)
+        Profile(file=tmp_path / "h.npy").heights(LINE)
 
 
 @pytest.mark.parametrize("name", ["h.npy", "h.txt"])
-def test_a_missing_file_is_named(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_gone_is_named(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).touch()
+    punch = Profile(file=tmp_path / name)
+    (tmp_path / name).unlink()
     with pytest.raises(TableError, match=name.replace(".", r"\.")):
-        profile(tmp_path / name)(LINE)
+        punch.heights(LINE)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name: str, tmp_path: Path) -> None:
+    np.save(tmp_path / "h.npy", np.random.default_rng(0).random((16, 16)))
+    file = {"file": str(tmp_path / "h.npy")}
+    keys: dict[str, dict[str, object]] = {
+        "sphere": {"radius": 1}, "cylinder": {"radius": 1}, "cone": {"slope": 1}, "wedge": {"slope": 1},
+        "flat": {"width": 0.1, "edge_radius": 0.1}, "sinusoid": {"amplitude": 0.1, "wavelength": 0.5},
+        "array": {"counts": 2, "element": {"radius": 1}}, "profile": file, "topography": file,
+        "self_affine": {"hurst": 0.8, "short_cutoff": 0.2, "seed": 1, "rms_slope": 0.1},
+    }  # fmt: skip
+    punch = {"shape": name} | keys.get(name, {})
+    config = Config.model_validate({"name": "x", "grid": {"points": [16, 16]}, "punch": punch})
+    assert isinstance(config.punch, SHAPES[name])
+    heights = config.punch.heights(SQUARE)
+    assert heights.shape == (16, 16)
+    assert heights.min() == 0 < heights.max()

@@ -1,4 +1,4 @@
-"""Measured surfaces: what files are read, what is refused, and what is done to make them periodic."""
+"""Measured surfaces: files that are read or refused, and the steps to a periodic surface."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
+from gfmdlayer.execution.sweep import notes
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.inputs import notes
-from gfmdlayer.punch.topography import Topography, membrane, without_trend
+from gfmdlayer.punch.measured import Topography
+from gfmdlayer.punch.shape import Cell
+from gfmdlayer.punch.topography import membrane, without_trend
 
 Floats = NDArray[np.float64]
 GRID = Grid((12, 16), (3.0, 4.0))
@@ -36,11 +38,11 @@ def labelled(heights: Floats, spacing: float = 0.25, **names: str) -> xr.Dataset
     return found.rename(names) if names else found
 
 
-# --- what is read ---
+# --- files that are read ---
 
 
 def test_the_summits_of_a_measured_surface_touch_first(tmp_path: Path) -> None:
-    heights = Topography(saved(tmp_path, WAVES))(GRID)
+    heights = Topography(file=saved(tmp_path, WAVES)).heights(GRID)
     np.testing.assert_allclose(heights, WAVES.max() - WAVES, atol=1e-15)
     assert heights.flat[np.argmax(WAVES)] == 0
 
@@ -59,7 +61,7 @@ def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit: float, tmp_path: Path) 
         files.append(tmp_path / name)
     set_.transpose("y", "x").to_netcdf(tmp_path / "turned.nc", engine="h5netcdf")
     for file in [*files, tmp_path / "turned.nc"]:
-        found = Topography(file, unit=unit)(GRID)
+        found = Topography(file=file, unit=unit).heights(GRID)
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15, err_msg=file.name)
 
 
@@ -70,19 +72,19 @@ def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
         h5["height"] = 3 * WAVES
         h5["scan 1/height"] = WAVES
     with pytest.raises(TableError, match="2 datasets of numbers on 2 axes: height, phase; dataset must name"):
-        Topography(file)(GRID)
+        Topography(file=file).heights(GRID)
     with pytest.raises(TableError, match="no dataset 'depth' there; known: height, phase"):
-        Topography(file, dataset="depth")(GRID)
+        Topography(file=file, dataset="depth").heights(GRID)
     with pytest.raises(TableError, match="cannot be read as HDF5"):
-        Topography(file, dataset="scan 2/height")(GRID)
-    found = Topography(file, dataset="scan 1/height")(GRID)
+        Topography(file=file, dataset="scan 2/height").heights(GRID)
+    found = Topography(file=file, dataset="scan 1/height").heights(GRID)
     np.testing.assert_allclose(found, WAVES.max() - WAVES, atol=1e-15)
 
 
 def test_a_line_is_read_with_its_coordinate(tmp_path: Path) -> None:
     file, heights = tmp_path / "h.txt", np.cos(2 * np.pi * np.arange(16) / 16)
     np.savetxt(file, np.column_stack((7 + 0.25 * np.arange(16), heights)))
-    np.testing.assert_allclose(Topography(file)(LINE), 1 - heights, atol=1e-15)
+    np.testing.assert_allclose(Topography(file=file).heights(LINE), 1 - heights, atol=1e-15)
 
 
 def test_instruments_formats_come_through_surface_topography(
@@ -93,7 +95,7 @@ def test_instruments_formats_come_through_surface_topography(
     with monkeypatch.context() as absent:
         absent.setitem(sys.modules, "SurfaceTopography", None)
         with pytest.raises(TableError, match=r"install the extra `topography`"):
-            Topography(file)(GRID)
+            Topography(file=file).heights(GRID)
 
     class Reader:
         def __init__(self, name: str) -> None:
@@ -112,13 +114,13 @@ def test_instruments_formats_come_through_surface_topography(
 
     monkeypatch.setitem(sys.modules, "SurfaceTopography", SimpleNamespace(open_topography=Reader))
     with pytest.raises(TableError, match=r"1 of 192 points have no height, the first at index \[3, 4\]"):
-        Topography(file)(GRID)
-    found = Topography(file, fill="membrane")(GRID)
+        Topography(file=file).heights(GRID)
+    found = Topography(file=file, fill="membrane").heights(GRID)
     measured = np.arange(192).reshape(12, 16) != 3 * 16 + 4
     np.testing.assert_allclose(found[measured], (WAVES.max() - WAVES)[measured], atol=1e-15)
 
 
-# --- what is refused ---
+# --- files that are refused ---
 
 
 def holed() -> Floats:
@@ -150,12 +152,12 @@ def infinite() -> Floats:
 )
 def test_an_array_that_cannot_be_used_is_refused(heights: Floats, said: str, tmp_path: Path) -> None:
     with pytest.raises(TableError, match=r"h\.npy: " + said):
-        Topography(saved(tmp_path, heights))(GRID)
+        Topography(file=saved(tmp_path, heights)).heights(GRID)
 
 
 def test_a_surface_without_any_height_cannot_be_filled(tmp_path: Path) -> None:
     with pytest.raises(TableError, match="192 of 192 points have no height"):
-        Topography(saved(tmp_path, np.full(GRID.shape, np.nan)), fill="membrane")(GRID)
+        Topography(file=saved(tmp_path, np.full(GRID.shape, np.nan)), fill="membrane").heights(GRID)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_a_surface_without_any_height_cannot_be_filled(tmp_path: Path) -> None:
 def test_text_that_cannot_be_used_is_refused_by_its_line(rows: list[str], said: str, tmp_path: Path) -> None:
     (tmp_path / "h.txt").write_text("\n".join(rows))
     with pytest.raises(TableError, match=r"h\.txt" + said):
-        Topography(tmp_path / "h.txt")(GRID)
+        Topography(file=tmp_path / "h.txt").heights(GRID)
 
 
 @pytest.mark.parametrize("spacing", [0.26, 0.125])
@@ -178,11 +180,11 @@ def test_a_file_of_another_period_is_refused(spacing: float, tmp_path: Path) -> 
     labelled(WAVES, spacing).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     long = f"{12 * spacing:g} x {16 * spacing:g}"
     with pytest.raises(TableError, match=rf"is {long} long \(with unit = 1\), but grid.period is 3 x 4"):
-        Topography(tmp_path / "h.nc")(GRID)
+        Topography(file=tmp_path / "h.nc").heights(GRID)
     # The same file in other units of length fits, and its heights are lengths, too.
     unit = 0.25 / spacing
     np.testing.assert_allclose(
-        Topography(tmp_path / "h.nc", unit=unit)(GRID), unit * (WAVES.max() - WAVES), atol=1e-15
+        Topography(file=tmp_path / "h.nc", unit=unit).heights(GRID), unit * (WAVES.max() - WAVES), atol=1e-15
     )
 
 
@@ -190,17 +192,17 @@ def test_unequal_spacing_is_refused(tmp_path: Path) -> None:
     uneven = labelled(WAVES).assign_coords(y=0.25 * np.arange(16) ** 1.1)
     uneven.to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
     with pytest.raises(TableError, match=r"h\.nc: y is not equally spaced"):
-        Topography(tmp_path / "h.nc")(GRID)
+        Topography(file=tmp_path / "h.nc").heights(GRID)
 
 
 @pytest.mark.parametrize("name", ["h.npy", "h.txt", "h.h5", "h.nc"])
 def test_a_file_that_is_something_else_is_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"\x89HD\xffnothing of the kind")
     with pytest.raises(TableError, match=name.replace(".", r"\.")):
-        Topography(tmp_path / name)(GRID)
+        Topography(file=tmp_path / name).heights(GRID)
 
 
-# --- what is done ---
+# --- steps to a periodic surface ---
 
 
 def test_a_membrane_is_linear_between_the_ends_of_a_line_and_exact_for_a_plane() -> None:
@@ -235,13 +237,13 @@ def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool
     np.testing.assert_allclose(rest.ravel(), heights.ravel() - matrix @ fit, atol=1e-12)
 
 
-def test_a_tilted_surface_is_detrended_and_it_says_so(tmp_path: Path) -> None:
+def test_a_tilted_surface_is_detrended_with_a_note(tmp_path: Path) -> None:
     tilted = WAVES + 3 * X + 0.5 * Y
-    raw = Topography(saved(tmp_path, tilted))
-    _, before = raw.continued(GRID)
+    raw = Topography(file=saved(tmp_path, tilted))
+    before = raw.notes(Cell(GRID.points, GRID.period))
     assert any("does not join up with itself along x: the step across the seam is" in word for word in before)
-    flat = Topography(saved(tmp_path, tilted), detrend="plane")
-    heights, after = flat.continued(GRID)
+    flat = Topography(file=saved(tmp_path, tilted), detrend="plane")
+    heights, after = flat.heights(GRID), flat.notes(Cell(GRID.points, GRID.period))
     assert len(after) == 1
     assert "the plane of least squares was subtracted; rms height from" in after[0]
     # The waves have a slope of their own in the sense of least squares.
@@ -253,7 +255,8 @@ def test_a_taper_joins_the_edges_and_leaves_the_middle(tmp_path: Path) -> None:
     grid = Grid((64, 48), (1.0, 1.0))
     rough = np.cumsum(np.random.default_rng(2).normal(size=grid.shape), axis=0)
     file = saved(tmp_path, rough)
-    heights, said = Topography(file, taper=0.4).continued(grid)
+    punch = Topography(file=file, taper=0.4)
+    heights, said = punch.heights(grid), punch.notes(Cell(grid.points, grid.period))
     deviation = heights.max() - heights - (heights.max() - heights)[0, 0]
     np.testing.assert_allclose(deviation[0], 0, atol=1e-12)
     np.testing.assert_allclose(deviation[:, 0], 0, atol=1e-12)
@@ -268,12 +271,13 @@ def test_resampling_keeps_waves_that_both_grids_resolve(points: tuple[int, int],
     grid = Grid(points, GRID.period)
     x, y = np.meshgrid(*(np.arange(n) / n for n in points), indexing="ij")
     waves = 0.1 * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * (2 * x - y))
-    heights, said = Topography(saved(tmp_path, WAVES), resample="fourier").continued(grid)
+    punch = Topography(file=saved(tmp_path, WAVES), resample="fourier")
+    heights, said = punch.heights(grid), punch.notes(Cell(grid.points, grid.period))
     np.testing.assert_allclose(heights, waves.max() - waves, atol=1e-14)
     assert f"resampled from 12 x 16 to {points[0]} x {points[1]} points by the Fourier series" in said[0]
 
 
-def test_what_is_done_is_told_for_each_surface_once(tmp_path: Path) -> None:
+def test_changes_are_noted_for_each_surface_once(tmp_path: Path) -> None:
     file = saved(tmp_path, holed())
     punch = {"shape": "topography", "file": str(file), "fill": "membrane"}
     config = Config(name="x").with_values({"grid.points": [12, 16], "punch": punch})

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.shapes import parabola
+from gfmdlayer.punch.simple_shapes import Parabola
 
 Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
@@ -248,7 +248,7 @@ def test_where_the_punch_stands_does_not_matter(run: Run, tmp_path: Path) -> Non
 def test_a_ridge_on_a_surface_in_two_directions_is_a_line_contact(
     integrator: str, run: Run, tmp_path: Path
 ) -> None:
-    heights = parabola(0.25)(Grid((256,), (1.0,)))
+    heights = Parabola().heights(Grid((256,), (1.0,)))
     np.save(tmp_path / "ridge.npy", np.tile(heights, (8, 1)).T)
     plane: dict[str, object] = {"grid.points": [256, 8], "grid.period": [1.0, 0.5]}
     punch = {"shape": "profile", "file": str(tmp_path / "ridge.npy")}

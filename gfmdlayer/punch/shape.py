@@ -1,0 +1,147 @@
+"""A shape of the rigid punch: its keys in a configuration, its heights, and whether it fits into the cell.
+
+x is the coordinate of a line contact; on a surface in two directions round shapes depend on r = (x^2 +
+y^2)^(1/2) in its place. Where a key takes a value for each direction, .inf is a flat one. Modules of shapes
+import numpy only inside of methods, as configurations are read without it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.sections import Section
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.grid.grid import Grid
+
+Axes = list["FloatArray"]  # coordinates along each axis, from the apex, which broadcast to the grid's shape
+
+
+class Cell(NamedTuple):
+    """The periodic cell: points and length along each axis."""
+
+    points: tuple[int, ...]
+    period: tuple[float, ...]
+
+
+class Extent(NamedTuple):
+    """Length along an axis that is one punch's own: the period, or its part of an array."""
+
+    axis: int
+    length: float
+    words: str  # "the period over 4 in x, 0.25"
+
+
+class Shape(Section):
+    """A shape of the punch."""
+
+    rough: ClassVar[bool] = False  # touches in many patches
+
+    shape: str
+    """word that chooses the shape"""
+
+    @abstractmethod
+    def heights(self, grid: Grid) -> FloatArray:
+        """Heights above the lowest point, of the grid's shape.
+
+        Raises
+        ------
+        TableError
+            If the heights come from a file that cannot be used on this grid.
+        """
+
+    def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
+        """Yield why the punch does not fit into the cell or onto its grid, in keys of the punch."""
+        return iter(())
+
+    def notes(self, cell: Cell) -> list[str]:  # noqa: ARG002
+        """Describe the changes made to a measured surface."""
+        return []
+
+    def mean_height(self, cell: Cell) -> float | None:  # noqa: ARG002
+        """Mean height in closed form, where there is one."""
+        return None
+
+
+class Analytic(Shape):
+    """A shape that is a function of the coordinates, repeated with the period of the grid."""
+
+    @abstractmethod
+    def height(self, axes: Axes) -> FloatArray:
+        """Height at coordinates along each axis, counted from the apex."""
+
+    def misfit(self, extent: Extent) -> Problem | None:  # noqa: ARG002
+        """Return why the punch does not fit into its length along an axis, if so."""
+        return None
+
+    def heights(self, grid: Grid, counts: tuple[int, ...] = (1,)) -> FloatArray:
+        """Heights on the grid.
+
+        Parameters
+        ----------
+        grid : Grid
+            The grid.
+        counts : tuple of int
+            Copies that fill the cell along each axis, one after the other; the last number stands for the
+            axes that follow, too.
+
+        Returns
+        -------
+        ndarray
+            Of the grid's shape.
+        """
+        import numpy as np
+
+        counts = counts + counts[-1:] * (len(grid.shape) - len(counts))
+        axes = map(_from_apex, grid.coordinates, grid.period, counts)
+        sparse = np.meshgrid(*axes, indexing="ij", sparse=True)
+        return np.array(np.broadcast_to(self.height(list(sparse)), grid.shape))
+
+    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Problem]:
+        """Yield the first reason for which the punch does not fit, as one of `counts` along each axis."""
+        found = self._misplaced(len(cell.points))
+        for axis, (length, count) in enumerate(zip(cell.period, counts, strict=False)):
+            part = "the period" if count == 1 else f"the period over {count}"
+            words = f"{part} in {'xy'[axis]}, {length / count!r}"
+            found = found or self.misfit(Extent(axis, length / count, words))
+        if found:
+            yield found
+
+    def _misplaced(self, axes: int) -> Problem | None:
+        """Refuse values for two directions on a line, and a shape that is flat in both directions."""
+        if axes == 1 and getattr(self, "along", "y") == "x":
+            message = "got 'x', the direction of the line itself; must be y, or grid.points two numbers"
+            return Problem(("along",), message)
+        for key, value in vars(self).items():
+            if isinstance(value, tuple) and axes == 1:
+                message = f"got {shown(value)}; must be one number, or grid.points two numbers"
+                return Problem((key,), message)
+            if isinstance(value, tuple) and all(each in {0, math.inf} for each in value):
+                message = f"got {shown(value)}, which is flat all over; must not be, along one direction"
+                return Problem((key,), message)
+        return None
+
+
+def distance(axes: Axes) -> FloatArray:
+    """Distance r from the apex."""
+    import numpy as np
+
+    return np.asarray(np.sqrt(sum(np.square(x) for x in axes)))
+
+
+def along_axis(values: float | tuple[float, ...], axis: int) -> float:
+    """Return the value for a direction of one value for both or one for each."""
+    return values[axis] if isinstance(values, tuple) else values
+
+
+def _from_apex(x: FloatArray, length: float, count: int) -> FloatArray:
+    """Coordinate from the middle of the nearest of `count` copies in a period around the origin."""
+    import numpy as np
+
+    copies = np.floor((x / length + 0.5) * count)
+    return np.asarray(x - ((copies + 0.5) / count - 0.5) * length)

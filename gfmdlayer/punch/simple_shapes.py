@@ -1,0 +1,232 @@
+"""Punches whose height is a function of the coordinates, in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from gfmdlayer.punch.shape import Analytic, Axes, Cell, Extent, along_axis, distance
+from gfmdlayer.validation.fields import Amplitudes, Lengths, MustBe, Positive, Word, strict
+from gfmdlayer.validation.problems import Problem
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+
+Along = Annotated[str, Word("x", "y")]
+Angle = Annotated[float, strict, Field(gt=0, lt=90), MustBe("a number > 0 and < 90, in degrees")]
+Faces = Annotated[int, Field(strict=True, ge=3), MustBe("a whole number >= 3")]
+
+
+class Parabola(Analytic):
+    """Height x^2/(2 radius) above the apex, Eq. (30); with two radii x^2/(2 Rx) + y^2/(2 Ry)."""
+
+    shape: Literal["parabola"] = "parabola"
+    """height r^2/(2 radius)"""
+    radius: Lengths = 0.25
+    """radius of curvature: length, or one for each direction"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """r^2/(2 R), or the sum over the directions."""
+        import numpy as np
+
+        if isinstance(self.radius, tuple):
+            return np.asarray(sum(x**2 / (2 * R) for x, R in zip(axes, self.radius, strict=True)))
+        return distance(axes) ** 2 / (2 * self.radius)
+
+    def mean_height(self, cell: Cell) -> float | None:
+        """L^2/(24 R), summed over the directions."""
+        if isinstance(self.radius, tuple):
+            return None
+        return sum(length**2 for length in cell.period) / (24 * self.radius)
+
+
+class Sphere(Analytic):
+    """Sphere; `radius` >= half the period."""
+
+    shape: Literal["sphere"] = "sphere"
+    """a sphere"""
+    radius: Positive
+    """radius: length; at least half the period"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """R - (R^2 - r^2)^(1/2), and R beyond the radius."""
+        return _circle(distance(axes), self.radius)
+
+    def misfit(self, extent: Extent) -> Problem | None:
+        """Refuse a circle that ends inside the cell."""
+        return _short(self.radius, extent)
+
+
+class Cylinder(Analytic):
+    """Circular cylinder that lies along an axis; `radius` >= half the period."""
+
+    shape: Literal["cylinder"] = "cylinder"
+    """a cylinder that lies along an axis"""
+    radius: Positive
+    """radius: length; at least half the period"""
+    along: Along = "y"
+    """direction along which it is constant: y or x"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """R - (R^2 - x^2)^(1/2), and R beyond the radius, constant along one axis."""
+        return _circle(abs(_across(axes, self.along)), self.radius)
+
+    def misfit(self, extent: Extent) -> Problem | None:
+        """Refuse a circle that ends inside the cell."""
+        return None if "xy"[extent.axis] == self.along else _short(self.radius, extent)
+
+
+class Cone(Analytic):
+    """Height slope r."""
+
+    shape: Literal["cone"] = "cone"
+    """height slope r"""
+    slope: Positive
+    """slope of its side"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """Slope times r."""
+        return self.slope * distance(axes)
+
+
+class Wedge(Analytic):
+    """Height slope |x|; its edge lies along an axis."""
+
+    shape: Literal["wedge"] = "wedge"
+    """height slope |x|"""
+    slope: Positive
+    """slope of its sides"""
+    along: Along = "y"
+    """direction along which it is constant: y or x"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """Slope times |x|, constant along one axis."""
+        return self.slope * abs(_across(axes, self.along))
+
+
+class Pyramid(Analytic):
+    """Pyramid; `angle` between its axis and its faces, in degrees. The defaults are Berkovich's.
+
+    Three faces at 65.27 degrees are Berkovich's, as modified to have the area of Vickers's, which has four at
+    68 (ISO 14577-2). The first face is towards +x.
+    """
+
+    shape: Literal["pyramid"] = "pyramid"
+    """equal faces; a Berkovich indenter by default"""
+    angle: Angle = 65.27
+    """angle of the faces to the axis, in degrees"""
+    faces: Faces = 3
+    """number of faces"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """Height of the plane of the highest face."""
+        import numpy as np
+
+        x, y = axes
+        turns = 2 * np.pi * np.arange(self.faces) / self.faces
+        slope = 1 / np.tan(np.radians(self.angle))
+        return np.asarray(slope * np.max([np.cos(t) * x + np.sin(t) * y for t in turns], axis=0))
+
+    def misfits(self, cell: Cell, counts: tuple[int, ...] = (1, 1)) -> Iterator[Problem]:
+        """Refuse a pyramid on a line."""
+        if len(cell.points) == 1:
+            message = "got the text 'pyramid'; must be another shape, or grid.points two numbers"
+            yield Problem(("shape",), message)
+        else:
+            yield from super().misfits(cell, counts)
+
+
+class Flat(Analytic):
+    """Flat over `width`, outside it a parabola of `edge_radius` that begins with zero slope.
+
+    One width is that of a line or a disc, two are those of a rectangle.
+    """
+
+    shape: Literal["flat"] = "flat"
+    """flat in the middle, a parabola outside"""
+    width: Lengths
+    """width of the flat part: length, or one for each direction"""
+    edge_radius: Positive
+    """radius of curvature outside: length"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """s^2/(2 R_edge) at a distance s outside the flat part."""
+        import numpy as np
+
+        if isinstance(self.width, tuple):
+            widths = zip(axes, self.width, strict=True)
+            outside = distance([np.maximum(np.abs(x) - width / 2, 0.0) for x, width in widths])
+        else:
+            outside = np.maximum(distance(axes) - self.width / 2, 0.0)
+        return outside**2 / (2 * self.edge_radius)
+
+    def misfit(self, extent: Extent) -> Problem | None:
+        """Refuse a flat part that fills the cell with its edges."""
+        width = along_axis(self.width, extent.axis)
+        if not math.isfinite(width) or width + 2 * self.edge_radius < extent.length:
+            return None
+        message = (
+            f"got {width!r} with edge_radius {self.edge_radius!r}; width + 2 edge_radius must be below "
+            f"{extent.words}"
+        )
+        return Problem(("width",), message, ("edge_radius",))
+
+
+class Sinusoid(Analytic):
+    """Height amplitude (1 - cos(2 pi x/wavelength)), summed over the directions.
+
+    A whole number of waves fills the period.
+    """
+
+    shape: Literal["sinusoid"] = "sinusoid"
+    """height amplitude (1 - cos(2 pi x/wavelength))"""
+    amplitude: Amplitudes
+    """amplitude: length, or one for each direction"""
+    wavelength: Lengths
+    """wavelength: length, or one for each direction; a whole number fill the period"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """Amplitude times (1 - cos(2 pi x/wavelength)), summed over the axes."""
+        import numpy as np
+
+        waves = (
+            (x, along_axis(self.amplitude, i), along_axis(self.wavelength, i)) for i, x in enumerate(axes)
+        )
+        return np.asarray(sum(a * (1 - np.cos(2 * np.pi * x / length)) for x, a, length in waves))
+
+    def misfit(self, extent: Extent) -> Problem | None:
+        """Refuse waves that do not join up with themselves."""
+        wavelength = along_axis(self.wavelength, extent.axis)
+        waves = extent.length / wavelength
+        fits = waves >= 1 - 1e-9 and abs(waves - round(waves)) <= 1e-9 * waves
+        if fits or math.isinf(wavelength) or along_axis(self.amplitude, extent.axis) == 0:
+            return None
+        message = (
+            f"got {wavelength!r}, which does not divide {extent.words}; must be the period divided by a "
+            "whole number"
+        )
+        return Problem(("wavelength",), message, ("amplitude",))
+
+
+def _circle(r: FloatArray, radius: float) -> FloatArray:
+    import numpy as np
+
+    r = np.minimum(r, radius)
+    return np.asarray(r * r / (radius + np.sqrt(radius * radius - r * r)))
+
+
+def _across(axes: Axes, along: str) -> FloatArray:
+    return axes[1] if along == "x" else axes[0]
+
+
+def _short(radius: float, extent: Extent) -> Problem | None:
+    if radius >= extent.length / 2:
+        return None
+    message = (
+        f"got {radius!r}: the circle ends inside the cell and has no height beyond; must be a number >= half "
+        f"{extent.words} (a parabola takes any radius)"
+    )
+    return Problem(("radius",), message)

@@ -1,0 +1,164 @@
+"""The kinds of values that a key may take, each with the words in which other values are refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    ValidationError,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from gfmdlayer.validation.problems import nearest, shown
+
+# Products and quotients of a few numbers of this size do not leave the range of double precision.
+SMALLEST, LARGEST = 1e-30, 1e30
+MANY = 2**31  # points; FFTW counts in 32 bits and cannot transform as many
+
+
+@dataclass(frozen=True)
+class MustBe:
+    """Annotation of a field: whatever its type refuses is reported as "must be ALLOWED".
+
+    Numbers with a fraction are also refused where they are too large or too small to compute with.
+
+    Attributes
+    ----------
+    allowed : str
+        The values allowed, continuing "must be ...".
+    words : tuple of str
+        The allowed words, where the field takes words.
+    """
+
+    allowed: str
+    words: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Wrap the type's own validation."""
+        return core_schema.no_info_wrap_validator_function(self.validate, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Leave the allowed values for `gfmdlayer.config.json_schema`."""
+        return handler(schema) | {"$comment": self.allowed}
+
+    def validate(self, value: Any, inner: core_schema.ValidatorFunctionWrapHandler) -> Any:
+        """Validate by the type, and report an error in the field's words."""
+        try:
+            taken = inner(value)
+        except (ValidationError, OverflowError):
+            message = f"got {shown(value)}; must be {self.allowed}{self._hint(value)}"
+            raise PydanticCustomError("must_be", message) from None
+        if (
+            isinstance(taken, float)
+            and taken not in {0.0, math.inf}
+            and not SMALLEST <= abs(taken) <= LARGEST
+        ):
+            limits = f"must be from {SMALLEST:g} to {LARGEST:g} in size, in whatever units"
+            raise PydanticCustomError("must_be", f"got {shown(value)}; {limits}")
+        return taken
+
+    def _hint(self, value: object) -> str:
+        numeric = "number" in self.allowed
+        if isinstance(value, bool):
+            return " (true and false are no numbers)" if numeric else ""
+        if not isinstance(value, str):
+            return ""
+        if self.words:
+            return nearest(value, self.words)
+        if numeric and value.lower().lstrip("+").startswith("inf"):
+            return "; infinity is written .inf" if ".inf" in self.allowed else ""
+        try:
+            float(value)
+        except ValueError:
+            return ""
+        return f"; did you mean {value.strip()}, without quotes?" if numeric else ""
+
+
+class Word(MustBe):
+    """Annotation of a field that takes one of several words."""
+
+    def __init__(self, *words: str) -> None:
+        super().__init__(" or ".join(words) if len(words) == 2 else "one of " + ", ".join(words), words)
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Take the words and nothing else."""
+        schema = core_schema.literal_schema([*self.words])
+        return core_schema.no_info_wrap_validator_function(self.validate, schema)
+
+
+def sequence(value: object) -> object:
+    """Take a single value for a list of one."""
+    return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
+
+def two(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Take one value for each of two directions."""
+    if len(values) != 2:
+        raise ValueError(f"got {len(values)} values; must be one number, or two, one for each direction")
+    return values
+
+
+def _readable(path: Path) -> Path:
+    """Refuse a file that cannot be opened before the run, not in it."""
+    path = path.absolute()
+    try:
+        if not path.exists():
+            wrong = "does not exist"
+        elif not path.is_file():
+            wrong = "is not a regular file"
+        else:
+            path.open("rb").close()
+            return path
+    except OSError as error:
+        wrong = f"cannot be read ({error.strerror})"
+    raise ValueError(
+        f"{path} {wrong}; must be the name of a readable file, relative to the configuration's folder"
+    )
+
+
+def _not_null(value: object) -> object:
+    # None in the model is a key without meaning there; in a file such a key is left out.
+    if value is None:
+        raise ValueError("got nothing (null); must have a value, or be left out")
+    return value
+
+
+given = AfterValidator(_not_null)
+strict = Field(strict=True, allow_inf_nan=False)
+number_or_list = Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "number")
+
+Finite = Annotated[float, strict, MustBe("a number, finite")]
+Positive = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite")]
+NotNegative = Annotated[float, strict, Field(ge=0), MustBe("a number >= 0, finite")]
+Extended = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
+Fraction = Annotated[float, strict, Field(ge=0, le=1), MustBe("a number from 0 to 1")]
+Count = Annotated[int, Field(strict=True, ge=1, lt=MANY), MustBe("a whole number >= 1 and < 2^31")]
+Seed = Annotated[int, Field(strict=True, ge=0), MustBe("a whole number >= 0")]
+Switch = Annotated[bool, Field(strict=True), MustBe("true or false")]
+File = Annotated[Path, MustBe("the name of a file"), AfterValidator(_readable)]
+Optional = Annotated[Positive | None, given]
+
+_length = MustBe("a number > 0, or two of them, one for each direction")
+_extent = Annotated[float, Field(strict=True, gt=0), MustBe("a number > 0 or .inf")]
+Lengths = Annotated[
+    Annotated[float, strict, Field(gt=0), _length, Tag("number")]
+    | Annotated[tuple[_extent, ...], AfterValidator(two), Tag("list")],
+    number_or_list,
+]
+Amplitudes = Annotated[
+    Annotated[float, strict, Field(gt=0), _length, Tag("number")]
+    | Annotated[tuple[NotNegative, ...], AfterValidator(two), Tag("list")],
+    number_or_list,
+]

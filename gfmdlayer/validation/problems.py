@@ -1,0 +1,142 @@
+"""Errors in a configuration, in words: which key, the value found there, and the values allowed."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+Location = tuple[str | int, ...]
+
+
+class ConfigError(Exception):
+    """A configuration that cannot be used, with all of its errors.
+
+    Parameters
+    ----------
+    problems : iterable of str
+        One line each: place, key, value found, values allowed.
+    """
+
+    def __init__(self, problems: Iterable[str]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(self.problems))
+
+    def __reduce__(self) -> tuple[type[ConfigError], tuple[list[str]]]:
+        """Keep the list of problems when the error travels between processes."""
+        return ConfigError, (self.problems,)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One error in a configuration.
+
+    Attributes
+    ----------
+    location : tuple of str and int
+        Path of the key, such as ``("layer", "thickness")``.
+    message : str
+        Value found and values allowed.
+    others : tuple of str
+        Dotted keys whose values the message depends on besides the one at `location`.
+    at_key : bool
+        Whether the key itself is wrong, not its value.
+    """
+
+    location: Location
+    message: str
+    others: tuple[str, ...] = ()
+    at_key: bool = False
+
+    @property
+    def key(self) -> str:
+        """Dotted key without indices."""
+        return ".".join(part for part in self.location if isinstance(part, str))
+
+    def within(self, location: Location, *others: str) -> Problem:
+        """Return the problem of a section as a problem of the configuration that holds it.
+
+        Parameters
+        ----------
+        location : tuple of str and int
+            Location of the section.
+        *others : str
+            Further keys that the problem depends on, relative to the configuration.
+        """
+        prefix = "".join(f"{part}." for part in location if isinstance(part, str))
+        keys = (*(prefix + other for other in self.others), *others)
+        return replace(self, location=(*location, *self.location), others=keys)
+
+    def __str__(self) -> str:
+        return f"{dotted(self.location)}: {self.message}"
+
+
+class InconsistentError(ValueError):
+    """Values that are each allowed but contradict one another."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("; ".join(map(str, problems)))
+
+
+def dotted(location: Location) -> str:
+    """Return a location as the user would write it: ``output.snapshots[2]``."""
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def shown(value: object) -> str:
+    """Return a value as it would stand in YAML, shortened to fit a line of text."""
+    match value:
+        case None:
+            return "nothing (null)"
+        case bool():
+            return "true" if value else "false"
+        case float() if math.isnan(value):
+            return ".nan"
+        case float() if math.isinf(value):
+            return ".inf" if value > 0 else "-.inf"
+        case int() if abs(value) > 10**18:
+            return "a number of many digits"
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return "a mapping" if value else "an empty mapping"
+        case list() | tuple():
+            brief = len(value) <= 4 and not any(isinstance(item, (list, tuple, Mapping)) for item in value)
+            return f"[{', '.join(map(shown, value))}]" if brief else f"a list of {len(value)}"
+        case _:
+            text = str(value)
+            return f"the text {text if len(text) <= 60 else text[:57] + '...'!r}"
+
+
+def nearest(word: str, allowed: Iterable[str]) -> str:
+    """Return "; did you mean ...?" for the nearest of the allowed words, or nothing."""
+    # Regardless of letter case: ginf is a misspelt Ginf.
+    spelt = {candidate.lower(): candidate for candidate in allowed}
+    found = difflib.get_close_matches(word.lower(), spelt, n=1)
+    return f"; did you mean '{spelt[found[0]]}'?" if found else ""
+
+
+def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
+    """Return the message for a key that does not exist, with the nearest key that does.
+
+    Parameters
+    ----------
+    key : str
+        The unknown key.
+    siblings : iterable of str
+        Keys of the same section.
+    everywhere : iterable of str
+        Dotted keys of the whole configuration, which are searched where no sibling is near.
+    """
+    siblings = list(siblings)
+    hint = nearest(key, siblings)
+    if not hint:
+        same_ending = {name.rpartition(".")[2]: name for name in everywhere}
+        found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1)
+        hint = f"; did you mean '{same_ending[found[0]]}'?" if found else ""
+    return f"unknown key; allowed: {', '.join(siblings)}{hint}"

@@ -1,0 +1,144 @@
+"""Sections of a configuration: models of plain data, the choice between several of them, and their keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, core_schema
+
+from gfmdlayer.validation.problems import Location, Problem, dotted
+
+
+class Section(BaseModel):
+    """A part of the configuration: immutable, and without any key that is not listed."""
+
+    # Built when first used: the whole configuration holds a copy of most of them.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, use_attribute_docstrings=True)
+    entries: ClassVar[type[Section] | None] = None  # under keys that the user chooses
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield contradictions between the values; locations and keys are relative to this section."""
+        return iter(())
+
+    @classmethod
+    def fields(cls) -> dict[str, FieldInfo]:
+        """Return the fields by the names that users write."""
+        return {field.alias or name: field for name, field in cls.model_fields.items()}
+
+
+Member = TypeVar("Member", bound=Section)
+
+
+def load_table(*places: str) -> dict[str, Any]:
+    """Import the sections that a key chooses from.
+
+    Parameters
+    ----------
+    *places : str
+        "package.module:Class"; the first field of the class has the word that chooses it as its default.
+
+    Returns
+    -------
+    dict
+        Word -> class, the default first.
+    """
+    found = {}
+    for place in places:
+        module, _, name = place.partition(":")
+        section = getattr(import_module(module), name)
+        found[next(iter(section.model_fields.values())).default] = section
+    return found
+
+
+class OneOf(Generic[Member]):
+    """Annotation of a field that holds one of several sections, chosen by the first key of each.
+
+    Parameters
+    ----------
+    members : mapping
+        Word -> section; the first is meant where the word is left out.
+    """
+
+    def __init__(self, members: Mapping[str, type[Member]]) -> None:
+        self.members = members
+        self._default, first = next(iter(members.items()))
+        self.key = next(iter(first.model_fields))
+
+    def word(self, value: object) -> str:
+        """Return the word that chooses the section."""
+        if isinstance(value, Section):
+            return str(getattr(value, self.key))
+        return str(value.get(self.key, self._default)) if isinstance(value, Mapping) else self._default
+
+    def __get_pydantic_core_schema__(self, _source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate by the section that is chosen."""
+        choices: dict[Any, Any] = {
+            word: handler.generate_schema(section) for word, section in self.members.items()
+        }
+        return core_schema.tagged_union_schema(choices, self.word)
+
+
+def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
+    """Return the section that a field holds, alone, in a list or as plain data, or the choice of several."""
+    for note in field.metadata:
+        if isinstance(note, OneOf):
+            return note
+        if section := getattr(note, "section", None):
+            return section  # type: ignore[no-any-return]
+    return next((kind for kind in _types(field.annotation) if issubclass(kind, Section)), None)
+
+
+def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location, Section]]:
+    """Yield a section and all sections below it, with their locations, in the order of the model."""
+    yield at, section
+    for key, value in vars(section).items():
+        if isinstance(value, Section):
+            yield from sections_in(value, (*at, key))
+        elif isinstance(value, tuple):
+            for i, part in enumerate(value):
+                if isinstance(part, Section):
+                    yield from sections_in(part, (*at, key, i))
+
+
+def contradictions(section: Section) -> Iterator[Problem]:
+    """Yield the problems of a section and of all sections below it."""
+    for at, part in sections_in(section):
+        for problem in part.problems():
+            yield problem.within(at)
+
+
+def files_named(section: Section) -> dict[str, Path]:
+    """Return the files that a configuration names, by dotted key."""
+    return {
+        dotted((*at, key)): value
+        for at, part in sections_in(section)
+        for key, value in vars(part).items()
+        if isinstance(value, Path)
+    }
+
+
+def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted keys below a section that may name a file."""
+    for key, field in section.fields().items():
+        held = held_by(field)
+        for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
+            yield from keys_of_files(member, f"{prefix}{key}.")
+        if Path in _types(field.annotation):
+            yield prefix + key
+
+
+def _types(annotation: Any) -> Iterator[type]:
+    """Yield the classes in an annotation, through unions, lists and Annotated."""
+    if hasattr(annotation, "__metadata__"):
+        annotation = annotation.__origin__
+    inner = get_args(annotation)
+    if inner:
+        for part in inner:
+            yield from _types(part)
+    elif isinstance(annotation, type):
+        yield annotation

@@ -1,0 +1,203 @@
+"""A punch shape and a material law are added by one new file and one line in a table."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import gfmdlayer
+from gfmdlayer import open_case
+
+FRUSTUM = '''
+"""A conical frustum: flat on top, with straight sides."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from gfmdlayer.punch.shape import Analytic, Axes, Extent, distance
+from gfmdlayer.validation.fields import Positive
+from gfmdlayer.validation.problems import Problem
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+
+
+class Frustum(Analytic):
+    """Flat within `radius`, height slope (r - radius) outside."""
+
+    shape: Literal["frustum"] = "frustum"
+    """a cone without its tip"""
+    radius: Positive
+    """radius of the flat top: length"""
+    slope: Positive
+    """slope of the side"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        return self.slope * (distance(axes) - self.radius).clip(min=0)
+
+    def misfit(self, extent: Extent) -> Problem | None:
+        if self.radius < extent.length / 2:
+            return None
+        return Problem(("radius",), f"got {self.radius!r}; must be below half {extent.words}")
+'''
+
+POWER_LAW = '''
+"""Relaxation by a power of time, as a Prony series of one branch a decade."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from gfmdlayer.body.materials import Material
+from gfmdlayer.validation.fields import Positive
+from gfmdlayer.validation.problems import Problem
+
+
+class PowerLaw(Material):
+    """G(t) falls from Ginf to G0 about like t^(-exponent) from `shortest` to `longest`."""
+
+    model: Literal["power_law"] = "power_law"
+    """G(t) falls like a power of time"""
+    G0: Positive = 1.0
+    """relaxed shear modulus"""
+    Ginf: Positive = 10.0
+    """instantaneous shear modulus"""
+    exponent: Positive = 0.5
+    """power of time"""
+    shortest: Positive = 0.01
+    """shortest relaxation time"""
+    decades: Positive = 2.0
+    """decades of relaxation times"""
+
+    def problems(self) -> Iterator[Problem]:
+        if self.Ginf < self.G0:
+            yield Problem(("Ginf",), f"got {self.Ginf!r}; must be a number >= G0", ("G0",))
+
+    @property
+    def relaxed(self) -> float:
+        return self.G0
+
+    @property
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        powers = [10.0**k for k in range(int(self.decades) + 1)]
+        weights = [power**-self.exponent for power in powers]
+        scale = (self.Ginf - self.G0) / sum(weights)
+        return tuple((scale * w, self.shortest * p) for w, p in zip(weights, powers, strict=True))
+'''
+
+# Each command line in turn, in one process; the last line says how each ended.
+SCRIPT = """
+import sys
+from gfmdlayer.cli import main
+ended = [main(line.split()) for line in sys.argv[1:]]
+print(*ended)
+"""
+
+
+def newcomer(folder: Path, file: str, content: str, table: str, after: str, *commands: str) -> str:
+    """Add a file and a line to a copy of the package, and return what its command lines print.
+
+    Parameters
+    ----------
+    folder : Path
+        Working folder, which gets the copy.
+    file, content : str
+        Path within the package, and text, of the new file.
+    table, after : str
+        The file of the table, and the entry that the new one comes after.
+    *commands : str
+        Arguments of `gfmdlayer`.
+    """
+    copy = folder / "copy" / "gfmdlayer"
+    shutil.copytree(Path(gfmdlayer.__file__).parent, copy)  # with the compiled kernels
+    (copy / file).write_text(content)
+    name = re.search(r"^class (\w+)", content, re.MULTILINE)
+    assert name is not None
+    entry = f'"gfmdlayer.{file.removesuffix(".py").replace("/", ".")}:{name[1]}",'
+    text = (copy / table).read_text()
+    assert text.count(after) == 1
+    (copy / table).write_text(text.replace(after, f"{after}\n    {entry}"))
+    ran = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *commands],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(copy.parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout + ran.stderr
+
+
+def test_a_new_punch_shape_is_checked_offered_and_run(tmp_path: Path) -> None:
+    line = "name: x\ngrid: {points: 64}\nlayer: {thickness: .inf}\ntime: {end: 1.0, step: 0.25}\n"
+    (tmp_path / "case.yaml").write_text(
+        line
+        + """\
+output: {snapshots: [1.0]}
+sweep:
+  punch:
+    - {shape: wedge, slope: 0.1}
+    - {shape: frustum, slope: 0.1, radius: 1.0e-9}
+    - {shape: frustum, slope: 50, radius: 0.125}
+    - {shape: array, counts: 2, element: {shape: frustum, slope: 50, radius: 0.0625}}
+"""
+    )
+    (tmp_path / "bad.yaml").write_text(line + "punch: {shape: frustum, slope: 1, radius: 0.5}\n")
+    said = newcomer(
+        *(tmp_path, "punch/frustum.py", FRUSTUM, "punch/shapes.py", '"gfmdlayer.punch.simple_shapes:Flat",'),
+        *("run case.yaml --out out", "check bad.yaml", "schema", "new"),
+    )
+    assert "\n0 2 0 0\n" in said
+    assert "bad.yaml:5:43: punch.radius: got 0.5; must be below half the period in x, 1.0" in said
+    assert '"const": "frustum"' in said
+    assert "wedge, pyramid, flat, frustum, array" in (tmp_path / "indentation.yaml").read_text()
+    wedge, tip, top, two = (open_case(tmp_path / f"out/cases/{i:04d}.h5").load() for i in range(4))
+    # Without a top it is a wedge; the solver's tolerance is 1e-6.
+    np.testing.assert_allclose(tip["mean_pressure"], wedge["mean_pressure"], rtol=1e-5, atol=1e-9)
+    # With steep sides it is a flat punch, which touches all of its top and nothing else.
+    assert top["contact_area"][-1] == 17 / 64
+    # Half as wide and twice as many.
+    assert two["contact_area"][-1] == 18 / 64
+    heights = (top["gap"] + top["displacement"])[-1] + top["depth"][-1]
+    x = top["x"].to_numpy()
+    np.testing.assert_allclose(heights, 50 * np.maximum(np.abs(x) - 0.125, 0), atol=1e-12)
+
+
+def test_a_new_material_law_is_checked_and_run(tmp_path: Path) -> None:
+    # A flat punch on the material alone: the force follows the depth by G(t), as the contact does not change.
+    flat = """\
+name: x
+grid: {points: 64}
+punch: {shape: flat, width: 0.25, edge_radius: 1.0e-6}
+trajectory: {depth: 0.01, ramp_time: 0.5}
+time: {end: 2.0, step: 0.125}
+solver: {tolerance: 1.0e-9}
+"""
+    law = "model: power_law, G0: 2.0, Ginf: 20.0"
+    (tmp_path / "case.yaml").write_text(flat + f"layer: {{thickness: .inf, material: {{{law}}}}}\n")
+    (tmp_path / "bad.yaml").write_text(flat + f"layer: {{material: {{{law.replace('20.0', '1.0')}}}}}\n")
+    said = newcomer(
+        *(tmp_path, "body/power_law.py", POWER_LAW, "body/laws.py", '"gfmdlayer.body.materials:Prony",'),
+        *("run case.yaml --out out", "check bad.yaml", "schema", "new"),
+    )
+    assert "\n0 2 0 0\n" in said
+    assert "bad.yaml:7:53: layer.material.Ginf: got 1.0; must be a number >= G0" in said
+    assert "# one of zener, prony, power_law" in (tmp_path / "indentation.yaml").read_text()
+    found = open_case(tmp_path / "out/cases/0000.h5").load()
+    t, pressure = found["time"].to_numpy(), found["mean_pressure"].to_numpy()
+    tau, weights = 0.01 * 10.0 ** np.arange(3), 10.0 ** (-0.5 * np.arange(3))
+    moduli = 18 * weights / weights.sum()
+    held = t >= 0.5
+    # The mean of G(t - s) over the ramp, 0 <= s <= 1/2.
+    decay = np.exp(-np.subtract.outer(t[held], [0.5]) / tau) - np.exp(-np.outer(t[held], 1 / tau))
+    modulus = 2 + (moduli * tau * decay).sum(axis=1) / 0.5
+    np.testing.assert_allclose(pressure[held] / pressure[-1], modulus / modulus[-1], rtol=1e-7)
