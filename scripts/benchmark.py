@@ -13,7 +13,6 @@ Sections
     pairs       FFT pairs per step, and what the ingredients of FIRE bring
     run         a whole run over its bare FFT pairs
     work        error against work: integrator, solver, step length
-    scheduling  a sweep of 100 000 cases on 1 to 4096 ranks, simulated around the real scheduler
     ranks       Figures 2 to 4 on two MPI ranks against one
     overhead    what a case of a sweep costs beside its solves, alone and over two ranks
     peer        the same halfspace by Tamaas, where it is installed (extra `bench`)
@@ -31,7 +30,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pyfftw
-from benchmarks import iteration, overhead, pairs, peer, ranks, rough, scheduling, whole_run, work
+from benchmarks import iteration, overhead, pairs, peer, ranks, rough, whole_run, work
 from benchmarks.tables import Effort, Table
 
 from gfmdlayer.figures.plot_style import check_suffix
@@ -43,13 +42,12 @@ SECTIONS = {
     "pairs": pairs,
     "run": whole_run,
     "work": work,
-    "scheduling": scheduling,
     "overhead": overhead,
     "ranks": ranks,
     "peer": peer,
     "rough": rough,
 }
-QUICK = ("iteration", "pairs", "run", "overhead", "scheduling")
+QUICK = ("iteration", "pairs", "run", "overhead")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -30,10 +30,10 @@ import numpy as np
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.execution.case_run import prepare
-from gfmdlayer.execution.progress import report_to
+from gfmdlayer.execution.progress import make_display
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.sweep import Case, cases, label
-from gfmdlayer.execution.workers import Team, assemble
+from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.plot_style import save, styled
 from gfmdlayer.results.reader import case_path, open_case, open_results
@@ -117,22 +117,22 @@ HEAD = """\
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run, compare and draw; return 0 if every case is inside its bound, else 1."""
     asked = _parse(arguments)
-    with assemble(asked.jobs, prepare) as team:
-        if team is None:  # another rank of mpirun, which has served
+    with assemble(asked.jobs, prepare) as pool:
+        if pool is None:  # another rank of mpirun, which has served
             return 0
-        found = [each for number in asked.figures for each in reproduce(number, asked, team)]
+        found = [each for number in asked.figures for each in reproduce(number, asked, pool)]
     print("\n".join(_summary(found)))
     return 0 if all(each.inside for each in found) else 1
 
 
-def reproduce(number: int, asked: argparse.Namespace, team: Team) -> list[Comparison]:
+def reproduce(number: int, asked: argparse.Namespace, pool: WorkerPool) -> list[Comparison]:
     """Run a figure's cases by each way, draw them, and print how far the ways are from each other."""
     name = f"figure{number}"
     folders = {way: asked.out / (name if way == "paper" else f"{name}-{way}") for way in WAYS}
     configs = {way: _config(f"{name}-quick" if asked.quick else name, way, asked) for way in WAYS}
     for way, config in configs.items():
         print(f"{name}, {way}:", file=sys.stderr)
-        summary = run_sweep(config, folders[way], team, report=lambda: report_to(sys.stderr))
+        summary = run_sweep(config, folders[way], pool, display=lambda: make_display(sys.stderr))
         if summary.count("complete") < len(summary.outcomes):
             sys.exit(f"{folders[way]}: not all cases are complete; the same command tries them again")
     every = cases(configs["paper"])

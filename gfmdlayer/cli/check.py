@@ -39,7 +39,7 @@ def register(verbs: Verbs) -> None:
 def check(options: argparse.Namespace) -> int:
     """Tell the cases, the memory and the work ahead."""
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.execution import guards
+    from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
     from gfmdlayer.execution.sweep import cases, label, notes
 
@@ -55,12 +55,12 @@ def check(options: argparse.Namespace) -> int:
         print_some(f"  {case.index:04d}  {label(case.values)}" for case in every)
     print(f"steps      {cost.steps:,}")
     print(f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}")
-    print(f"memory     about {guards.in_bytes(cost.memory)} a process")
-    print(f"disk       about {guards.in_bytes(cost.storage)} in {directory}")
+    print(f"memory     about {preflight.in_bytes(cost.memory)} a process")
+    print(f"disk       about {preflight.in_bytes(cost.storage)} in {directory}")
     for line in _from_finished_cases(directory, config, every):
         print(line)
-    memory = guards.lack_of_memory(options.jobs * cost.memory)
-    space = guards.lack_of_space(directory, cost.storage)
+    memory = preflight.memory_warnings(options.jobs * cost.memory)
+    space = preflight.disk_warnings(directory, cost.storage)
     for warning in (*notes(case.config for case in every), *memory, *space):
         print(f"warning: {warning}")
     return COMPLETE
@@ -75,12 +75,12 @@ def _from_finished_cases(directory: Path, config: Config, every: Sequence[Case])
     done = [case for case in every if folder.case(case.index).name in present]
     with suppress(FolderError):
         if done and not changed_keys(folder.stored_config(), config):
-            from gfmdlayer.execution.cost_model import CostModel, finished
-            from gfmdlayer.execution.progress import duration
+            from gfmdlayer.execution.cost import CostModel
+            from gfmdlayer.execution.status import duration
 
             left = [case for case in every if folder.case(case.index).name not in present]
-            model = CostModel(finished(folder, done))
+            model = CostModel.of_files({folder.case(case.index): case.config for case in done})
             if left and model.fitted:
-                seconds = sum(map(model.seconds, left))
+                seconds = sum(model.seconds(case.config) for case in left)
                 return [f"time       about {duration(seconds)} on one core for the {len(left)} cases left"]
     return []

@@ -26,7 +26,7 @@ from gfmdlayer.cli.terminal import (
 from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.shards import Shard
+    from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
 
@@ -63,7 +63,7 @@ def register(verbs: Verbs) -> None:
 
 def shard(text: str) -> Shard:
     """Take a shard from the command line."""
-    from gfmdlayer.execution.shards import Shard
+    from gfmdlayer.execution.sweep import Shard
 
     try:
         return Shard.parse(text)
@@ -73,26 +73,24 @@ def shard(text: str) -> Shard:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cases that are not complete yet."""
-    from gfmdlayer.execution import case_run as cases
-    from gfmdlayer.execution import interrupts
-    from gfmdlayer.execution import workers as executors
+    from gfmdlayer.execution import case_run, interrupts, workers
 
     if options.shard and options.restart:
         return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
     interrupts.listen()
     try:
-        threads = executors.threads_each(os.environ, options.threads)
-        with executors.assemble(options.jobs, cases.prepare) as pool:
+        threads = workers.threads_each(os.environ, options.threads)
+        with workers.assemble(options.jobs, case_run.prepare) as pool:
             return COMPLETE if pool is None else _run(options, pool, threads)
-    except executors.LauncherError as error:
+    except workers.LauncherError as error:
         return refuse(str(error))
 
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.progress import report_to
-    from gfmdlayer.execution.run import run_sweep
+    from gfmdlayer.execution.progress import make_display
+    from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
@@ -100,17 +98,10 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
         directory = default_directory(config, options.config) if options.out is None else options.out
         if options.only_failed:
             Folder(Path(directory)).must_hold_results()
-        summary = run_sweep(
-            config,
-            directory,
-            pool,
-            options.restart,
-            lambda: report_to(sys.stderr),
-            threads,
-            options.shard,
-            options.checkpoint_every,
-            options.only_failed,
+        chosen = RunOptions(
+            options.restart, options.only_failed, options.shard, threads, options.checkpoint_every
         )
+        summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except ConfigError as error:
         return refuse(*error.problems)
     except FolderError as error:

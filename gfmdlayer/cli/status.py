@@ -15,8 +15,7 @@ from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, refuse,
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.overview import Overview
-    from gfmdlayer.execution.status_file import Running
+    from gfmdlayer.execution.status import Overview, Running
 
 WATCH_INTERVAL = 2.0  # seconds between two looks
 
@@ -35,7 +34,7 @@ def register(verbs: Verbs) -> None:
 def status(options: argparse.Namespace) -> int:
     """Tell what is done, running, failed and waiting."""
     from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.overview import overview
+    from gfmdlayer.execution.status import overview
 
     folder = Folder(Path(options.directory))
     try:
@@ -68,7 +67,7 @@ def _watch(folder: Folder) -> None:
 
 
 def _looks(folder: Folder) -> Iterator[Overview]:
-    from gfmdlayer.execution.overview import overview
+    from gfmdlayer.execution.status import overview
 
     interrupted = False
 
@@ -101,7 +100,7 @@ def _counts(seen: Overview) -> str:
 
 
 def _at_work(case: Running) -> str:
-    from gfmdlayer.execution.progress import duration
+    from gfmdlayer.execution.status import duration
 
     left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
     return (
@@ -112,14 +111,14 @@ def _at_work(case: Running) -> str:
 
 def _failures(seen: Overview) -> list[str]:
     """Tell each of a few failures, and of many how many are alike."""
-    from gfmdlayer.execution.overview import alike
+    from gfmdlayer.execution.status import group_by_reason
     from gfmdlayer.execution.sweep import label
 
     if seen.failed <= LISTED:
         return [
             f"  {f.index:04d} failed: {f.reason}  {label(dict(f.values))}".rstrip() for f in seen.failures
         ]
-    groups = alike(seen.failures)
+    groups = group_by_reason(seen.failures)
     lines = some([f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups])
     unread = seen.failed - len(seen.failures)
     return [*lines, f"  {unread} more failed; see cases/*.failed"] if unread else lines

@@ -1,4 +1,4 @@
-"""Running one case into its file: whatever goes wrong with it becomes its outcome."""
+"""Running one case into its file; an error becomes the outcome of the case."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from pathlib import Path
 from gfmdlayer.config import Config, digest
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
-from gfmdlayer.execution.folder import Folder, write_whole
+from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label, notes
+from gfmdlayer.files.whole import write_text
 
 Wisdom = dict[tuple[int, ...], str]
 
 
 def prepare() -> None:
-    """Import what a case needs; compiles nothing."""
+    """Import the modules that a case needs; compiles nothing."""
     import gfmdlayer.results.checkpoint
     import gfmdlayer.results.journal
     import gfmdlayer.results.writer
@@ -37,7 +38,7 @@ def run_case(
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> Outcome:
-    """Run one case into its file; whatever goes wrong with it becomes its outcome.
+    """Run one case into its file; an error becomes its outcome.
 
     Parameters
     ----------
@@ -46,11 +47,11 @@ def run_case(
     folder : Folder
         A claimed results folder.
     wisdom : dict, optional
-        FFTW wisdom for each shape of the grid, the same for all who compute.
+        FFTW wisdom for each shape of the grid, the same in all processes.
     threads : int
         Threads that the transforms may use.
     checkpoint_every : float
-        Seconds after which the state of the case is kept.
+        Seconds between two checkpoints.
 
     Returns
     -------
@@ -71,19 +72,19 @@ def run_case(
 
 
 def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
-    """Leave a record of the failure, unless whoever ran the case has left one that says more."""
+    """Record why a case failed; a record without traceback does not replace one with it."""
     from gfmdlayer.results.provenance import now
 
     path = folder.case(case.index, "failed")
     record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
-    with suppress(OSError):  # a full disk, a lost permission; the outcome still tells
+    with suppress(OSError):  # on a full disk the outcome alone must do
         if trace or not path.exists():
-            write_whole(path, json.dumps(record, default=str))
+            write_text(path, json.dumps(record, default=str))
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
 def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, checkpoint_every: float) -> str:
-    """Run the case; return what there is to note on it."""
+    """Run the case; return a remark on it."""
     from gfmdlayer.results.checkpoint import CheckpointError
 
     config, hashed = case.config, digest(case.config)
@@ -125,26 +126,26 @@ def _compute(
 
 def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if config.layer.material.model == "zener":  # a spectrum has no one relaxation time
+    if config.layer.material.model == "zener":  # a Prony series has several relaxation times
         found["tau"] = config.layer.material.tau
-    if said := notes([config]):
-        found["warnings"] = "\n".join(said)
+    if warnings := notes([config]):
+        found["warnings"] = "\n".join(warnings)
     if config.trajectory.velocity is not None or config.trajectory.velocity_file is not None:
         found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
 
 def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
-    """Compile and plan in this process before the others start, once for each kind of case."""
+    """Compile kernels and plan transforms before the workers start, once for each kind of case."""
     from gfmdlayer import simulation
 
     wisdom: Wisdom = {}
     for config in {_kind(case.config): case.config for case in todo}.values():
-        with suppress(Exception):  # the case will meet it again, and be recorded as failed
+        with suppress(Exception):  # the case itself fails in the same way, and is recorded
             wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
     return wisdom
 
 
 def _kind(config: Config) -> tuple[object, ...]:
-    """What decides which kernels are compiled and which transforms are planned."""
+    """The settings that decide which kernels are compiled and which transforms are planned."""
     return config.grid.points, config.solver, config.time.integrator, config.layer.material.model

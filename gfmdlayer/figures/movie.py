@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ import numpy as np
 from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled, time_axis
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits
+from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -64,26 +64,22 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     check_movie(path)
-    frames, part = case.sizes["snapshot"], path.with_name(f"{path.stem}.part{path.suffix}")
+    frames = case.sizes["snapshot"]
     rate = int(np.clip(frames / SECONDS, *RATES))
     writer = PillowWriter(fps=rate) if path.suffix.lower() == ".gif" else FFMpegWriter(fps=rate)
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with writer.saving(figure, str(part), DPI):
+            with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), DPI):
                 for place in range(frames):
                     show(place)
                     writer.grab_frame()
-            part.replace(path)
         except subprocess.CalledProcessError as error:
             last = str(error.stderr or "").strip().splitlines()[-1:]
             why = ": ".join([f"it ended with {error.returncode}", *last])
             raise ResultsError(f"{path}: ffmpeg could not write it ({why}); .gif does without") from error
         except OSError as error:
             raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import PARAMETERS, ResultsError
 
 if TYPE_CHECKING:
@@ -130,8 +131,8 @@ def check_suffix(path: Path) -> None:
 def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names."""
     try:
-        with styled(style):
-            figure.savefig(path, dpi=style.dpi)
+        with styled(style), unfinished(path, path.suffix) as part:
+            figure.savefig(part, dpi=style.dpi)
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 

@@ -13,7 +13,8 @@ from xml.etree import ElementTree as ET
 import h5py
 import numpy as np
 
-from gfmdlayer.results.netcdf import UNFINISHED, naming
+from gfmdlayer.files.whole import unfinished
+from gfmdlayer.results.netcdf import naming
 
 FIELDS = ("displacement", "pressure", "gap")
 POINTS = "paraview/points"
@@ -39,10 +40,8 @@ def describe(h5: h5py.File, path: Path) -> Path:
     fields = {name: h5[name].shape for name in FIELDS if name in h5}
     times = h5["snapshot"][()].tolist()
     written = path.with_suffix(".xdmf")
-    unfinished = written.with_name(written.name + UNFINISHED)
-    with naming(written):
-        ET.ElementTree(_xdmf(path.name, times, fields)).write(unfinished, "utf-8", xml_declaration=True)
-        unfinished.replace(written)
+    with naming(written), unfinished(written) as part:
+        ET.ElementTree(_xdmf(path.name, times, fields)).write(part, "utf-8", xml_declaration=True)
     return written
 
 

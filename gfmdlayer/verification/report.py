@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.verification import theory
@@ -44,7 +45,7 @@ def write_report(out: Path, found: Found, quick: bool) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out, [curve for _, finding in found for curve in finding.curves])
-        (out / "verification.md").write_text(markdown(found, quick, pictures), encoding="utf-8")
+        write_text(out / "verification.md", markdown(found, quick, pictures))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from gfmdlayer.execution.shards import Shard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +24,6 @@ from gfmdlayer.execution import locks
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.run import Summary, run_sweep
-from gfmdlayer.execution.shards import Shard
 from gfmdlayer.execution.sweep import Case, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.reader import open_results
