@@ -274,7 +274,7 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool
             try:
                 warnings = (*_warnings(members), *preflight.several_mpi_libraries())
                 yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
-            except Exception:
+            except (Exception, SystemExit, KeyboardInterrupt):
                 abort(*sys.exc_info())  # the other ranks would finish their cases first
     if comm.Get_rank() != 0:
         yield None

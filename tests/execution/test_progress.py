@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -56,23 +58,25 @@ def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> N
     assert "3 of 40 complete, 33 running, 1 failed, 1 min 30 s left, slowest 0002 in 30 s" in lines[5]
 
 
-def test_preparation_gets_a_line_when_it_takes_long_and_one_at_its_end(
+def test_a_long_preparation_gets_a_line_at_its_start_and_one_at_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Kernels compile for some 20 s on a new machine; with all of them compiled there is nothing to say."""
-    monkeypatch.setattr(reports, "READ_INTERVAL", 0.005)
-    monkeypatch.setattr(reports, "PREPARATION", 0.05)
-    monkeypatch.setattr(reports, "LOG_INTERVAL", 0.0)
-    for seconds, expected in ((0.0, 0), (0.5, 2)):
+    """Kernels compile for some 20 s on a new machine; where they are compiled there is nothing to say."""
+    work = "compiling kernels, once per machine"
+    monkeypatch.setattr(reports, "READ_INTERVAL", 0.001)
+    for threshold in (math.inf, 0.0):
+        monkeypatch.setattr(reports, "PREPARATION", threshold)
         stream = io.StringIO()
-        with Reporter(Folder(tmp_path), range(3), 0, lambda: reports.Log(stream)) as reporter:  # noqa: B023
-            with reporter.preparing("compiling kernels, once per machine"):
-                time.sleep(seconds)
+        with Reporter(Folder(tmp_path), range(3), 0, partial(reports.Log, stream)) as reporter:
+            with reporter.preparing(work):
+                while threshold == 0.0 and work not in stream.getvalue():
+                    time.sleep(0.001)
+                time.sleep(0.01)  # some more readings of the status
             lines = [line.partition("  ")[2] for line in stream.getvalue().splitlines()]
-        assert len([line for line in lines if "%" not in line]) == expected
-        if expected:
-            assert lines[0] == "compiling kernels, once per machine"
+        if threshold == 0.0:
+            assert lines[0] == work
             assert re.fullmatch(r"kernels and transforms are ready after .+ s", lines[1])
+        assert len(lines) == (2 if threshold == 0.0 else 0)
 
 
 def test_preparation_is_the_last_line_of_a_terminal() -> None:
