@@ -25,9 +25,14 @@ def test_a_file_replaces_an_earlier_one_when_it_is_complete(tmp_path: Path, dura
 def test_an_error_leaves_the_earlier_file_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "case.h5"
     path.write_text("earlier")
-    with pytest.raises(KeyboardInterrupt), unfinished(path) as part:
-        part.write_text("half")
-        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with unfinished(path) as part:
+            part.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert path.read_text() == "earlier"
     assert list(tmp_path.iterdir()) == [path]
 
