@@ -31,7 +31,6 @@ NAMES = (
     "iteration",
     "pairs",
     "whole_run",
-    "scheduling",
     "overhead",
     "ranks",
     "peer",

@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.execution.case_run import prepare
-from gfmdlayer.execution.progress import report_to
+from gfmdlayer.execution.progress import make_display
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.sweep import Case, cases, label
 from gfmdlayer.execution.workers import WorkerPool, assemble
@@ -151,7 +151,7 @@ def reproduce(number: int, options: argparse.Namespace, pool: WorkerPool) -> lis
     }
     for method, config in configs.items():
         print(f"{name}, {method}:", file=sys.stderr)
-        summary = run_sweep(config, folders[method], pool, report=lambda: report_to(sys.stderr))
+        summary = run_sweep(config, folders[method], pool, display=lambda: make_display(sys.stderr))
         if summary.count("complete") < len(summary.outcomes):
             sys.exit(f"{folders[method]}: not all cases are complete; the same command tries them again")
     every = cases(configs["paper"])

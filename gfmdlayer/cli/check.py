@@ -37,7 +37,7 @@ def register(verbs: Verbs) -> None:
 
 def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration."""
-    from gfmdlayer.execution import guards
+    from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
     from gfmdlayer.execution.sweep import cases, label, notes
 
@@ -51,12 +51,12 @@ def check(options: argparse.Namespace) -> int:
     lines += [
         f"steps      {cost.steps:,}",
         f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
-        f"memory     about {guards.in_bytes(cost.memory)} a process",
-        f"disk       about {guards.in_bytes(cost.storage)} in {directory}",
+        f"memory     about {preflight.in_bytes(cost.memory)} a process",
+        f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *_time_left(directory, config, every),
     ]
-    memory = guards.lack_of_memory(options.jobs * cost.memory)
-    space = guards.lack_of_space(directory, cost.storage)
+    memory = preflight.memory_warnings(options.jobs * cost.memory)
+    space = preflight.disk_warnings(directory, cost.storage)
     lines += [f"warning: {text}" for text in (*notes(case.config for case in every), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
@@ -71,12 +71,12 @@ def _time_left(directory: Path, config: Config, every: Sequence[Case]) -> list[s
     done = [case for case in every if folder.case(case.index).name in present]
     with suppress(FolderError):
         if done and not changed_keys(folder.stored_config(), config):
-            from gfmdlayer.execution.cost_model import CostModel, finished
-            from gfmdlayer.execution.progress import duration
+            from gfmdlayer.execution.cost import CostModel
+            from gfmdlayer.execution.status import duration
 
             left = [case for case in every if folder.case(case.index).name not in present]
-            model = CostModel(finished(folder, done))
+            model = CostModel.of_files({folder.case(case.index): case.config for case in done})
             if left and model.fitted:
-                seconds = sum(map(model.seconds, left))
+                seconds = sum(model.seconds(case.config) for case in left)
                 return [f"time       about {duration(seconds)} on one core for the {len(left)} cases left"]
     return []

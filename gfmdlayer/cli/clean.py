@@ -22,12 +22,12 @@ def register(verbs: Verbs) -> None:
 
 def clean(options: argparse.Namespace) -> int:
     """Remove the unfinished files of killed runs."""
-    from gfmdlayer.execution.cleanup import remains
+    from gfmdlayer.execution.claim import leftovers
     from gfmdlayer.execution.folder import Folder
 
     folder = Folder(Path(options.directory))
     try:
-        with remains(folder) as found:
+        with leftovers(folder) as found:
             if not found:
                 print("no unfinished files of killed runs")
                 return COMPLETE

@@ -32,12 +32,12 @@ def new(options: argparse.Namespace) -> int:
     """Write a configuration to start from."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.config.templates import commented
+    from gfmdlayer.files.whole import write_text
 
     path = Path(options.file or f"{options.like}.yaml")
     try:
         content = commented(path.stem, options.like)
-        with path.open("w" if options.force else "x", encoding="utf-8") as file:
-            file.write(content)
+        write_text(path, content, replace=options.force)
     except ConfigError as error:
         return refuse(*(f"{path}: {problem}" for problem in error.problems))
     except FileExistsError:

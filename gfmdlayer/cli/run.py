@@ -28,7 +28,7 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.run import Summary
-    from gfmdlayer.execution.shards import Shard
+    from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
 
@@ -68,7 +68,7 @@ def register(verbs: Verbs) -> None:
 
 def shard(text: str) -> Shard:
     """Parse a shard."""
-    from gfmdlayer.execution.shards import Shard
+    from gfmdlayer.execution.sweep import Shard
 
     try:
         return Shard.parse(text)
@@ -91,30 +91,20 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import Folder, FolderError
-    from gfmdlayer.execution.progress import report_to
-    from gfmdlayer.execution.run import run_sweep
+    from gfmdlayer.execution.progress import make_display
+    from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
         config = read_config(options)
         directory = results_folder(options, config)
         if options.only_failed:
-            Folder(directory).must_hold_results()
-        summary = run_sweep(
-            config,
-            directory,
-            pool,
-            options.restart,
-            lambda: report_to(sys.stderr),
-            threads,
-            options.shard,
-            options.checkpoint_every,
-            options.only_failed,
+            Folder(Path(directory)).must_hold_results()
+        chosen = RunOptions(
+            options.restart, options.only_failed, options.shard, threads, options.checkpoint_every
         )
-    except (
-        ConfigError,
-        FolderError,
-    ) as error:  # here, for an exception that leaves the pool aborts the ranks
+        summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
+    except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
         return refuse(*input_problems(error))
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)

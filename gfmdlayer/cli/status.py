@@ -15,8 +15,7 @@ from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, cut_sho
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.overview import Overview
-    from gfmdlayer.execution.status_file import Running
+    from gfmdlayer.execution.status import Overview, Running
 
 WATCH_INTERVAL = 2.0  # seconds
 
@@ -35,7 +34,7 @@ def register(verbs: Verbs) -> None:
 def status(options: argparse.Namespace) -> int:
     """Count the complete, running, failed and waiting cases."""
     from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.overview import overview
+    from gfmdlayer.execution.status import overview
 
     folder = Folder(Path(options.directory))
     try:
@@ -66,7 +65,7 @@ def _watch(folder: Folder) -> None:
 
 
 def _overviews(folder: Folder) -> Iterator[Overview]:
-    from gfmdlayer.execution.overview import overview
+    from gfmdlayer.execution.status import overview
 
     interrupted = False
 
@@ -99,7 +98,7 @@ def _counts(seen: Overview) -> str:
 
 
 def _running(case: Running) -> str:
-    from gfmdlayer.execution.progress import duration
+    from gfmdlayer.execution.status import duration
 
     left = "" if case.seconds_left is None else f", {duration(case.seconds_left)} left"
     return (
@@ -110,14 +109,14 @@ def _running(case: Running) -> str:
 
 def _failures(seen: Overview) -> list[str]:
     """List a few failures one by one, and many in groups of the same reason."""
-    from gfmdlayer.execution.overview import alike
+    from gfmdlayer.execution.status import group_by_reason
     from gfmdlayer.execution.sweep import label
 
     if seen.failed <= LISTED:
         return [
             f"  {f.index:04d} failed: {f.reason}  {label(dict(f.values))}".rstrip() for f in seen.failures
         ]
-    groups = alike(seen.failures)
+    groups = group_by_reason(seen.failures)
     lines = cut_short(
         [f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups]
     )

@@ -6,7 +6,7 @@ The table is plain data that imports no solver: configurations, cost estimates a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Literal
 
@@ -27,6 +27,8 @@ class Declaration:
         Factor on the pairs where no window holds the contact.
     fields : int
         Real fields alive at once in a run.
+    pairs_with : mapping
+        `pairs` and `power` where an option of the solver's section has a value, by (option, value).
     adhesive : bool
         Whether it solves problems whose interface attracts.
     nonsymmetric : bool
@@ -44,6 +46,25 @@ class Declaration:
     adhesive: bool = False
     nonsymmetric: bool = False
     distributed: bool = False
+    pairs_with: Mapping[tuple[str, object], tuple[float, float]] = field(default_factory=dict)
+
+    def pairs_per_step(self, points: int, options: Mapping[str, object]) -> float:
+        """Estimate the FFT pairs of a time step.
+
+        Parameters
+        ----------
+        points : int
+            Points of the grid.
+        options : mapping
+            The solver's section of the configuration.
+
+        Returns
+        -------
+        float
+        """
+        found = (self.pairs_with[item] for item in options.items() if item in self.pairs_with)
+        pairs, power = next(found, (self.pairs, self.power))
+        return float(pairs * (points / 4096) ** power)
 
     def load(self) -> Any:
         """Import the class of the solver."""
@@ -60,5 +81,12 @@ SOLVERS: Mapping[str, Declaration] = {
     "conjugate_gradient": Declaration(
         "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=32
     ),
-    "fire": Declaration("gfmdlayer.contact.fire:Fire", "displacement", 93, 0.03, fields=35),
+    "fire": Declaration(
+        "gfmdlayer.contact.fire:Fire",
+        "displacement",
+        93,
+        0.03,
+        fields=35,
+        pairs_with={("inertia", "uniform"): (238, 0.3)},
+    ),
 }

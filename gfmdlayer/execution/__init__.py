@@ -1,3 +1,3 @@
-"""A run: who computes which case, into which folder, watched and stopped by whom."""
+"""Running cases: processes and their work, results folders, checkpoints, progress."""
 
-CHECKPOINT_EVERY = 60.0  # seconds after which the state of a case is kept
+CHECKPOINT_EVERY = 60.0  # seconds between two checkpoints of a case

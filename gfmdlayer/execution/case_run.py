@@ -1,4 +1,4 @@
-"""Running one case into its file: whatever goes wrong with it becomes its outcome."""
+"""Running one case into its file; an error becomes the outcome of the case."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from pathlib import Path
 from gfmdlayer.config import Config, digest
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
-from gfmdlayer.execution.folder import Folder, write_whole
+from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label, notes
+from gfmdlayer.files.whole import write_text
 
 Wisdom = dict[tuple[int, ...], str]
 
 
 def prepare() -> None:
-    """Import what a case needs; compiles nothing."""
+    """Import the modules that a case needs; compiles nothing."""
     import gfmdlayer.results.checkpoint
     import gfmdlayer.results.journal
     import gfmdlayer.results.writer
@@ -38,7 +39,7 @@ def run_case(
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> Outcome:
-    """Run one case into its file; whatever goes wrong with it becomes its outcome.
+    """Run one case into its file; an error becomes its outcome.
 
     Parameters
     ----------
@@ -47,11 +48,11 @@ def run_case(
     folder : Folder
         A claimed results folder.
     wisdom : dict, optional
-        FFTW wisdom for each shape of the grid, the same for all who compute.
+        FFTW wisdom for each shape of the grid, the same in all processes.
     threads : int
         Threads that the transforms may use.
     checkpoint_every : float
-        Seconds after which the state of the case is kept.
+        Seconds between two checkpoints.
 
     Returns
     -------
@@ -72,14 +73,14 @@ def run_case(
 
 
 def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
-    """Leave a record of the failure, unless whoever ran the case has left one that says more."""
+    """Record why a case failed; a record without traceback does not replace one with it."""
     from gfmdlayer.results.provenance import now
 
     path = folder.case(case.index, "failed")
     record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
-    with suppress(OSError):  # a full disk, a lost permission; the outcome still tells
+    with suppress(OSError):  # on a full disk the outcome alone must do
         if trace or not path.exists():
-            write_whole(path, json.dumps(record, default=str))
+            write_text(path, json.dumps(record, default=str))
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
@@ -162,7 +163,7 @@ def _attributes(config: Config) -> dict[str, str | float]:
 
 
 def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
-    """Compile and plan in this process before the others start, once for each kind of case."""
+    """Compile kernels and plan transforms before the workers start, once for each kind of case."""
     from gfmdlayer import simulation
 
     wisdom: Wisdom = {}

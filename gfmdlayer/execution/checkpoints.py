@@ -1,14 +1,13 @@
-"""A case that is not complete: when its state is kept, where, and how it is taken up again.
+"""Checkpoints of an unfinished case, and resuming from them.
 
     DIR/cases/NNNN.checkpoint      the last state
     DIR/cases/NNNN.journal0 or 1   the rows and snapshots up to it
-    DIR/cases/NNNN.*.aside         what could not be used: a checkpoint and its journal, a damaged case
+    DIR/cases/NNNN.*.aside         files that could not be used: a checkpoint and its journal, a damaged case
 
-The state is kept at an interval and when the run is asked to stop. Whoever takes a case up writes the journal
-that the checkpoint does not name, so that the way back is open until there is a new checkpoint. A case that
-fails leaves its last checkpoint, and tried again goes on from there: what failed for want of a disk goes
-through, and what cannot work fails again soon. Where a step does not converge, the steps since the last
-checkpoint are repeated up to the one before it, whose state is kept.
+A checkpoint is written at an interval and when the run is asked to stop. A resumed case writes the journal
+that the checkpoint does not name, so that the checkpoint stays valid until the next one. A case that fails
+leaves its last checkpoint, from which the next run resumes. Where a step does not converge, the steps since
+the last checkpoint are repeated up to the one before it, whose state is kept.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ if TYPE_CHECKING:
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.resumable import Resumable
 
-_SHARE = 0.02  # of the time goes into keeping states, at most, unless every step is asked for
+_SHARE = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
 _FORMAT = "2"  # of checkpoint and journal
 _JOURNALS = ("journal0", "journal1")
 _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
 
 
 class Checkpoints:
-    """Keeps the state of a case, and finds the one that was kept.
+    """Writes the checkpoints of a case, and resumes from the last one.
 
     Parameters
     ----------
@@ -45,43 +44,44 @@ class Checkpoints:
     index : int
         The case.
     digest : str
-        Of its configuration.
+        Digest of its configuration.
     interval : float
-        Seconds from one state to the next, more where keeping one takes long; 0 for every step.
-    told : callable
-        Told the simulated time after each attempt at a step; raises `Stopped` where the run is to stop.
+        Seconds between two checkpoints, more where writing one takes long; 0 for every step.
+    report_time : callable
+        Called with the simulated time after each attempt at a step; raises `Stopped` to stop the run.
 
     Attributes
     ----------
     started : str
-        When the case was begun for the first time.
+        Time of the first start of the case.
     elapsed : float
-        Seconds that went into the state that was found.
+        Seconds of computation up to the checkpoint found.
     attempts : int
-        Attempts at a step since the last state was kept.
+        Attempts at a step since the last checkpoint.
     time : float
-        Simulated time of the last attempt, or of the state that was found.
+        Simulated time of the last attempt, or of the checkpoint found.
     """
 
     def __init__(
-        self, folder: Folder, index: int, digest: str, interval: float, told: Callable[[float], None]
+        self, folder: Folder, index: int, digest: str, interval: float, report_time: Callable[[float], None]
     ) -> None:
-        self._folder, self._index, self._interval, self._tell_time = folder, index, interval, told
+        self._folder, self._index = folder, index
+        self._interval, self._report_time = interval, report_time
         self._path = folder.case(index, "checkpoint")
         self._made_by = made_by(digest)
         self._begin()
         self._found: Checkpoint | None = None
         self._journal: Journal | None = None
         self._memory: Resumable | None = None
-        self._told = ""
+        self._warned = ""
 
     def find(self) -> None:
-        """Look for a state to go on from.
+        """Read the checkpoint, if there is one.
 
         Raises
         ------
         CheckpointError
-            Where there is one that cannot be used.
+            Where it cannot be used.
         """
         from gfmdlayer.results.checkpoint import read_checkpoint
 
@@ -97,21 +97,21 @@ class Checkpoints:
         self.attempts, self.time = 0, 0.0
 
     def recorder(self, writer: CaseWriter) -> Journal:
-        """Return what records for the writer; what was recorded before is in it already.
+        """Return a recorder that passes on to the writer, which first gets the rows up to the checkpoint.
 
         Raises
         ------
         CheckpointError
-            Where that is lost.
+            Where the journal of the checkpoint is lost.
         """
         from gfmdlayer.results.checkpoint import CheckpointError
         from gfmdlayer.results.journal import Journal, Position
 
         self._writer = writer
         before = None if self._found is None else Position.of(self._found.about["journal"])
-        own, self._done_with = (self._folder.case(self._index, kind) for kind in _JOURNALS)
+        own, self._old_journal = (self._folder.case(self._index, kind) for kind in _JOURNALS)
         if before is not None and before.file == own.name:
-            own, self._done_with = self._done_with, own
+            own, self._old_journal = self._old_journal, own
         self._journal = Journal(own, writer)
         if before is not None:
             try:
@@ -121,12 +121,12 @@ class Checkpoints:
         return self._journal
 
     def resume(self, memory: Resumable) -> None:
-        """Put the state that was found back; to be called by the simulation.
+        """Restore the checkpoint found; called by the simulation before its first step.
 
         Raises
         ------
         CheckpointError
-            Where it does not fit.
+            Where it does not fit the simulation.
         """
         from gfmdlayer.results.checkpoint import CheckpointError
 
@@ -135,13 +135,13 @@ class Checkpoints:
                 memory.restore(self._found.state)
             except (KeyError, ValueError) as error:
                 raise CheckpointError(f"it would not give the same bits: {error}") from None
-            self.tell(f"goes on from time {self._found.about['time']:g}")
+            self.log(f"goes on from time {self._found.about['time']:g}")
             self._found = None
         self._memory = memory
         self._due = time.monotonic() + self._interval
 
     def advance(self, simulated_time: float) -> None:
-        """Keep the state where it is due or the run is to stop; to be called after each attempt at a step.
+        """Write a checkpoint where one is due or the run is to stop; called after each attempt at a step.
 
         Raises
         ------
@@ -150,42 +150,42 @@ class Checkpoints:
         """
         self.attempts, self.time = self.attempts + 1, simulated_time
         try:
-            self._tell_time(simulated_time)
+            self._report_time(simulated_time)
         except Stopped:
-            self._keep(simulated_time)
+            self._write(simulated_time)
             raise
         if time.monotonic() >= self._due:
-            self._keep(simulated_time)
+            self._write(simulated_time)
 
     def remove(self) -> None:
-        """Remove everything: the case is complete."""
+        """Remove checkpoint and journals of a complete case."""
         self.close()
         with suppress(OSError):
             for kind in ("checkpoint", *_JOURNALS):
                 self._folder.case(self._index, kind).unlink(missing_ok=True)
 
     def set_aside(self, reason: str) -> None:
-        """Leave what was found to the user, under another name."""
+        """Rename an unusable checkpoint and its journals, which are left to the user."""
         self.close()
         self._begin()
         self._found = self._journal = None
         for kind in ("checkpoint", *_JOURNALS):
             self._folder.set_aside(self._folder.case(self._index, kind))
-        self.tell(f"begins anew, its checkpoint is set aside: {reason}")
+        self.log(f"begins anew, its checkpoint is set aside: {reason}")
 
     def close(self) -> None:
         """Close the journal."""
         if self._journal is not None:
             self._journal.close()
 
-    def tell(self, line: str) -> None:
-        """Tell the user; whoever computes the case, its standard error is the run's."""
+    def log(self, line: str) -> None:
+        """Write a line on the case to standard error, which all processes of a run share."""
         Log(sys.stderr).note(f"case {self._index:04d} {line}")
 
-    def _keep(self, simulated_time: float) -> None:
+    def _write(self, simulated_time: float) -> None:
         from gfmdlayer.results.checkpoint import Checkpoint
 
-        assert self._journal is not None  # asked for, as the memory, before the first step
+        assert self._journal is not None  # set, as the memory, before the first step
         assert self._memory is not None
         begun = time.monotonic()
         try:
@@ -197,21 +197,21 @@ class Checkpoints:
             }
             Checkpoint(self._made_by, about, self._memory.state()).write(self._path)
             self.attempts = 0
-            self._done_with.unlink(missing_ok=True)
+            self._old_journal.unlink(missing_ok=True)
         except OSError as error:
-            self._warn(f"goes on, but its state cannot be kept: {error.strerror or error}")
+            self._warn(f"continues, but its checkpoint cannot be written: {error.strerror or error}")
         ended = time.monotonic()
         pause = (ended - begun) / _SHARE if self._interval > 0 else 0.0
         self._due = ended + max(self._interval, pause)
 
     def _warn(self, line: str) -> None:
-        if line != self._told:
-            self._told = line
-            self.tell(line)
+        if line != self._warned:
+            self._warned = line
+            self.log(line)
 
 
 def made_by(digest: str) -> dict[str, str]:
-    """Return all that the bits of a case depend on, but for the plans of FFTW, which are in its state."""
+    """Return what the bits of a case depend on, beside the plans of FFTW, which are in its state."""
     from llvmlite.binding import get_host_cpu_name
 
     from gfmdlayer.results.provenance import provenance
@@ -221,7 +221,7 @@ def made_by(digest: str) -> dict[str, str]:
     return {
         "format": _FORMAT,
         "digest": digest,
-        # Two trees with changes of their own cannot be told apart; that a file was touched says too little.
+        # Uncommitted changes cannot be told apart, and most do not change results.
         "git_commit": known["git_commit"].removesuffix("-dirty"),
         "processor": get_host_cpu_name(),
         **versions,

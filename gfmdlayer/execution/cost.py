@@ -1,38 +1,35 @@
-"""What a case will take, told before it is run: steps, FFT pairs, memory, disk.
+"""Cost of a case, estimated before it is run: steps, FFT pairs, memory, disk, seconds.
 
 The unit of work is the FFT pair, one forward and one backward transform of the grid, since nearly all of
-the time goes there.  How many pairs a step needs depends on the solver and, for some, on the grid.
+the time goes there. The solver declares the pairs of a step and the fields in memory (`contact.solvers`).
+Seconds are work times the median seconds per work of the finished cases of the same kind.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import random
+from collections import defaultdict
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
 
 from gfmdlayer.config import Config
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.observables import columns
 
 # Adaptive steps of a ramp and a hold at a tolerance of 1e-4, and the power of the tolerance; measured on the
-# default case from 1e-3 to 1e-4, with 0 to 400 times to land on.
+# default case from 1e-3 to 1e-4, with 0 to 400 output times.
 ADAPTIVE_STEPS, ADAPTIVE_POWER = 28, -1 / 3
-# FFT pairs a step at a residual of 1e-6, at n = 4096 and as a power of n; measured on the default case.
-PAIRS = {
-    ("fire", "mass_weighted"): (93, 0.03),
-    ("fire", "uniform"): (238, 0.3),
-    ("conjugate_gradient", None): (34, 0.2),
-    ("active_set", None): (2.7, 0.07),
-}
-ROUGH = 12  # times as many of `active_set` where no window holds the contact; measured at 256^2 to 2048^2
-SLIDING = 4  # contact problems of a step under a moving punch; measured, as the sliding parabola's
+SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
+ROUGH_SHAPES = ("self_affine", "topography")
 REAL = 8  # bytes
-# Real fields alive at once: kernels, plans, snapshot being written, and what the solver keeps; those of each
-# branch of the material. Peak of the process, measured at 2^17 to 2^19 points in one and two directions.
-FIELDS = {"fire": 35, "conjugate_gradient": 32, "active_set": 62}
-BRANCH_FIELDS = 5
+BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
+SAMPLE = 500  # finished cases that are read, at most
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class Cost:
     pairs : float
         FFT pairs.
     work : float
-        Points times FFT pairs, by which cases are weighed against each other.
+        Points times FFT pairs.
     memory, storage : float
         Bytes in memory (with the program) and in the result file.
     """
@@ -59,37 +56,23 @@ class Cost:
 
 
 def estimate(config: Config) -> Cost:
-    """Estimate what a case costs."""
+    """Estimate the cost of a case."""
     size = math.prod(config.grid.points)
     steps = _steps(config)
-    solver = config.solver
-    inertia = solver.inertia if solver.method == "fire" else None
-    width = sum(column.size for column in columns(config))
-    at_4096, power = PAIRS[solver.method, inertia]
-    pairs = steps * at_4096 * (size / 4096) ** power * (SLIDING if config.trajectory.moves else 1)
-    if solver.method == "active_set" and config.punch.rough:
-        pairs *= ROUGH
+    solver = SOLVERS[config.solver.method]
+    pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
+    pairs *= SLIDING if config.trajectory.moves else 1
+    pairs *= solver.rough if config.punch.rough else 1
     branches = len(config.layer.material.maxwell_branches)
-    fields = FIELDS[solver.method] + BRANCH_FIELDS * branches
+    width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
         work=size * pairs,
-        memory=PROGRAM + fields * REAL * size,
+        memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
         storage=HEADER + REAL * (width * rows + sum(config.grid.points) + 3 * size * snapshots),
     )
-
-
-def _steps(config: Config) -> int:
-    """Count the steps; the adaptive ones where few or many times are asked for, and between the two."""
-    time, output = config.time, config.output
-    if not isinstance(time.step, str):
-        return math.ceil(time.end / time.step - 1e-9)
-    times = output.times or ()
-    rows = math.floor(time.end / times + 1e-9) if isinstance(times, float) else len(times)
-    free = ADAPTIVE_STEPS * ((time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    return math.ceil(math.hypot(free, rows + len(output.snapshots)))
 
 
 def total(costs: Iterable[Cost]) -> Cost:
@@ -102,3 +85,64 @@ def total(costs: Iterable[Cost]) -> Cost:
         memory=max(cost.memory for cost in every),
         storage=sum(cost.storage for cost in every),
     )
+
+
+class CostModel:
+    """Seconds of a case, from those of finished cases.
+
+    Parameters
+    ----------
+    finished : iterable of (Config, float)
+        Finished cases and their seconds; without any, seconds are in units of the work.
+    """
+
+    def __init__(self, finished: Iterable[tuple[Config, float]] = ()) -> None:
+        rates: defaultdict[Hashable, list[float]] = defaultdict(list)
+        for config, seconds in finished:
+            if seconds > 0:
+                rates[kind(config)].append(seconds / estimate(config).work)
+        self.fitted = bool(rates)
+        self._rates = {kind: median(found) for kind, found in rates.items()}
+        self._typical = median(self._rates.values()) if rates else 1.0  # for kinds without a finished case
+
+    @classmethod
+    def of_files(cls, complete: Mapping[Path, Config]) -> CostModel:
+        """Fit to the files of complete cases: all of them, or a random sample of many."""
+        from gfmdlayer.results.reader import attributes
+        from gfmdlayer.results.schema import ResultsError
+
+        paths = list(complete) if len(complete) <= SAMPLE else random.Random(0).sample([*complete], SAMPLE)
+        finished = []
+        for path in paths:
+            try:
+                seconds = attributes(path).get("wall_seconds", 0.0)
+            except ResultsError:
+                continue  # removed or damaged in the meantime
+            finished.append((complete[path], float(str(seconds))))
+        return cls(finished)
+
+    def seconds(self, config: Config) -> float:
+        """Return the expected seconds of a case."""
+        return estimate(config).work * self._rates.get(kind(config), self._typical)
+
+
+def kind(config: Config) -> Hashable:
+    """Return the settings that decide which code a case runs, and so its seconds per work."""
+    solver, time = config.solver, config.time
+    adaptive = time.step == "adaptive"
+    return config.grid.points, solver.method, solver.inertia, time.integrator, adaptive, _moves(config)
+
+
+def _moves(config: Config) -> bool:
+    return config.trajectory.velocity is not None or config.trajectory.velocity_file is not None
+
+
+def _steps(config: Config) -> int:
+    """Count the steps; adaptive ones by the free steps and the times that they must land on."""
+    time, output = config.time, config.output
+    if not isinstance(time.step, str):
+        return math.ceil(time.end / time.step - 1e-9)
+    times = output.times or ()
+    rows = math.floor(time.end / times + 1e-9) if isinstance(times, float) else len(times)
+    free = ADAPTIVE_STEPS * ((time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
+    return math.ceil(math.hypot(free, rows + len(output.snapshots)))

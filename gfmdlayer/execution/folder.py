@@ -1,37 +1,34 @@
-"""A results folder: what lies where, whose it is, and when it may be written.
+"""The results folder: its files, its stored configuration.
 
     DIR/config.yaml        the configuration with every default written out; its first line marks the folder
     DIR/cases/NNNN.h5      a complete case
-    DIR/cases/NNNN.xdmf    what ParaView opens of a surface in two dimensions
+    DIR/cases/NNNN.xdmf    description of a surface in two dimensions for ParaView
     DIR/cases/NNNN.failed  why a case failed (JSON)
-    DIR/cases/NNNN.running how far a case is (JSON)
-    DIR/cases/NNNN.checkpoint, .journal0, .journal1  from where a case goes on that is not complete
+    DIR/cases/NNNN.running progress of a case (JSON)
+    DIR/cases/NNNN.checkpoint, .journal0, .journal1  state of an unfinished case
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
-    DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 that of a shard
+    DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
     DIR/sweep.h5           all cases, labelled
 
-Small files are written under another name and renamed, so that a reader never sees half of one.
+Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections import defaultdict
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, load, sweeps, text
-from gfmdlayer.execution import locks
-from gfmdlayer.execution.shards import Shard
+from gfmdlayer.config import Config, ConfigError, load, text
+from gfmdlayer.execution.sweep import Shard
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
-PARTIAL = ".part"
-PROBED = 1 << 16  # bytes
 ASIDE = ".aside"
-RESUMABLE = ("*.checkpoint", "*.journal?")
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -41,7 +38,7 @@ class FolderError(Exception):
 
 @dataclass(frozen=True)
 class Folder:
-    """The results folder at `path`, for a run of everything or of a shard."""
+    """The results folder at `path`, used by a run of all cases or of a shard."""
 
     path: Path
     shard: Shard | None = None
@@ -53,7 +50,7 @@ class Folder:
 
     @property
     def cases(self) -> Path:
-        """Where the cases are."""
+        """The folder of the cases' files."""
         return self.path / "cases"
 
     @property
@@ -71,8 +68,18 @@ class Folder:
         """Return the file of a case; `kind` is h5, failed, running, checkpoint, journal0 or journal1."""
         return self.cases / f"{index:04d}.{kind}"
 
+    def numbers(self) -> Mapping[str, set[int]]:
+        """Return the numbers of the cases that have a file, by its kind, from one listing of the folder."""
+        found: defaultdict[str, set[int]] = defaultdict(set)
+        with suppress(FileNotFoundError), os.scandir(self.cases) as entries:
+            for entry in entries:
+                number, _, kind = entry.name.partition(".")
+                if number.isdecimal() and entry.name == f"{int(number):04d}.{kind}":
+                    found[kind].add(int(number))
+        return found
+
     def set_aside(self, path: Path) -> None:
-        """Give a file that cannot be used another name, if it is there."""
+        """Rename a file that cannot be used, if it exists; it is left to the user."""
         with suppress(FileNotFoundError):
             path.replace(path.with_name(path.name + ASIDE))
 
@@ -100,7 +107,7 @@ class Folder:
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
 
     def stored_sweep(self) -> dict[str, list[Any]]:
-        """Return the sweep of the results, whatever has become of the files that their configuration names.
+        """Return the sweep of the results; works without the input files that their configuration names.
 
         Raises
         ------
@@ -126,147 +133,9 @@ class Folder:
         if not self.is_results():
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
 
-    @contextmanager
-    def claimed(
-        self, config: Config, restart: bool = False, own: Collection[int] | None = None
-    ) -> Iterator[None]:
-        """Hold the folder, or a shard's part of it, for a run of `config`.
-
-        Parameters
-        ----------
-        config : Config
-            What will be run.
-        restart : bool
-            Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
-        own : collection of int, optional
-            The cases of the shard.
-
-        Raises
-        ------
-        FolderError
-            Where the folder holds something else or results of another configuration, is in use, or cannot be
-            written.
-        """
-        with self._refusing():
-            self._refuse_strangers()
-        if self.is_results() and not restart:
-            self._refuse_another(config)
-        with ExitStack() as claim:
-            with self._refusing():
-                self.cases.mkdir(parents=True, exist_ok=True)
-                with locks.turn(self.cases / ".admission"):
-                    alone = claim.enter_context(locks.held(self.cases, self.shard))
-                    self._probe()
-                    self._make_ready(config, restart, None if alone else own)
-            try:
-                yield
-            finally:
-                with suppress(OSError):
-                    self.stop.unlink(missing_ok=True)
-
-    @contextmanager
-    def _refusing(self) -> Iterator[None]:
-        """Turn what the file system refuses into a word to the user."""
-        try:
-            yield
-        except locks.HeldError as error:
-            raise FolderError(f"{self.path}: {error}; wait for it to end") from None
-        except OSError as error:
-            raise FolderError(
-                f"{self.path}: cannot be written ({error.strerror}: {error.filename}); "
-                "choose another with --out"
-            ) from None
-
-    def _probe(self) -> None:
-        """Write as much as a small file takes: a full disk still lets empty ones be made."""
-        path = self.cases / f"probe{PARTIAL}"
-        try:
-            with path.open("wb") as file:
-                file.write(bytes(PROBED))
-                file.flush()
-                os.fsync(file.fileno())
-        finally:
-            path.unlink(missing_ok=True)
-
-    def _make_ready(self, config: Config, restart: bool, own: Collection[int] | None) -> None:
-        if restart:
-            self._remove_results()
-        self._remove_remains(own)
-        if not self.is_results():
-            write_whole(self.config, f"{MARK}# Cases: {sweeps.count(config.sweep)}\n{config.dump()}")
-        elif not restart:
-            self._refuse_another(config)  # another shard may have come first
-
-    def _refuse_strangers(self) -> None:
-        if self.path.exists() and not self.path.is_dir():
-            raise FolderError(f"{self.path}: is a file, not a folder; choose another with --out")
-        ours = {"cases", self.config.name + PARTIAL}  # what a run leaves that ended in its first instant
-        found = {entry.name for entry in self.path.iterdir()} if self.path.is_dir() else set()
-        if found - ours and not self.is_results():
-            raise FolderError(
-                f"{self.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
-            )
-
-    def _refuse_another(self, config: Config) -> None:
-        try:
-            difference = changed_keys(self.stored_config(), config)
-        except FolderError as error:
-            raise FolderError(
-                f"{error}; choose another folder with --out, or --restart to start over"
-            ) from None
-        if difference:
-            raise FolderError(
-                f"{self.path}: holds results of another configuration ({'; '.join(difference)}); {WAYS_OUT}"
-            )
-
-    def _remove_results(self) -> None:
-        for path in (self.sweep, *self.cases.glob("*.h5"), *self.cases.glob("*.xdmf"), self.config):
-            path.unlink(missing_ok=True)
-        for pattern in ("*.failed", *RESUMABLE, f"*{ASIDE}"):
-            for path in self.cases.glob(pattern):
-                path.unlink(missing_ok=True)
-
-    def _remove_remains(self, own: Collection[int] | None) -> None:
-        """Remove what killed runs left: of all cases, or of one's own where others are at work."""
-        remains = [
-            *self.cases.glob("*.running"),
-            *self.cases.glob(f"*{PARTIAL}"),
-            *self._of_complete_cases(),
-        ]
-        if own is None:
-            stops = (self.cases / "stop", *self.cases.glob("stop-*-of-*"))
-            remains += [*stops, *self.path.glob(f"*{PARTIAL}")]
-        else:
-            remains = [path for path in remains if _case_number(path) in own] + [self.stop]
-        for path in remains:
-            path.unlink(missing_ok=True)
-
-    def _of_complete_cases(self) -> Iterator[Path]:
-        """Find checkpoints that were to be removed when the run was killed."""
-        for pattern in RESUMABLE:
-            for path in self.cases.glob(pattern):
-                if path.with_suffix(".h5").exists():
-                    yield path
-
-
-def _case_number(path: Path) -> int | None:
-    number = path.name.partition(".")[0]
-    return int(number) if number.isdigit() else None
-
-
-def write_whole(path: Path, text: str, to_disk: bool = True) -> None:
-    """Write a small file that readers see whole or not at all; `to_disk` also waits for the disk."""
-    partial = path.with_name(path.name + PARTIAL)
-    with partial.open("w", encoding="utf-8") as file:
-        file.write(text)
-        if to_disk:
-            file.flush()
-            os.fsync(file.fileno())
-    partial.replace(path)
-
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """Read a small JSON file; None where it has gone or is not one."""
+    """Read a small JSON file; None where there is none or it cannot be read."""
     with suppress(OSError, ValueError):
         content = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(content, dict):
@@ -275,7 +144,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:
-    """Say which keys (but the name) differ between two configurations, as ``key: before -> after``."""
+    """Return the keys (but the name) that differ between two configurations, as ``key: before -> after``."""
     old, new = _flat(before.model_dump()), _flat(after.model_dump())
     absent = "(absent)"
     return [

@@ -1,7 +1,7 @@
-"""Signals that ask a run to stop: noticed at once, acted upon between two time steps.
+"""Signals that ask a run to stop, which it does between two time steps.
 
-A handler sets a flag and nothing more.  The simulation's progress callback looks at the flag once a step and
-raises `Stopped`, so that no step is cut in half and no file is left half written.
+A handler sets a flag and nothing more. The simulation's progress callback checks the flag once a step and
+raises `Stopped`, so that no step and no file is cut in half.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from types import FrameType
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
 
-class Stopped(Exception):  # noqa: N818 - an outcome that was asked for, not an error
+class Stopped(Exception):  # noqa: N818 - requested, not an error
     """Raised between two time steps after the run was asked to stop."""
 
 
 class _Flag:
-    """A process has one set of signal handlers, hence one flag."""
+    """The flag of this process, which has one set of signal handlers."""
 
     raised = False
 
@@ -35,16 +35,16 @@ def stop_requested() -> bool:
 
 
 def listen() -> None:
-    """Turn SIGINT, SIGTERM and SIGUSR1 into a request to stop, for the rest of this process's life."""
+    """Make SIGINT, SIGTERM and SIGUSR1 requests to stop, for the rest of this process's life."""
     for signum in STOP_SIGNALS:
         signal.signal(signum, request_stop)
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
-    """Hold the stop signals back while child processes are started.
+def signals_blocked() -> Iterator[None]:
+    """Block the stop signals while child processes are started.
 
-    Children inherit the mask; a signal that arrives before a child listens waits for it instead of ending it.
+    Children inherit the mask, so that an early signal waits until the child listens instead of ending it.
     """
     previous = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
@@ -53,7 +53,7 @@ def held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, previous)
 
 
-def listen_and_release() -> None:
-    """Listen in a child that was started with its stop signals held back."""
+def listen_and_unblock() -> None:
+    """Listen in a child that was started with its stop signals blocked."""
     listen()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)

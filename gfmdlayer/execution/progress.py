@@ -1,4 +1,4 @@
-"""Progress of a run, told to a terminal or a log."""
+"""Progress of a run, shown on a terminal or written to a log."""
 
 from __future__ import annotations
 
@@ -6,116 +6,75 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Protocol, Self, TextIO
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import stop_requested
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.status_file import Running, running
+from gfmdlayer.execution.status import Progress, Running, duration, running
 
-READ_INTERVAL = 0.5  # seconds between two looks at the status files
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+READ_INTERVAL = 0.5  # seconds between two readings of the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
+PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
+SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
+
+_BAR_WIDTH = 24
+_CASE_LINES = 12  # running cases on a terminal, at most
+_OTHER_LINES = 6  # of the terminal, left free
 
 
-TOLD = 20  # cases whose end is told one by one, complete ones and failed ones each
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is.
-
-    Attributes
-    ----------
-    total, complete, failed : int
-        Numbers of cases; those complete before the run are counted.
-    at_work : tuple of Running
-        The cases that some process is at.
-    begun : bool
-        Whether any case of the run was begun.
-    seconds_left : float or None
-        Time left by the pace so far; None where there is none yet.
-    slowest : Outcome or None
-        The case of this run that took longest, of those that have ended.
-    """
-
-    total: int
-    complete: int
-    failed: int = 0
-    at_work: tuple[Running, ...] = ()
-    begun: bool = True
-    seconds_left: float | None = None
-    slowest: Outcome | None = None
-
-    @property
-    def done(self) -> float:
-        """How many cases are done, parts of those at work included."""
-        parts = sum(case.fraction for case in self.at_work)
-        return min(self.complete + self.failed + parts, self.total)
-
-    @property
-    def fraction(self) -> float:
-        """The part of all cases that is done."""
-        return self.done / self.total
-
-    @property
-    def words(self) -> str:
-        """All of this but the cases at work one by one, in a line."""
-        if not self.begun:
-            return "making ready; kernels are compiled where they were not before"
-        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
-        parts = (
-            f"{self.complete} of {self.total} complete",
-            f"{len(self.at_work)} running" if self.at_work else "",
-            f"{self.failed} failed" if self.failed else "",
-            f"{duration(self.seconds_left)} left" if self.seconds_left else "",
-            slowest or "",
-        )
-        return ", ".join(filter(None, parts))
-
-
-class Report(Protocol):
-    """Where progress is told."""
+class Display(Protocol):
+    """Shows progress."""
 
     def note(self, line: str) -> None:
-        """Tell one event."""
+        """Show an event."""
 
     def ended(self, line: str, *, failed: bool) -> None:
-        """Tell the end of a case."""
+        """Show the end of a case."""
 
     def advance(self, progress: Progress) -> None:
-        """Tell how far the run is."""
+        """Show the progress of the run."""
 
     def close(self) -> None:
-        """Nothing more will be told."""
+        """Stop moving lines; notes may follow."""
 
 
 class Log:
-    """Plain lines with the time, for a file: so few that a run of any size and length can be read."""
+    """Plain lines with the time, for a file: so few that the log of any run can be read."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._begun = self._last = time.monotonic()
         self._ended = Counter[bool]()
+        self._preparation = ""
 
     def note(self, line: str) -> None:
         """Write one line."""
-        with suppress(OSError):  # nobody reads the log any more; the run goes on
+        with suppress(OSError):  # the reader of a pipe may have gone; the run continues
             self._stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}\n")
             self._stream.flush()
 
     def ended(self, line: str, *, failed: bool) -> None:
-        """Write of the first cases how they ended; the lines of `advance` count the rest."""
+        """Write the line for the first cases; the lines of `advance` count the rest."""
         self._ended[failed] += 1
-        if self._ended[failed] <= TOLD:
+        if self._ended[failed] <= SHOWN_ENDS:
             self.note(line)
-        elif self._ended[failed] == TOLD + 1:
+        elif self._ended[failed] == SHOWN_ENDS + 1:
             self.note(f"further cases that {'fail' if failed else 'are complete'} are only counted")
 
     def advance(self, progress: Progress) -> None:
-        """Write a line, unless there was one just before."""
+        """Write a line if the last one is some time ago; a preparation gets a line at its start alone."""
+        if progress.preparation:
+            if progress.preparation != self._preparation:
+                self.note(progress.preparation)
+            self._preparation = progress.preparation
+            return
         now = time.monotonic()
         if now - self._last >= max(LOG_INTERVAL, (now - self._begun) / 50):
             self._last = now
@@ -125,58 +84,126 @@ class Log:
         """Do nothing: every line is written already."""
 
 
+class Screen:
+    """Moving lines on a terminal: one for each running case, one for all cases; failures above them.
+
+    Parameters
+    ----------
+    console : rich.console.Console, optional
+        The terminal; standard error by default.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._live = Live(console=console or Console(stderr=True), auto_refresh=False)
+        self._live.start()
+        self._failed = 0
+
+    def note(self, line: str) -> None:
+        """Write one line above the moving ones."""
+        self._live.console.print(line, markup=False, highlight=False)
+
+    def ended(self, line: str, *, failed: bool) -> None:
+        """Write the line for the first failures; the line of all cases counts the rest."""
+        self._failed += failed
+        if failed and self._failed <= SHOWN_ENDS:
+            self.note(line)
+
+    def advance(self, progress: Progress) -> None:
+        """Update the moving lines."""
+        self._live.update(self._lines(progress), refresh=True)
+
+    def close(self) -> None:
+        """Leave the lines as they are."""
+        self._live.stop()
+
+    def _lines(self, progress: Progress) -> RenderableType:
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        def row(name: str, fraction: float, *texts: str) -> tuple[RenderableType, ...]:
+            bar = ProgressBar(total=1.0, completed=fraction, width=_BAR_WIDTH)
+            cells = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts]
+            return Text(name), bar, Text(f"{fraction:4.0%}"), *cells
+
+        room = max(min(_CASE_LINES, self._live.console.height - _OTHER_LINES), 1)
+        shown = sorted(progress.at_work, key=lambda case: case.fraction)[:room]
+        cases, total = Table.grid(padding=(0, 2)), Table.grid(padding=(0, 2))
+        for case in sorted(shown, key=lambda case: case.index):
+            left = "" if case.seconds_left is None else f"{duration(case.seconds_left)} left"
+            reached = f"time {case.simulated_time:.3g} of {case.end:g}"
+            cases.add_row(*row(f"{case.index:04d}", case.fraction, reached, left, case.label))
+        others = len(progress.at_work) - len(shown)
+        more = [Text(f"      and {others} more at work")] if others else []
+        total.add_row(*row(" all", progress.fraction), Text(progress.words))
+        return Group(cases, *more, total)
+
+
 class Reporter:
-    """Watches a run and tells a report; a context manager around it, with a thread of its own.
+    """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
     Parameters
     ----------
     folder : Folder
         The results folder.
     own : collection of int
-        The cases of the run; other runs in the folder tell of theirs.
+        The cases of this run; others in the folder may belong to other runs.
     complete : int
         Number of those complete before the run.
-    report : callable, optional
-        Makes the report to tell; nothing is told without.
+    display : callable, optional
+        Makes the display; nothing is shown without.
     """
 
     def __init__(
-        self, folder: Folder, own: Collection[int], complete: int, report: Callable[[], Report] | None
+        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display] | None
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
-        self._report = report() if report else None
+        self._display = display() if display else None
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
-        self._seen = False  # whether any case was begun
+        self._preparation = ""
         self._begun = time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> Self:
-        if self._report is not None:
+        if self._display is not None:
             self._thread.start()
         return self
 
     def __exit__(self, *details: object) -> None:
-        if self._report is not None:
+        if self._display is not None:
             self._over.set()
             self._thread.join()
             self._advance()
-            self._report.close()
+            self._display.close()
             if self._slowest is not None:
-                self._report.note(self._summary(self._slowest))
+                self._display.note(self._summary(self._slowest))
 
     def note(self, line: str) -> None:
-        """Tell one event."""
-        if self._report is not None:
+        """Show an event."""
+        if self._display is not None:
             with self._lock:
-                self._report.note(line)
+                self._display.note(line)
+
+    @contextmanager
+    def preparing(self, work: str) -> Iterator[None]:
+        """Show that `work` goes on in the block, and how long it took, unless it takes less than 2 s."""
+        begun, self._preparation = time.monotonic(), work
+        yield
+        self._preparation = ""
+        if (taken := time.monotonic() - begun) > PREPARATION:
+            self.note(f"kernels and transforms are ready after {duration(taken)}")
 
     def ended(self, outcome: Outcome) -> None:
-        """Tell what became of a case."""
-        if outcome.state == "stopped" or self._report is None:
+        """Show the outcome of a case."""
+        if outcome.state == "stopped" or self._display is None:
             return
         failed = outcome.state == "failed"
         with self._lock:
@@ -190,7 +217,7 @@ class Reporter:
             else:
                 note = outcome.note and f": {outcome.note}"
                 line = f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){note}"
-            self._report.ended(line, failed=failed)
+            self._display.ended(line, failed=failed)
 
     def _watch(self) -> None:
         stopping = False
@@ -203,17 +230,17 @@ class Reporter:
     def _advance(self) -> None:
         try:
             at_work = [case for case in running(self._folder) if case.index in self._own]
-        except OSError:  # the folder cannot be read for a while
+        except OSError:  # the folder may be unreadable for a while
             return
-        if self._report is not None:
+        if self._display is not None:
             with self._lock:
-                self._report.advance(self._progress(tuple(at_work)))
+                self._display.advance(self._progress(tuple(at_work)))
 
     def _progress(self, at_work: tuple[Running, ...]) -> Progress:
-        self._seen = self._seen or bool(at_work) or self._slowest is not None
-        begun = self._seen or self._complete == self._total
-        now = Progress(self._total, self._complete, self._failed, at_work, begun, slowest=self._slowest)
-        rate = (now.done - self._before) / (time.monotonic() - self._begun)
+        passed = time.monotonic() - self._begun
+        preparation = self._preparation if passed > PREPARATION else ""
+        now = Progress(self._total, self._complete, self._failed, at_work, preparation, None, self._slowest)
+        rate = (now.done - self._before) / passed
         return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
 
     def _summary(self, slowest: Outcome) -> str:
@@ -224,21 +251,6 @@ class Reporter:
         return f"{ended} case{'s' * (ended > 1)} ended in {took}{failed}; {longest}"
 
 
-def report_to(stream: TextIO = sys.stderr) -> Report:
-    """Return lines that move where the stream is a terminal, else a log."""
-    if not stream.isatty():
-        return Log(stream)
-    from gfmdlayer.execution.screen import Screen
-
-    return Screen()
-
-
-def duration(seconds: float) -> str:
-    """Write a duration for people: 0.4 s, 12 s, 3 min 20 s, 5 h 10 min, 3 d 4 h."""
-    if seconds < 9.95:
-        return f"{seconds:.1f} s"
-    whole = round(seconds)
-    for unit, name, part, part_name in ((86400, "d", 3600, "h"), (3600, "h", 60, "min"), (60, "min", 1, "s")):
-        if whole >= unit:
-            return f"{whole // unit} {name} {whole % unit // part} {part_name}"
-    return f"{whole} s"
+def make_display(stream: TextIO = sys.stderr) -> Display:
+    """Return moving lines where the stream is a terminal, else a log."""
+    return Screen() if stream.isatty() else Log(stream)

@@ -1,7 +1,7 @@
 """Running the cases of a configuration that are not complete yet.
 
-Cases are independent: each writes its own file, and one that fails is recorded while the others go on.  The
-results do not depend on who ran a case: every member of a pool computes with the same FFTW wisdom.
+Cases are independent: each writes its own file, and one that fails is recorded while the others go on. The
+results do not depend on the process that ran a case: all processes compute with the same FFTW wisdom.
 """
 
 from __future__ import annotations
@@ -13,27 +13,51 @@ from pathlib import Path
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
-from gfmdlayer.execution import CHECKPOINT_EVERY, guards, locks
+from gfmdlayer.execution import CHECKPOINT_EVERY, preflight
 from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
-from gfmdlayer.execution.cost import estimate
-from gfmdlayer.execution.cost_model import CostModel, finished
+from gfmdlayer.execution.claim import claimed
+from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
-from gfmdlayer.execution.listing import numbers
-from gfmdlayer.execution.progress import Report, Reporter
+from gfmdlayer.execution.progress import Display, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.shards import Shard
-from gfmdlayer.execution.sweep import Case, cases, notes
+from gfmdlayer.execution.sweep import Case, Shard, cases, notes
 from gfmdlayer.execution.workers import WorkerPool
+from gfmdlayer.files.locks import exclusive, open_for_writing
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How cases are run.
+
+    Attributes
+    ----------
+    restart : bool
+        Remove earlier results first.
+    only_failed : bool
+        Run the cases that are recorded as failed, and leave the others that are not complete.
+    shard : Shard, optional
+        Run these cases alone, while other runs may compute others; the last to end writes the sweep file.
+    threads : int
+        Threads that the transforms of a case may use.
+    checkpoint_every : float
+        Seconds between two checkpoints of a case.
+    """
+
+    restart: bool = False
+    only_failed: bool = False
+    shard: Shard | None = None
+    threads: int = 1
+    checkpoint_every: float = CHECKPOINT_EVERY
 
 
 @dataclass(frozen=True)
 class Summary:
-    """How a run ended.
+    """Outcomes of a run.
 
     Attributes
     ----------
     outcomes : tuple of Outcome
-        Of all cases of the run or of its shard, in their order, those included that it left as they were.
+        Of all cases of the run or of its shard, in their order, those complete before included.
     collected : bool
         Whether the sweep file was written: no case waits any more, in any shard.
     """
@@ -51,39 +75,36 @@ class Summary:
         return [outcome for outcome in self.outcomes if outcome.state == "failed"]
 
 
+@dataclass(frozen=True)
+class _Work:
+    """The cases of a run: `own` by its shard, `undone` of these, `todo` of these now."""
+
+    own: Sequence[Case]
+    undone: Sequence[Case]
+    todo: Sequence[Case]
+
+
 def run_sweep(
     config: Config,
     directory: str | Path,
     pool: WorkerPool,
-    restart: bool = False,
-    report: Callable[[], Report] | None = None,
-    threads: int = 1,
-    shard: Shard | None = None,
-    checkpoint_every: float = CHECKPOINT_EVERY,
-    only_failed: bool = False,
+    options: RunOptions | None = None,
+    display: Callable[[], Display] | None = None,
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
     Parameters
     ----------
     config : Config
-        What to run.
+        The configuration.
     directory : path
         Results folder; made where there is none.
     pool : WorkerPool
-        Who runs the cases.
-    restart : bool
-        Remove earlier results first.
-    report : callable, optional
-        Makes the report to which progress is told, once the run really begins.
-    threads : int
-        Threads that the transforms of a case may use.
-    shard : Shard, optional
-        Run these cases alone, while other runs may be at others; whoever ends last collects.
-    checkpoint_every : float
-        Seconds after which the state of a case is kept, from which a killed run goes on.
-    only_failed : bool
-        Run the cases that are on record as failed, and leave the others that are not complete.
+        The processes that compute.
+    options : RunOptions, optional
+        Which cases are run, and how.
+    display : callable, optional
+        Makes the display of progress; called once the folder is claimed.
 
     Returns
     -------
@@ -99,32 +120,31 @@ def run_sweep(
     ResultsError
         Where the sweep file cannot be written.
     """
-    folder = Folder(Path(directory), shard)
+    options = options or RunOptions()
+    folder = Folder(Path(directory), options.shard)
     every = cases(config)
-    own = every if shard is None else shard.share(every)
-    mine = frozenset(case.index for case in own)
-    with folder.claimed(config, restart, mine):
-        found = numbers(folder)
-        undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
-        todo = [case for case in undone if not only_failed or case.index in found["failed"]]
-        _refuse_open_files(folder, todo)
-        damaged = _set_damaged_aside(folder, todo)
+    own = every if options.shard is None else options.shard.share(every)
+    indices = frozenset(case.index for case in own)
+    with claimed(folder, config, options.restart, indices):
+        work = _find_work(folder, own, options.only_failed)
+        _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
-        outcomes |= {case.index: Outcome(case.index, "waiting") for case in undone}
-        complete = len(own) - len(undone)
-        with Reporter(folder, mine, complete, report) as reporter:
-            reporter.note(_opening(len(own), complete, len(todo), pool, threads, shard))
-            for line in (*_warnings(own, todo, pool, folder), *damaged):
+        outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
+        with Reporter(folder, indices, len(own) - len(work.undone), display) as reporter:
+            for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
+            for line in _set_damaged_aside(folder, work.todo):
+                reporter.note(line)
+            with reporter.preparing(_preparation(work.todo)):
+                wisdom = warm_up(work.todo, options.threads)
             task = partial(
                 run_case,
                 folder=folder,
-                wisdom=warm_up(todo, threads),
-                threads=threads,
-                checkpoint_every=checkpoint_every,
+                wisdom=wisdom,
+                threads=options.threads,
+                checkpoint_every=options.checkpoint_every,
             )
-            schedule = Schedule(pool, task, folder, reporter.ended)
-            for outcome in schedule.run(_ordered(todo, undone, own, folder, pool)):
+            for outcome in Schedule(pool, task, folder, reporter.ended).run(_ordered(work, folder, pool)):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
@@ -134,39 +154,11 @@ def run_sweep(
     return Summary(tuple(outcomes.values()), collected)
 
 
-def _set_damaged_aside(folder: Folder, todo: Sequence[Case]) -> list[str]:
-    """Give files of complete cases that cannot be read another name; return what to say of them."""
-    damaged = [case.index for case in todo if folder.case(case.index).exists()]
-    for index in damaged:
-        folder.set_aside(folder.case(index))
-    return [
-        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
-        for index in damaged
-    ]
-
-
-def _warnings(own: Sequence[Case], todo: Sequence[Case], pool: WorkerPool, folder: Folder) -> list[str]:
-    """What should be known of the cases, of those who run them and of the disk."""
-    space = guards.lack_of_space(folder.path, sum(estimate(case.config).storage for case in todo))
-    found = (*notes(case.config for case in own), *pool.warnings, *space)
-    return [f"warning: {warning}" for warning in found]
-
-
-def _ordered(
-    todo: list[Case], undone: Sequence[Case], own: Sequence[Case], folder: Folder, pool: WorkerPool
-) -> list[Case]:
-    """Put the longest cases first, by what the finished ones took; one process alone keeps their order."""
-    if pool.alone:
-        return todo
-    waiting = {case.index for case in undone}
-    done = [case for case in own if case.index not in waiting]
-    return CostModel(finished(folder, done)).longest_first(todo)
-
-
-def _refuse_open_files(folder: Folder, todo: Sequence[Case]) -> None:
-    replaced = [folder.sweep, *(folder.case(case.index) for case in todo)]
-    if found := guards.open_elsewhere(path for path in replaced if path.exists()):
-        raise FolderError(f"{found[0]}: is open for writing in another program; close it there first")
+def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:
+    found = folder.numbers()
+    undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
+    todo = [case for case in undone if not only_failed or case.index in found["failed"]]
+    return _Work(own, undone, todo)
 
 
 def _is_done(case: Case, folder: Folder) -> bool:
@@ -180,27 +172,64 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _opening(
-    total: int, complete: int, todo: int, pool: WorkerPool, threads: int, shard: Shard | None
-) -> str:
-    cases = "1 case" if total == 1 else f"{total} cases"
-    part = "" if shard is None else f" in shard {shard}"
+def _refuse_open_files(folder: Folder, todo: Sequence[Case]) -> None:
+    for path in (folder.sweep, *(folder.case(case.index) for case in todo)):
+        if path.exists() and open_for_writing(path):
+            raise FolderError(f"{path}: is open for writing in another program; close it there first")
+
+
+def _set_damaged_aside(folder: Folder, todo: Sequence[Case]) -> list[str]:
+    """Rename files of complete cases that cannot be read; return a line on each."""
+    damaged = [case.index for case in todo if folder.case(case.index).exists()]
+    for index in damaged:
+        folder.set_aside(folder.case(index))
+    return [
+        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
+        for index in damaged
+    ]
+
+
+def _opening(work: _Work, pool: WorkerPool, options: RunOptions) -> str:
+    number, complete = len(work.own), len(work.own) - len(work.undone)
+    cases = "1 case" if number == 1 else f"{number} cases"
+    part = "" if options.shard is None else f" in shard {options.shard}"
     before = f", {complete} complete already" if complete else ""
-    before += f", {todo} to be run" if complete + todo < total else ""
-    each = "one thread" if threads == 1 else f"{threads} threads"
+    before += f", {len(work.todo)} to be run" if len(work.todo) < len(work.undone) else ""
+    each = "one thread" if options.threads == 1 else f"{options.threads} threads"
     return f"{cases}{part}{before}; {pool.size} {pool.kind}, {each} each"
 
 
+def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
+    space = preflight.disk_warnings(folder.path, sum(estimate(case.config).storage for case in work.todo))
+    found = (*notes(case.config for case in work.own), *pool.warnings, *space)
+    return [f"warning: {warning}" for warning in found]
+
+
+def _preparation(todo: Sequence[Case]) -> str:
+    solvers = ", ".join(dict.fromkeys(case.config.solver.method for case in todo))
+    return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
+
+
+def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
+    """Put the longest cases first, by the seconds of finished ones; a single process keeps their order."""
+    if pool.alone:
+        return work.todo
+    undone = {case.index for case in work.undone}
+    done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
+    model = CostModel.of_files(done)
+    return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
+
+
 def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
-    """Write the sweep file, unless cases of other shards are still to come; return whether it was."""
+    """Write the sweep file, unless cases of other shards are not complete yet; return whether it was."""
     from gfmdlayer.results.case_metadata import CaseRecord
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import collect
 
     try:
-        with locks.turn(folder.cases / ".collection"):
+        with exclusive(folder.cases / ".collection"):
             reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
-                case.index: _reason(folder, case) for case in every if case.index not in outcomes
+                case.index: _failure_reason(folder, case) for case in every if case.index not in outcomes
             }
             if None in reasons.values():
                 return False
@@ -210,13 +239,13 @@ def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: di
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
             collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
-    except PermissionError as error:  # lost on the way
+    except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
     return True
 
 
-def _reason(folder: Folder, case: Case) -> str | None:
-    """Tell why another shard's case failed: nothing where it is complete, None where it is still to come."""
+def _failure_reason(folder: Folder, case: Case) -> str | None:
+    """Return why another shard's case failed; empty where it is complete, None where it has not ended."""
     if folder.case(case.index).exists():
         return ""
     record = read_json(folder.case(case.index, "failed"))

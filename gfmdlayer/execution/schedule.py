@@ -1,9 +1,9 @@
-"""Which case runs when, and by whom: the order, the hand-over, the stop.
+"""Scheduling cases on a pool of workers.
 
-The cases are given to a pool's executor in the order in which they come, the longest first: what is left at
-the end is short.  A member with hands free takes pending ones over by cancelling their futures and running
-them itself.  A request to stop, to whichever process it came, reaches all of them
-through the folder's stop file.
+The cases are submitted to the pool's executor in the given order, the longest first, so that short ones are
+left for the end (Graham 1966). The submitting process computes too where the pool says so: it takes pending
+cases by cancelling their futures. A request to stop, to any process, reaches all of them through the folder's
+stop file.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import request_stop, stop_requested
 from gfmdlayer.execution.workers import WorkerPool
 
-POLL = 0.2  # seconds between two looks at the request to stop while others compute
-AHEAD = 4  # cases a member given to those who do not keep a queue of any length
+POLL = 0.2  # seconds between two checks for a request to stop while workers compute
+AHEAD = 4  # cases a worker submitted ahead, where the submitting process only waits
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case.
+    """Outcome of a case.
 
     Attributes
     ----------
     index : int
         The case.
     state : str
-        complete, failed (tried again by the next run), stopped or waiting (left to the next run).
+        complete; or failed, stopped or waiting, which the next run computes.
     reason : str
         Why it failed.
     seconds : float
-        How long it took.
+        Its duration.
     note : str
-        What there is to know of a complete one.
+        A remark on a complete case.
     """
 
     index: int
@@ -51,11 +51,11 @@ class Outcome:
 
 
 class Numbered(Protocol):
-    """What can be scheduled."""
+    """An item that can be scheduled."""
 
     @property
     def index(self) -> int:
-        """Its number."""
+        """Number of the case."""
 
 
 Item = TypeVar("Item", bound=Numbered)
@@ -67,15 +67,15 @@ class Schedule(Generic[Item]):
     Parameters
     ----------
     pool : WorkerPool
-        Who runs them.
+        The workers.
     task : callable
         Runs one case and returns its outcome; never raises, and returns at once after a request to stop.
     folder : Folder
-        The results folder, through which processes elsewhere are told to stop.
+        The results folder, for the stop file.
     ended : callable
-        Told each outcome at once, possibly from another thread.
-    settled : queue, optional
-        Where outcomes wait for the submitting thread; a simulation of the schedule brings its own.
+        Called with each outcome at once, possibly from another thread.
+    outcomes : queue, optional
+        Outcomes on their way to the submitting thread; a simulated clock brings its own.
     """
 
     def __init__(
@@ -84,20 +84,20 @@ class Schedule(Generic[Item]):
         task: Callable[[Item], Outcome],
         folder: Folder,
         ended: Callable[[Outcome], None],
-        settled: SimpleQueue[Outcome] | None = None,
+        outcomes: SimpleQueue[Outcome] | None = None,
     ) -> None:
-        self._team, self._task, self._folder, self._ended = pool, task, folder, ended
+        self._pool, self._task, self._folder, self._ended = pool, task, folder, ended
         self._waiting: deque[Item] = deque()
         self._pending: deque[tuple[Item, Future[Outcome]]] = deque()
-        self._settled = SimpleQueue() if settled is None else settled
-        self._left: SimpleQueue[Item] = SimpleQueue()
+        self._outcomes = SimpleQueue() if outcomes is None else outcomes
+        self._returned: SimpleQueue[Item] = SimpleQueue()
 
     def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
         self._waiting.extend(items)
-        # Who joins in has no time to submit more; a pool of processes chokes on very many at once.
-        self._submit(len(items) if self._team.joins else AHEAD * self._team.size)
-        if self._team.joins:
+        # A submitting thread that computes has no time to submit more; a pool of processes is slow with many.
+        self._submit(len(items) if self._pool.joins else AHEAD * self._pool.size)
+        if self._pool.joins:
             self._take_over()
         for _ in items:
             yield self._next()
@@ -106,50 +106,50 @@ class Schedule(Generic[Item]):
         for _ in range(min(number, len(self._waiting))):
             item = self._waiting.popleft()
             try:
-                with self._team.starting():
-                    future = self._team.executor.submit(self._task, item)
+                with self._pool.starting():
+                    future = self._pool.executor.submit(self._task, item)
             except BrokenExecutor:
-                self._settle(self._task(item))  # there is nobody else any more
+                self._end(self._task(item))  # no workers are left
                 continue
             self._pending.append((item, future))
             future.add_done_callback(partial(self._when_done, item))
 
     def _take_over(self) -> None:
-        """Take what is pending: in order when alone, off the tail beside others, who take it off the head."""
+        """Compute pending cases here: in order when alone, else from the tail, as workers take the head."""
         while self._pending:
-            item, future = self._pending.popleft() if self._team.alone else self._pending.pop()
+            item, future = self._pending.popleft() if self._pool.alone else self._pending.pop()
             if future.cancel():
-                self._settle(self._task(item))
+                self._end(self._task(item))
 
     def _next(self) -> Outcome:
         while True:
             with suppress(Empty):
-                self._waiting.appendleft(self._left.get_nowait())
+                self._waiting.appendleft(self._returned.get_nowait())
                 self._submit(1)
             if stop_requested():
                 with suppress(OSError):  # signals alone must do then
                     self._folder.stop.touch()
                 self._submit(len(self._waiting))
-                self._take_over()  # no case is begun after a request to stop: this only settles them
+                self._take_over()  # no case begins after a request to stop: they end at once
             with suppress(Empty):
-                outcome = self._settled.get(timeout=POLL)
+                outcome = self._outcomes.get(timeout=POLL)
                 self._submit(1)
                 return outcome
 
     def _when_done(self, item: Item, future: Future[Outcome]) -> None:
         if future.cancelled():
-            return  # whoever cancelled it runs it
+            return  # taken over by this process
         error = future.exception()
         if error is None:
-            self._settle(future.result())
+            self._end(future.result())
         elif isinstance(error, BrokenExecutor) and not self._folder.case(item.index, "running").exists():
-            self._left.put(item)  # a worker died over another case, and the others with it
+            self._returned.put(item)  # its worker died with that of another case
         else:
-            reason = f"the process that ran it ended: {type(error).__name__}: {error}"
-            self._settle(Outcome(item.index, "failed", reason))
+            reason = f"its process ended: {type(error).__name__}: {error}"
+            self._end(Outcome(item.index, "failed", reason))
 
-    def _settle(self, outcome: Outcome) -> None:
+    def _end(self, outcome: Outcome) -> None:
         if outcome.state == "stopped":
-            request_stop()  # a signal may reach one process of many
+            request_stop()  # a signal may have reached one process of many
         self._ended(outcome)
-        self._settled.put(outcome)
+        self._outcomes.put(outcome)

@@ -1,16 +1,20 @@
-"""One configuration, many cases.
+"""The cases of a configuration, and their division into shards.
 
 A sweep is a product of values and of lists of combinations (`gfmdlayer.config.sweeps`), the last key running
-fastest; without one there is a single case.
+fastest; without one there is a single case. A shard is the part of a sweep that one of several runs over a
+results folder computes, such as the jobs of an array. The division follows from the configuration alone, not
+from the cases that are complete: shards that start at different times never claim each other's cases.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, combinations
+from gfmdlayer.execution.cost import estimate
 
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
@@ -24,7 +28,7 @@ class Case:
     index : int
         Its number, that of its file.
     config : Config
-        What is simulated; its sweep is empty.
+        Its configuration, without a sweep.
     values : dict
         The swept keys, dotted, and their values in this case.
     """
@@ -65,7 +69,7 @@ def cases(config: Config) -> list[Case]:
 
 
 def input_errors(config: Config) -> Iterable[tuple[str, str]]:
-    """Look at the numbers and files of the cases, for `config.load`; light where there are none."""
+    """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files."""
     doubtful = [case.config for case in cases(config) if not case.config.plainly_possible]
     if not doubtful:
         return ()
@@ -92,3 +96,46 @@ def label(values: dict[str, object]) -> str:
     names = [last if short.count(last) == 1 else key for key, last in zip(values, short, strict=True)]
     texts = [as_label(key, value) for key, value in values.items()]
     return ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True))
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `number` (from 1) of a sweep in `count` parts."""
+
+    number: int
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Read a shard as it is written on the command line, ``3/16``.
+
+        Raises
+        ------
+        ValueError
+            For anything else; the message says what is allowed.
+        """
+        number, slash, count = text.partition("/")
+        digits = all(part.isascii() and part.isdigit() for part in (number, count))
+        if not (slash and digits and 1 <= int(number) <= int(count)):
+            raise ValueError(f"got {text!r}; must be I/N, two whole numbers with 1 <= I <= N")
+        return cls(int(number), int(count))
+
+    def share(self, cases: Sequence[Case]) -> list[Case]:
+        """Return this shard's cases, in their order.
+
+        The cases are dealt out from the longest to the shortest, each to the shard with the least estimated
+        work so far; in whole numbers, so that every host adds up the same.
+        """
+        work = [max(1, round(estimate(case.config).work)) for case in cases]
+        loads = [(0, number) for number in range(1, self.count + 1)]
+        heapify(loads)
+        own = []
+        for place in sorted(range(len(cases)), key=lambda place: (-work[place], place)):
+            load, number = heappop(loads)
+            heappush(loads, (load + work[place], number))
+            if number == self.number:
+                own.append(place)
+        return [cases[place] for place in sorted(own)]

@@ -1,11 +1,10 @@
-"""Where cases run: in this process, in N processes, or on the ranks of an MPI job.
+"""Pools of workers that compute cases: this process, N processes, or the ranks of an MPI job.
 
-All three are one `concurrent.futures.Executor` to the sweep.  Where this process has hands free, it joins in:
-alone it takes the cases in their order, beside MPI workers it takes pending ones off the tail, so that rank 0
-computes as well (`mpi4py.futures` serves the other ranks from a thread; the kernels release the GIL).
+Each is a `concurrent.futures.Executor` to the schedule. This process computes too, alone or as rank 0 beside
+the other ranks: `mpi4py.futures` serves them from a thread, and the kernels release the GIL.
 
 Processes are spawned, never forked: a fork would copy the state of FFTW's planner, of HDF5 and of Numba's
-threads in whatever condition it is.  MPI is imported only where a launcher's variables are found.
+threads at an arbitrary moment. MPI is imported only where a launcher's variables are found.
 """
 
 from __future__ import annotations
@@ -14,47 +13,50 @@ import os
 import socket
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
-from gfmdlayer.execution import guards, interrupts
+from gfmdlayer.execution import interrupts, preflight
 
-# By which launchers tell a process how many of it they started: MPICH and Slurm's pmi2, Open MPI, srun.
+# Set by launchers to the number of processes: MPICH and Slurm's pmi2, Open MPI, srun.
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
-# Variables that show a launcher without saying a size.
+# Set by launchers that may not set a number.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
-RENEWALS = 100  # of a pool of processes; what kills its workers again and again will not stop
-SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 others wait a tenth of the time where cases are tiny
+RENEWALS = 100  # of a pool of processes whose workers were killed, at most
+SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
+WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
 
 
 class LauncherError(Exception):
-    """The way in which the processes were started cannot work; the message says what to do."""
+    """The processes were started in a way that cannot work; the message says what to do."""
 
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """Those who run the cases.
+    """A pool of workers.
 
     Attributes
     ----------
     executor : concurrent.futures.Executor
-        Takes the cases.
+        Computes submitted cases.
     size : int
-        How many cases run at a time.
+        Number of cases that run at a time.
     kind : str
-        What the members are, for the log.
+        Kind of the workers, for the log.
     joins : bool
-        Whether the submitting thread takes pending cases itself.
+        Whether the submitting thread computes pending cases too.
     starting : callable
         Context in which cases are submitted.
     warnings : tuple of str
-        What the user should know about the way in which they were started.
+        Warnings on the way in which the workers were started.
     """
 
     executor: Executor
@@ -71,7 +73,7 @@ class WorkerPool:
 
 
 class _NoWorkers(Executor):
-    """An executor without workers: what is submitted stays pending until the submitting thread takes it."""
+    """An executor without workers: submitted cases stay pending until the submitting thread takes them."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ARG002
         return Future()
@@ -88,7 +90,7 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
     Returns
     -------
     int or None
-        The size; 0 where there is a launcher that does not tell it; None where there is no launcher.
+        The number; 0 where a launcher does not tell it; None without a launcher.
     """
     for variable in SIZE_VARIABLES:
         value = environment.get(variable, "")
@@ -98,16 +100,14 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
 
 
 def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
-    """Ask the numerical libraries for one thread a process, unless the user asked for something else.
-
-    Must come before they are imported.
+    """Set the threads of the numerical libraries, one a process by default; to be called before their import.
 
     Parameters
     ----------
     environment : mapping of str to str
-        Environment variables, such as `os.environ`.
+        Environment variables, such as `os.environ`; changed.
     asked : int, optional
-        Threads for the transforms of a process; by default what OMP_NUM_THREADS says, which FFTW's obey.
+        Threads for the transforms of a process; by default OMP_NUM_THREADS.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         if asked < 1:
             raise LauncherError(f"--threads {asked}: must be 1 or more")
         environment["OMP_NUM_THREADS"] = str(asked)
-    for variable in guards.THREAD_VARIABLES:
+    for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
     found = environment["OMP_NUM_THREADS"].partition(",")[0]
     return max(int(found), 1) if found.isdecimal() else 1
@@ -138,17 +138,17 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     jobs : int
         Number of processes, where there is no MPI.
     prepare : callable, optional
-        What MPI's other ranks do while rank 0 makes ready, such as imports.
+        Called on MPI's other ranks while rank 0 prepares, such as for imports.
 
     Yields
     ------
     WorkerPool or None
-        None on MPI's other ranks, after they have served to the end.
+        None on MPI's other ranks, after the run.
 
     Raises
     ------
     LauncherError
-        Where `jobs` is below 1 or asked for under MPI, or launcher and MPI library do not know each other.
+        Where `jobs` is below 1 or asked for under MPI, or launcher and MPI library do not belong together.
     """
     if jobs < 1:
         raise LauncherError(f"--jobs {jobs}: must be 1 or more")
@@ -163,19 +163,19 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
         with _processes(jobs) as pool:
             yield pool
     else:
-        yield WorkerPool(_NoWorkers(), 1, "process", joins=True, warnings=_warnings([_here()]))
+        yield WorkerPool(_NoWorkers(), 1, "process", joins=True, warnings=_warnings([_host_and_cores()]))
 
 
-def _here() -> tuple[str, guards.Cores]:
-    return socket.gethostname(), guards.cores()
+def _host_and_cores() -> tuple[str, preflight.Cores]:
+    return socket.gethostname(), preflight.cores()
 
 
-def _warnings(members: list[tuple[str, guards.Cores]]) -> tuple[str, ...]:
-    return tuple(guards.crowding(members, guards.threads(os.environ)))
+def _warnings(members: list[tuple[str, preflight.Cores]]) -> tuple[str, ...]:
+    return tuple(preflight.crowding(members, preflight.threads(os.environ)))
 
 
 class _Processes(Executor):
-    """Worker processes, and others in their place when one of them has died and broken the pool."""
+    """Worker processes; a new pool replaces one that broke because a worker died."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs, self._renewals = jobs, RENEWALS
@@ -200,21 +200,32 @@ class _Processes(Executor):
 
 @contextmanager
 def _processes(jobs: int) -> Iterator[WorkerPool]:
-    warnings = _warnings([_here()] * jobs)
+    warnings = _warnings([_host_and_cores()] * jobs)
     with _Processes(jobs) as executor:
-        yield WorkerPool(executor, jobs, "processes", False, interrupts.held_back, warnings)
+        yield WorkerPool(executor, jobs, "processes", False, interrupts.signals_blocked, warnings)
 
 
 def _begin_worker() -> None:
-    interrupts.listen_and_release()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
+    interrupts.listen_and_unblock()
     parent = parent_process()
     if parent is not None:
-        parent.join()
-        os._exit(1)  # a killed run must not leave workers behind that write into its folder
+        _end_after(parent.join)
+
+
+def _end_after(wait: Callable[[], None]) -> None:
+    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
+
+    def watch() -> None:
+        wait()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _wait_for_launcher(launcher: int) -> None:
+    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
+    while os.getppid() == launcher:
+        time.sleep(WATCH_INTERVAL)
 
 
 def _world(size: int) -> Any:
@@ -231,7 +242,7 @@ def _world(size: int) -> Any:
         raise LauncherError(
             f"the launcher started {size} processes, but each is alone to its MPI library ({library}): "
             "use that library's mpirun, or srun with the --mpi type that it knows (see srun --mpi=list)"
-            + "".join(f"; {warning}" for warning in guards.several_mpi_libraries())
+            + "".join(f"; {warning}" for warning in preflight.several_mpi_libraries())
         )
     return comm
 
@@ -246,20 +257,24 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool
         comm.Abort(1)  # the other ranks would wait for this one for ever
         raise AssertionError("unreachable")
 
+    _end_after(partial(_wait_for_launcher, os.getppid()))
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
-    members = comm.gather(_here())
+    members = comm.gather(_host_and_cores())
     if comm.Get_rank() != 0 and prepare is not None:
-        prepare()
+        try:
+            prepare()
+        except BaseException:  # SystemExit included, after which Python would wait for rank 0
+            abort(*sys.exc_info())
     executor: Any
     with MPICommExecutor(comm, root=0) as executor:
         if executor is not None:
-            # The thread that serves the others has to wait for this one to let go of the interpreter.
+            # The thread that serves the other ranks waits until this one releases the interpreter.
             sys.setswitchinterval(SWITCH_INTERVAL)
             try:
-                warnings = (*_warnings(members), *guards.several_mpi_libraries())
+                warnings = (*_warnings(members), *preflight.several_mpi_libraries())
                 yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
-            except Exception:
-                abort(*sys.exc_info())  # rather than wait until the others have done what they are at
+            except (Exception, SystemExit, KeyboardInterrupt):
+                abort(*sys.exc_info())  # the other ranks would finish their cases first
     if comm.Get_rank() != 0:
         yield None

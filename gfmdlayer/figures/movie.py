@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from gfmdlayer.figures.labels import symbol, time_axis
 from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits, window
+from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -65,17 +65,16 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     check_movie(path)
-    frames, part = case.sizes["snapshot"], path.with_name(f"{path.stem}.part{path.suffix}")
+    frames = case.sizes["snapshot"]
     rate = int(np.clip(frames / SECONDS, *RATES))
     writer = PillowWriter(fps=rate) if path.suffix.lower() == ".gif" else FFMpegWriter(fps=rate)
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with writer.saving(figure, str(part), DPI):
+            with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), DPI):
                 for i in range(frames):
                     show(i)
                     writer.grab_frame()
-            part.replace(path)
         except subprocess.CalledProcessError as error:
             last = str(error.stderr or "").strip().splitlines()[-1:]
             reason = ": ".join([f"exit status {error.returncode}", *last])
@@ -84,9 +83,6 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
             ) from error
         except OSError as error:
             raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -146,8 +147,8 @@ def check_suffix(path: Path) -> None:
 def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names; ResultsError if it cannot be written."""
     try:
-        with styled(style):
-            figure.savefig(path, dpi=style.dpi)
+        with styled(style), unfinished(path, path.suffix) as part:
+            figure.savefig(part, dpi=style.dpi)
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 

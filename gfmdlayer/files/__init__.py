@@ -1,1 +1,1 @@
-"""Reading tables of numbers, and writing files whole."""
+"""Reading tables of numbers, writing files whole, and locks between processes."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gfmdlayer.figures.plot_style import save
+from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.figure import fit_figure
 from gfmdlayer.fitting.measurement import read
 from gfmdlayer.fitting.prony import Fit, fit
@@ -71,8 +72,7 @@ def fit_material(
     notes = list(_origin(fitted, wlf, G0 if normalise else None))
     try:
         material.parent.mkdir(parents=True, exist_ok=True)
-        with material.open("w" if force else "x", encoding="utf-8") as file:
-            file.write(material_yaml(fitted, material.stem, notes))
+        write_text(material, material_yaml(fitted, material.stem, notes), replace=force)
     except OSError as error:
         raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
     save(fit_figure(fitted), picture)

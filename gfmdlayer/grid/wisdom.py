@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 import pyfftw
 
+from gfmdlayer.files.whole import write_text
 from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Transforms
 
@@ -42,10 +41,7 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
     wisdom = transforms.wisdom
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-        with NamedTemporaryFile("w", dir=folder, suffix=".part", encoding="ascii") as file:
-            file.write(wisdom)
-            file.flush()
-            os.link(file.name, kept)
+        write_text(kept, wisdom, replace=False)
     with suppress(OSError, UnicodeDecodeError):
         return kept.read_text(encoding="ascii")
     return wisdom

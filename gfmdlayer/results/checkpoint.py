@@ -1,14 +1,12 @@
 """The checkpoint of an unfinished case: its state, a position in its journal, and its provenance.
 
-An uncompressed .npz, written under another name, brought to the disk and renamed: under its name there is
-always one whole state, the last or the one before. Each array in it carries a checksum.
+An uncompressed .npz, written whole (`files.whole`): under its name there is always one whole state, the last
+or the one before. Each array in it carries a checksum.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.results.netcdf import UNFINISHED, synchronise_folder
+from gfmdlayer.files.whole import unfinished
 
 _ABOUT = "about"
 
@@ -52,18 +50,9 @@ class Checkpoint:
         OSError
             If it cannot be written; the checkpoint before is then still there.
         """
-        partial = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}{UNFINISHED}")
         about = json.dumps({"made_by": self.made_by, "names": sorted(self.state), **self.about})
-        try:
-            with partial.open("xb") as file:
-                np.savez(file, **{_ABOUT: np.array(about)}, **self.state)  # type: ignore[arg-type]
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
-            synchronise_folder(path.parent)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+        with unfinished(path) as part, part.open("xb") as file:
+            np.savez(file, **{_ABOUT: np.array(about)}, **self.state)  # type: ignore[arg-type]
 
 
 def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:

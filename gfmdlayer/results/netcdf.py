@@ -1,9 +1,7 @@
 """HDF5 files with netCDF4 dimension scales that have their final name only when they are complete.
 
-A file is written under another name in the same folder, NAME.HOST-PID-RANDOM.part, so that two processes
-that write the same case, even on hosts that share a name, never write to one file. At the end it is flushed,
-closed, synchronised with the disk and renamed, and then the folder is synchronised. A file under a final name
-was therefore complete when it was renamed.
+A file is written under an unfinished name and published when it is flushed and closed (`files.whole`).
+Whatever is found under a final name was therefore complete when it got the name.
 
 HDF5 cannot recover from a write that fails, as on a full disk: the file can then not be closed, and the
 process ends in a segmentation fault. So HDF5 writes here through a stream that keeps the first failure,
@@ -14,9 +12,6 @@ takes no lock: its name is unique.
 from __future__ import annotations
 
 import io
-import os
-import secrets
-import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,9 +22,8 @@ import numpy as np
 from h5py import h5a, h5d, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.files.whole import publish, unfinished_path
 from gfmdlayer.results.schema import ResultsError, variable
-
-UNFINISHED = ".part"
 
 
 class _Stream(io.FileIO):
@@ -66,9 +60,7 @@ class NewFile:
     h5: h5py.File
 
     def __init__(self, path: Path) -> None:
-        writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
-        self.path = path
-        self.unfinished = path.with_name(f"{path.name}.{writer}{UNFINISHED}")
+        self.path, self.unfinished = path, unfinished_path(path)
         with naming(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = _Stream(self.unfinished, "x+")
@@ -98,10 +90,8 @@ class NewFile:
         self.h5.close()
         self.check()
         with naming(self.path):
-            os.fsync(self._stream.fileno())
             self._stream.close()
-            self.unfinished.replace(self.path)
-        synchronise_folder(self.path.parent)
+            publish(self.unfinished, self.path)
 
     def discard(self) -> None:
         """Close and remove the unfinished file; the final name is left as it was."""
@@ -140,19 +130,6 @@ def contents(fill: Callable[[h5py.File], None]) -> bytes:
     with h5py.File(memory, "w") as h5:
         fill(h5)
     return memory.getvalue()
-
-
-def synchronise_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk.
-
-    Some network file systems refuse this; a file that was renamed there is complete all the same.
-    """
-    with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
 
 def add_variable(

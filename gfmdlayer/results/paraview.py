@@ -12,7 +12,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from gfmdlayer.results.netcdf import UNFINISHED, naming
+from gfmdlayer.files.whole import unfinished
+from gfmdlayer.results.netcdf import naming
 
 FIELDS = ("displacement", "pressure", "gap")
 POINTS = "paraview/points"
@@ -45,10 +46,8 @@ def describe(h5: h5py.File, path: Path) -> Path:
     fields = {name: h5[name].shape for name in FIELDS if name in h5}
     times = h5["snapshot"][()].tolist()
     written = path.with_suffix(".xdmf")
-    unfinished = written.with_name(written.name + UNFINISHED)
-    with naming(written):
-        unfinished.write_text(_xdmf(path.name, times, fields), encoding="utf-8")
-        unfinished.replace(written)
+    with naming(written), unfinished(written) as part:
+        part.write_text(_xdmf(path.name, times, fields), encoding="utf-8")
     return written
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.verification import theory
@@ -56,7 +57,7 @@ def write_report(out: Path, outcomes: Outcomes, quick: bool) -> None:
         out.mkdir(parents=True, exist_ok=True)
         for picture in pictures:
             save(convergence_figure([c for c in curves if f"{c.against}.png" == picture]), out / picture)
-        (out / "verification.md").write_text(_markdown(outcomes, quick, pictures), encoding="utf-8")
+        write_text(out / "verification.md", _markdown(outcomes, quick, pictures))
     except OSError as error:
         raise ResultsError(f"{out}: cannot be written: {error.strerror or error}") from error
 

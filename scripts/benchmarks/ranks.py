@@ -18,7 +18,7 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.config import load
 from gfmdlayer.execution.case_run import prepare, run_case, warm_up
-from gfmdlayer.execution.cost_model import CostModel
+from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.schedule import Schedule
 from gfmdlayer.execution.sweep import Case, cases
@@ -69,7 +69,7 @@ def _run(pool: WorkerPool, every: list[Case]) -> dict[str, object]:
         task = partial(run_case, folder=folder, wisdom=warm_up(every))
         begun = time.perf_counter()
         schedule = Schedule(pool, task, folder, lambda _: None)
-        outcomes = list(schedule.run(CostModel().longest_first(every)))
+        outcomes = list(schedule.run(sorted(every, key=lambda case: -estimate(case.config).work)))
         seconds = time.perf_counter() - begun
     if any(outcome.state != "complete" for outcome in outcomes):
         raise RuntimeError("a case of the figures failed")

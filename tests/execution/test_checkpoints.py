@@ -1,4 +1,4 @@
-"""What is kept of an unfinished case: used where it gives the same bits, refused with a reason elsewhere."""
+"""Checkpoints and journals: resumed from where that gives the same bits, refused with a reason elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution import case_run as cases
-from gfmdlayer.execution import checkpoints, interrupts, status_file
+from gfmdlayer.execution import checkpoints, interrupts, status
+from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import Case
@@ -184,17 +185,17 @@ def arrays(folder: Folder) -> dict[str, bytes]:
 @pytest.fixture
 def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Have the next run stop after so many steps, as a signal does; never, for 0."""
-    advance = status_file.StatusFile.advance
+    advance = status.StatusFile.advance
 
     def stop_after(steps: int) -> None:
         calls = iter(range(steps + 1))  # the first call comes before the first step
 
-        def told(self: status_file.StatusFile, time: float) -> None:
+        def told(self: status.StatusFile, time: float) -> None:
             advance(self, time)
             if next(calls, None) == steps and steps:
                 raise Stopped
 
-        monkeypatch.setattr(status_file.StatusFile, "advance", told)
+        monkeypatch.setattr(status.StatusFile, "advance", told)
 
     return stop_after
 
@@ -329,14 +330,14 @@ def test_restart_and_completion_leave_no_checkpoint(
     folder.set_aside(folder.case(7, "checkpoint"))
     run(folder)
     folder.case(7, "h5.aside").write_text("damaged")
-    with folder.claimed(CONFIG, restart=True):
+    with claimed(folder, CONFIG, restart=True):
         assert sorted(path.name for path in folder.cases.iterdir()) == [".lock"]
 
 
 def test_a_checkpoint_that_outlived_its_case_is_removed(
     folder: Folder, stop_after: Callable[[int], None]
 ) -> None:
-    with folder.claimed(CONFIG):
+    with claimed(folder, CONFIG):
         stop_after(4)
         run(folder)
         state = folder.case(7, "checkpoint").read_bytes()
@@ -344,5 +345,5 @@ def test_a_checkpoint_that_outlived_its_case_is_removed(
         run(folder)
     folder.case(7, "checkpoint").write_bytes(state)  # as if the run had been killed before it removed it
     folder.case(8, "checkpoint").write_bytes(state)  # of a case that is not complete
-    with folder.claimed(CONFIG):
+    with claimed(folder, CONFIG):
         assert {path.name for path in folder.cases.iterdir()} == {".lock", "0007.h5", "0008.checkpoint"}

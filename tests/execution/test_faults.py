@@ -1,28 +1,26 @@
-"""What a user finds after something went wrong: said, recorded, and mended by the same command."""
+"""Faults of disk, files and processes: reported, recorded, and mended by the same command."""
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
+from typing import Any
 
-import h5py
-import numpy as np
 import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.execution import case_run as cases
+from gfmdlayer.execution import case_run
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.status_file import StatusFile, running
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.status import StatusFile, running
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.results.reader import attributes, is_complete
 
-MPIRUN = Path(sys.executable).parent / "mpirun"
 KILLS = Path(__file__).parents[2] / "scripts" / "kills.py"
 FAULTY = """\
 name: faulty
@@ -39,7 +37,7 @@ SMALL_DISK = "resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0}))"
 # Permission is lost at the 20th step; root has it everywhere until it is somebody else.
 LOSS = """
 from pathlib import Path
-from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.case_run import prepare
 prepare()
 advance, calls = StatusFile.advance, iter(range(10**6))
@@ -51,6 +49,18 @@ def losing(self, time):
             os.seteuid(65534)
 StatusFile.advance = losing
 """
+KILL = """
+import signal
+from gfmdlayer.execution.status import StatusFile
+advance, calls = StatusFile.advance, iter(range(10**6))
+def killed(self, time):
+    if next(calls) == 60:
+        os.kill(os.getpid(), signal.SIGKILL)
+    advance(self, time)
+StatusFile.advance = killed
+"""
+
+Bits = dict[str, bytes]
 
 
 @pytest.fixture(autouse=True)
@@ -59,68 +69,64 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("faulty.yaml").write_text(FAULTY)
 
 
-def gfmdlayer(*arguments: str, after: str = "") -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", AFTER.format(after), *arguments]
+def gfmdlayer(after: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", AFTER.format(after), *RUN]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
-def arrays(path: Path) -> dict[str, bytes]:
-    with h5py.File(path) as h5:
-        return {name: np.asarray(h5[name]).tobytes() for name in h5}
 
 
 def names(folder: str = "out/cases") -> set[str]:
     return {path.name for path in Path(folder).iterdir()}
 
 
-def is_mended() -> str:
-    """Run the same command once more; return what it said. The results are those of a run without a fault."""
-    process = gfmdlayer(*RUN)
-    assert process.returncode == 0, process.stderr
-    whole = gfmdlayer("run", "faulty.yaml", "--out", "whole", "--checkpoint-every", "inf")
-    assert whole.returncode == 0, whole.stderr
-    for index in range(2):
-        assert arrays(Path(f"out/cases/000{index}.h5")) == arrays(Path(f"whole/cases/000{index}.h5"))
-    return process.stderr
+@pytest.fixture(scope="module")
+def whole() -> dict[str, Bits]:
+    """The bits of both cases of a run without a fault, once they have been computed."""
+    return {}
 
 
-def interrupted_after(steps: int, signum: str = "SIGTERM") -> None:
-    """Send the run a signal at a step, which then is its last."""
-    at_step = f"""
-import signal
-from gfmdlayer.execution.status_file import StatusFile
-advance, calls = StatusFile.advance, iter(range(10**6))
-def interrupted(self, time):
-    if next(calls) == {steps}:
-        os.kill(os.getpid(), signal.{signum})
-    advance(self, time)
-StatusFile.advance = interrupted
-"""
-    gfmdlayer(*RUN, after=at_step)
+@pytest.fixture
+def is_mended(
+    run_here: Callable[..., Any], bits: Callable[[str], Bits], whole: dict[str, Bits]
+) -> Callable[[], str]:
+    """Run the rest; return the log. The results are those of a run without a fault."""
+
+    def rerun() -> str:
+        summary, log = run_here("faulty.yaml", checkpoint_every=0.0)
+        assert summary.count("complete") == 2
+        if not whole:
+            run_here("faulty.yaml", "whole")
+            whole.update({name: bits(f"whole/cases/{name}") for name in ("0000.h5", "0001.h5")})
+        assert {name: bits(f"out/cases/{name}") for name in whole} == whole
+        return str(log)
+
+    return rerun
 
 
 def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results() -> None:
     # Without snapshots a case takes 0.25 MB, its state at 8192 points more than 1 MB.
     without = FAULTY.replace("snapshots: [0.1, 0.2, 0.3, 0.4]", "snapshots: []")
     Path("faulty.yaml").write_text(without.replace("2048", "8192"))
-    process = gfmdlayer(*RUN, after=SMALL_DISK.format(800_000))
+    process = gfmdlayer(SMALL_DISK.format(800_000))
     assert process.returncode == 0, process.stderr
-    assert process.stderr.count("case 0000 goes on, but its state cannot be kept") == 1
+    assert process.stderr.count("case 0000 continues, but its checkpoint cannot be written") == 1
     assert "Traceback" not in process.stderr
     assert "Exception ignored" not in process.stderr
     assert names() == {".lock", "0000.h5", "0001.h5"}
 
 
-def test_a_disk_that_is_full_is_refused_before_any_work() -> None:
-    process = gfmdlayer(*RUN, after=SMALL_DISK.format(30_000))
+def test_a_full_disk_is_refused_before_any_work(is_mended: Callable[[], str]) -> None:
+    process = gfmdlayer(SMALL_DISK.format(30_000))
     assert process.returncode == 2
-    assert "cannot be written" in process.stderr
+    assert "out: cannot be written (File too large" in process.stderr
     assert "Traceback" not in process.stderr
+    assert not list(Path("out").rglob("*.part"))
     is_mended()
 
 
-def test_a_disk_too_full_for_results_fails_the_cases_and_the_same_command_mends_it() -> None:
-    process = gfmdlayer(*RUN, after=SMALL_DISK.format(120_000))
+def test_a_disk_too_full_for_results_fails_the_cases_until_there_is_space(
+    is_mended: Callable[[], str],
+) -> None:
+    process = gfmdlayer(SMALL_DISK.format(120_000))
     assert process.returncode == 1
     assert "cannot be written: File too large" in process.stderr
     assert "Traceback" not in process.stderr
@@ -129,11 +135,13 @@ def test_a_disk_too_full_for_results_fails_the_cases_and_the_same_command_mends_
     is_mended()
 
 
-def test_permission_lost_on_the_way_fails_the_cases_and_the_same_command_mends_it() -> None:
-    process = gfmdlayer(*RUN, after=LOSS)
+def test_a_permission_lost_during_the_run_fails_the_cases_until_it_is_back(
+    is_mended: Callable[[], str],
+) -> None:
+    process = gfmdlayer(LOSS)
     assert process.returncode == 1, process.stderr
     assert "cannot be written: Permission denied" in process.stderr
-    assert "case 0000 goes on, but its state cannot be kept: Permission denied" in process.stderr
+    assert "case 0000 continues, but its checkpoint cannot be written: Permission denied" in process.stderr
     assert "case 0000 FAILED" in process.stderr
     assert "Traceback" not in process.stderr
     assert not list(Path("out").rglob("*.h5"))
@@ -143,17 +151,29 @@ def test_permission_lost_on_the_way_fails_the_cases_and_the_same_command_mends_i
     assert names() == {".lock", "0000.h5", "0001.h5"}
 
 
-def test_a_truncated_checkpoint_is_told_and_set_aside_and_the_case_begins_anew() -> None:
-    interrupted_after(10)
+def test_a_truncated_checkpoint_is_set_aside_and_the_case_begins_anew(
+    run_here: Callable[..., Any], is_mended: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop_in_the_middle(_: StatusFile, time: float) -> None:
+        if time > 0.1:
+            raise Stopped
+
+    with monkeypatch.context() as once:
+        once.setattr("gfmdlayer.execution.interrupts._Flag.raised", False)  # and again after the block
+        once.setattr(StatusFile, "advance", stop_in_the_middle)
+        summary, _ = run_here("faulty.yaml", checkpoint_every=0.0)
+        assert summary.count("stopped") == 2
     checkpoint = Path("out/cases/0000.checkpoint")
     checkpoint.write_bytes(checkpoint.read_bytes()[:-1000])
-    told = is_mended()
-    assert "case 0000 begins anew, its checkpoint is set aside: it cannot be read: BadZipFile" in told
+    log = is_mended()
+    assert "case 0000 begins anew, its checkpoint is set aside: it cannot be read: BadZipFile" in log
     assert names() >= {"0000.h5", "0001.h5", "0000.checkpoint.aside"}
 
 
-def test_a_damaged_case_is_told_and_set_aside_and_computed_again() -> None:
-    assert gfmdlayer(*RUN).returncode == 0
+def test_a_damaged_case_is_set_aside_and_computed_again(
+    run_here: Callable[..., Any], is_mended: Callable[[], str]
+) -> None:
+    run_here("faulty.yaml")
     damaged = Path("out/cases/0001.h5")
     content = damaged.read_bytes()[: damaged.stat().st_size // 2]
     damaged.write_bytes(content)
@@ -164,13 +184,16 @@ def test_a_damaged_case_is_told_and_set_aside_and_computed_again() -> None:
 
 
 def test_a_case_that_raises_is_recorded_and_goes_on_from_its_checkpoint_when_tried_again(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    bits: Callable[[Path], Bits],
 ) -> None:
     config = Config(name="raises").with_values({"grid.points": 32, "time.end": 0.4, "time.step": 0.1})
     case, folder, whole = Case(3, config, {}), Folder(tmp_path / "out"), Folder(tmp_path / "whole")
     for each in (folder, whole):
         each.cases.mkdir(parents=True)
-    cases.run_case(case, whole)
+    case_run.run_case(case, whole)
     solve, calls = ActiveSet.solve, count()
 
     def exhausted(*given: object) -> object:
@@ -180,39 +203,23 @@ def test_a_case_that_raises_is_recorded_and_goes_on_from_its_checkpoint_when_tri
 
     with monkeypatch.context() as once:
         once.setattr(ActiveSet, "solve", exhausted)
-        outcome = cases.run_case(case, folder, checkpoint_every=0)
+        outcome = case_run.run_case(case, folder, checkpoint_every=0)
     assert (outcome.state, outcome.reason) == ("failed", "MemoryError: no room")
     assert names() == {"0003.failed", "0003.checkpoint", "0003.journal0"}
-    assert cases.run_case(case, folder).state == "complete"
+    assert case_run.run_case(case, folder).state == "complete"
     assert "case 0003 goes on from time" in capsys.readouterr().err
     assert names() == {"0003.h5"}
-    assert arrays(folder.case(3)) == arrays(whole.case(3))
+    assert bits(folder.case(3)) == bits(whole.case(3))
 
 
-def test_a_rank_that_exits_ends_the_job_soon_and_the_same_command_mends_it() -> None:
-    Path("faulty.yaml").write_text(FAULTY.replace("step: 0.01", "step: 0.001").replace("2048", "128"))
-    command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", *RUN]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        folder, deadline = Folder(Path("out")), time.monotonic() + 120
-        while not (
-            found := [case for case in running(folder) if folder.case(case.index, "checkpoint").exists()]
-        ):
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-        os.kill(found[0].pid, signal.SIGKILL)
-        begun = time.monotonic()
-        process.communicate(timeout=120)
-    assert process.returncode != 0
-    assert time.monotonic() - begun < 60
-    assert f"case {found[0].index:04d} goes on from time" in is_mended()
-
-
-def test_a_clock_that_is_set_back_changes_no_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_clock_that_is_set_back_changes_no_result(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bits: Callable[[Path], Bits]
+) -> None:
     config = Config(name="clock").with_values({"grid.points": 32, "time.end": 0.4, "time.step": 0.01})
     folder, whole = Folder(tmp_path / "out"), Folder(tmp_path / "whole")
     for each in (folder, whole):
         each.cases.mkdir(parents=True)
-    cases.run_case(Case(0, config, {}), whole)
+    case_run.run_case(Case(0, config, {}), whole)
     now, steps = time.time(), count()
     monkeypatch.setattr(time, "time", lambda: now - 3600 * next(steps))
     fractions = []
@@ -223,12 +230,23 @@ def test_a_clock_that_is_set_back_changes_no_result(monkeypatch: pytest.MonkeyPa
         fractions.extend(case.fraction for case in running(folder))
 
     monkeypatch.setattr(StatusFile, "advance", watched)
-    assert cases.run_case(Case(0, config, {}), folder, checkpoint_every=0).state == "complete"
-    assert arrays(folder.case(0)) == arrays(whole.case(0))
-    assert 0 < float(str(attributes(folder.case(0))["wall_seconds"])) < 60
+    assert case_run.run_case(Case(0, config, {}), folder, checkpoint_every=0).state == "complete"
+    assert bits(folder.case(0)) == bits(whole.case(0))
+    assert float(str(attributes(folder.case(0))["wall_seconds"])) > 0
     assert fractions  # it was seen to be at work all the time
 
 
+def test_a_killed_run_leaves_complete_cases_alone_and_the_next_one_resumes(
+    is_mended: Callable[[], str],
+) -> None:
+    gfmdlayer(KILL)
+    assert {path.name: is_complete(path) for path in Path("out/cases").glob("*.h5")} == {"0000.h5": True}
+    assert list(Path("out/cases").glob("0001.h5.*.part"))
+    assert "case 0001 goes on from time" in is_mended()
+    assert names() == {".lock", "0000.h5", "0001.h5"}
+
+
+@pytest.mark.slow
 def test_a_few_kills_at_random_lose_nothing() -> None:
     process = subprocess.run(
         [sys.executable, str(KILLS), "3"], capture_output=True, text=True, timeout=600, check=False
@@ -236,9 +254,3 @@ def test_a_few_kills_at_random_lose_nothing() -> None:
     assert process.returncode == 0, process.stdout + process.stderr
     assert "     3  kills" in process.stdout
     assert "     0  unreadable under a final name" in process.stdout
-
-
-def test_a_case_is_complete_under_its_name_or_not_there() -> None:
-    interrupted_after(60, "SIGKILL")
-    assert {path.name: is_complete(path) for path in Path("out/cases").glob("*.h5")} == {"0000.h5": True}
-    assert "case 0001 goes on from time" in is_mended()

@@ -1,4 +1,4 @@
-"""The same runs over MPI ranks: same bits, one voice, and no rank left hanging."""
+"""Runs over MPI ranks: same bits, one log, and no rank left hanging."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import h5py
-import numpy as np
 import pytest
 
+from gfmdlayer.config import Config
+from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.workers import LauncherError, launched_size, threads_each
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
+CORES = len(os.sched_getaffinity(0))
 TINY = """\
 name: tiny
 grid: {points: 32}
@@ -42,21 +46,61 @@ def gfmdlayer(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     return over_ranks(ranks, "-m", "gfmdlayer", *arguments)
 
 
-def contents(directory: str) -> dict[str, bytes]:
-    """Return the bits of every variable of every file in a results folder."""
-    found: dict[str, bytes] = {}
-    for path in sorted(Path(directory).rglob("*.h5")):
-        with h5py.File(path) as h5:
-            found |= {f"{path.relative_to(directory)}:{key}": np.asarray(h5[key]).tobytes() for key in h5}
-    return found
+@dataclass(frozen=True)
+class OverRanks:
+    """A run over more ranks than cores, of a sweep whose first case fails."""
+
+    folder: Path
+    process: subprocess.CompletedProcess[str]
 
 
-def test_ranks_give_the_same_bits_as_one() -> None:
-    for ranks in (1, 2, 3):
-        process = gfmdlayer(ranks, "run", "tiny.yaml", "--out", f"ranks-{ranks}")
-        assert process.returncode == 0, process.stderr
-    assert len([key for key in contents("ranks-1") if key.endswith("mean_pressure")]) == 4
-    assert contents("ranks-1") == contents("ranks-2") == contents("ranks-3")
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> OverRanks:
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "tiny.yaml").write_text(TINY + "sweep: {solver.max_iterations: [1, 20000, 30000]}\n")
+    command = [str(MPIRUN), "-n", str(CORES + 1), sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml"]
+    process = subprocess.run(
+        [*command, "--out", "ranks"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+    return OverRanks(folder, process)
+
+
+def test_ranks_give_the_same_bits_as_one_process(
+    sweep: OverRanks, run_here: Callable[..., Any], bits: Callable[[Path], dict[str, bytes]]
+) -> None:
+    run_here(str(sweep.folder / "tiny.yaml"), sweep.folder / "one")
+    found = bits(sweep.folder / "ranks")
+    assert len([key for key in found if key.endswith("mean_pressure")]) == 3
+    assert found == bits(sweep.folder / "one")
+
+
+def test_a_failing_case_does_not_stop_the_others(sweep: OverRanks) -> None:
+    assert sweep.process.returncode == 1, sweep.process.stderr
+    assert "0000: ConvergenceError" in sweep.process.stdout
+    assert {path.name for path in (sweep.folder / "ranks/cases").glob("[0-9]*")} >= {
+        "0000.failed", "0001.h5", "0002.h5",
+    }  # fmt: skip
+    assert not (sweep.folder / "ranks/cases/0000.h5").exists()
+
+
+def test_only_one_rank_writes_to_the_terminal(sweep: OverRanks) -> None:
+    assert sweep.process.stdout.startswith("1 of 3 cases failed:\n")
+    assert len(sweep.process.stdout.splitlines()) == 3
+    assert sweep.process.stderr.count("3 cases; ") == 1
+
+
+def test_more_ranks_than_cores_are_warned_of(sweep: OverRanks) -> None:
+    warning = f"warning: {CORES + 1} processes with one thread each on {CORES} cores"
+    assert sweep.process.stderr.count(warning) == 1
+
+
+def test_a_folder_of_another_configuration_is_refused_once() -> None:
+    Path("out").mkdir()
+    Path("out/config.yaml").write_text(MARK + Config(name="other").dump())
+    process = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
+    assert process.returncode == 2
+    assert process.stderr.count("another configuration") == 1
+    assert "Traceback" not in process.stderr
 
 
 def test_all_ranks_compute() -> None:
@@ -88,26 +132,10 @@ with assemble() as pool:
     assert "computed by 2" in process.stdout, process.stderr
 
 
-def test_only_one_rank_speaks() -> None:
-    assert gfmdlayer(2, "run", "tiny.yaml").stdout == "complete: results/tiny/sweep.h5\n"
-    process = gfmdlayer(2, "run", "tiny.yaml", "--set", "time.end=0.04")
-    assert process.returncode == 2
-    assert process.stderr.count("another configuration") == 1
-    assert "Traceback" not in process.stderr
-
-
-def test_a_failing_case_does_not_stop_the_others() -> None:
-    Path("tiny.yaml").write_text(TINY + "sweep: {solver.max_iterations: [1, 20000, 30000]}\n")
-    process = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
-    assert process.returncode == 1
-    assert "0000: ConvergenceError" in process.stdout
-    assert sorted(path.name for path in Path("out/cases").glob("[0-9]*")) == [
-        "0000.failed", "0001.h5", "0002.h5",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGUSR1])
-def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_takes_up(signum: signal.Signals) -> None:
+def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(
+    signum: signal.Signals, run_here: Callable[..., Any]
+) -> None:
     Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -123,13 +151,15 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_takes_up(signum: si
     left = {path.name for path in Path("out/cases").iterdir()}
     assert left >= {".lock", "0000.checkpoint", "0001.checkpoint", "0002.h5"}
     assert not [name for name in left if name.endswith(("failed", "running", "part"))]
-    process_again = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
-    assert process_again.returncode == 0
-    assert "1 complete already" in process_again.stderr
-    assert process_again.stderr.count("goes on from time") == 2, process_again.stderr
+    summary, log = run_here("tiny.yaml")
+    assert summary.count("complete") == 3
+    assert "1 complete already" in log
+    assert log.count("goes on from time") == 2, log
 
 
-@pytest.mark.parametrize("crash", ["if pool is not None: raise RuntimeError('lost')", "os._exit(3)"])
+@pytest.mark.parametrize(
+    "crash", ["if pool is not None: raise RuntimeError('lost')", "os._exit(3)", "raise SystemExit(3)"]
+)
 def test_a_crash_of_one_rank_ends_the_job_instead_of_hanging_it(crash: str) -> None:
     script = f"""
 import os, time
@@ -147,49 +177,99 @@ with assemble() as pool:
 
 
 @pytest.mark.parametrize("victim", ["manager", "worker"])
-def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_rerun_takes_up_the_rest(victim: str) -> None:
+def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
+    victim: str, run_here: Callable[..., Any]
+) -> None:
     Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
+    command += ["--checkpoint-every", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
-        told = Path(f"out/cases/{0 if victim == 'manager' else 1:04d}.running")
+        index = 0 if victim == "manager" else 1
+        told, checkpoint = (Path(f"out/cases/{index:04d}.{kind}") for kind in ("running", "checkpoint"))
         deadline = time.monotonic() + 60
-        while not (told.exists() and Path("out/cases/0002.h5").exists()):
+        while not (told.exists() and checkpoint.exists() and Path("out/cases/0002.h5").exists()):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.01)
         os.kill(json.loads(told.read_text())["pid"], signal.SIGKILL)
         process.communicate(timeout=30)
     assert process.returncode != 0
-    again = gfmdlayer(2, "run", "tiny.yaml", "--out", "out")
-    assert again.returncode == 0, again.stderr
-    assert "1 complete already" in again.stderr
+    summary, log = run_here("tiny.yaml")
+    assert summary.count("complete") == 3
+    assert "1 complete already" in log
+    assert f"case {index:04d} goes on from time" in log
     assert sorted(path.name for path in Path("out/cases").iterdir()) == [
         ".lock", "0000.h5", "0001.h5", "0002.h5",
     ]  # fmt: skip
 
 
-def test_more_ranks_than_cores_are_told() -> None:
-    cores = len(os.sched_getaffinity(0))
-    process = gfmdlayer(cores + 1, "run", "tiny.yaml", "--out", "out")
-    assert process.returncode == 0
-    assert f"warning: {cores + 1} processes with one thread each on {cores} cores" in process.stderr
-
-
-@pytest.mark.parametrize("variable", ["PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"])
-def test_a_launcher_that_the_mpi_library_does_not_know_is_refused(variable: str) -> None:
-    # The library looks at none of these by itself, or is told here that it is alone.
-    script = f"""
-import os, sys
-from mpi4py import MPI
-os.environ[{variable!r}] = "4"
+# Rank 0 compiles; what the other rank does meanwhile is given.
+COMPILING = """
+import os, sys, time
+from gfmdlayer.execution import case_run, run
+def compile_for_long(todo, threads=1):
+    open("compiling", "w").close()
+    time.sleep(600)
+def meanwhile():
+    while not os.path.exists("compiling"):
+        time.sleep(0.01)
+    {}
+run.warm_up, case_run.prepare = compile_for_long, meanwhile
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """
+
+
+@pytest.mark.parametrize("death", ["os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)"])
+def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None:
+    process = over_ranks(2, "-c", COMPILING.format(death))
+    assert process.returncode not in (0, 75)
+
+
+def test_ranks_end_when_the_launcher_dies_while_rank_0_compiles() -> None:
+    Path("compiling.py").write_text(COMPILING.format("time.sleep(600)"))
+    command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            deadline = time.monotonic() + 60
+            while not Path("compiling").exists():
+                assert process.poll() is None
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+            (proxy,) = children(process.pid)  # the launcher's process on this host, which started the ranks
+            ranks = children(proxy)
+            assert len(ranks) == 2
+            os.kill(proxy, signal.SIGKILL)
+            deadline = time.monotonic() + 30
+            while alive := [rank for rank in ranks if Path(f"/proc/{rank}").exists()]:
+                assert time.monotonic() < deadline, f"ranks {alive} were left behind"
+                time.sleep(0.05)
+        finally:
+            process.kill()
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(child) for child in found.split()]
+
+
+def test_a_launcher_of_another_mpi_library_is_refused() -> None:
+    # MPI is initialised before the variables are set, hence alone.
+    script = """
+import os
+from mpi4py import MPI
+from gfmdlayer.cli import main
+for variable in ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"):
+    os.environ[variable] = "4"
+    print(main(["run", "tiny.yaml"]))
+    del os.environ[variable]
+"""
     process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert process.returncode == 2
-    assert "started 4 processes" in process.stderr
-    assert "use that library's mpirun" in process.stderr
+    assert process.stdout.split() == ["2"] * 3
+    assert process.stderr.count("started 4 processes") == 3
+    assert process.stderr.count("use that library's mpirun") == 3
     assert "Traceback" not in process.stderr
     assert not Path("results").exists()
 
@@ -233,8 +313,10 @@ def test_threads_are_one_each_unless_asked() -> None:
 def test_mpi_is_not_loaded_without_a_launcher() -> None:
     script = """
 import sys
-from gfmdlayer.cli import main
-main(["run", "tiny.yaml"])
+from gfmdlayer.execution import run
+from gfmdlayer.execution.workers import assemble
+with assemble() as pool:
+    assert pool is not None
 print("mpi4py" in sys.modules)
 """
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PMI", "OMPI"))}

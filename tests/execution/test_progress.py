@@ -1,20 +1,23 @@
-"""What a run tells while it runs: enough on a terminal, little in a log, whatever the number of cases."""
+"""Progress of a run: enough on a terminal, little in a log, for any number of cases."""
 
 from __future__ import annotations
 
 import io
+import math
 import re
+import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from gfmdlayer.execution import progress as reports
-from gfmdlayer.execution import status_file
+from gfmdlayer.execution import status
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.progress import Reporter
+from gfmdlayer.execution.progress import Reporter, Screen
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.screen import Screen
 
 
 def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str]:
@@ -31,7 +34,7 @@ def test_ten_thousand_cases_do_not_flood_a_log(tmp_path: Path) -> None:
     outcomes = [Outcome(i, "failed" if i % 2 else "complete", "why", 0.01) for i in range(10_000)]
     outcomes[77] = Outcome(77, "failed", "why", 3.0)
     lines = told(folder, outcomes)
-    assert len(lines) == 2 * (reports.TOLD + 1) + 1
+    assert len(lines) == 2 * (reports.SHOWN_ENDS + 1) + 1
     assert "case 0001 FAILED (2 of 10000): why" in lines
     assert re.fullmatch(r"10000 cases ended in .+, 5000 of them FAILED; slowest 0077 in 3\.0 s", lines[-1])
 
@@ -41,9 +44,9 @@ def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path: Path) ->
 
 
 def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> None:
-    case = status_file.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
+    case = status.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
     at_work = (case, *(replace(case, index=i, simulated_time=6.0) for i in range(8, 40)))
-    progress = reports.Progress(40, 3, 1, at_work, True, 90.0, Outcome(2, "complete", seconds=30.0))
+    progress = status.Progress(40, 3, 1, at_work, "", 90.0, Outcome(2, "complete", seconds=30.0))
     console = Console(width=120, height=10, file=io.StringIO())
     screen = Screen(console)
     screen.advance(progress)
@@ -55,5 +58,30 @@ def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> N
     assert "3 of 40 complete, 33 running, 1 failed, 1 min 30 s left, slowest 0002 in 30 s" in lines[5]
 
 
-def test_the_time_in_which_kernels_compile_is_told_as_such() -> None:
-    assert "compiled" in reports.Progress(total=3, complete=1, begun=False).words
+def test_a_long_preparation_gets_a_line_at_its_start_and_one_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kernels compile for some 20 s on a new machine; where they are compiled there is nothing to say."""
+    work = "compiling kernels, once per machine"
+    monkeypatch.setattr(reports, "READ_INTERVAL", 0.001)
+    for threshold in (math.inf, 0.0):
+        monkeypatch.setattr(reports, "PREPARATION", threshold)
+        stream = io.StringIO()
+        with Reporter(Folder(tmp_path), range(3), 0, partial(reports.Log, stream)) as reporter:
+            with reporter.preparing(work):
+                while threshold == 0.0 and work not in stream.getvalue():
+                    time.sleep(0.001)
+                time.sleep(0.01)  # some more readings of the status
+            lines = [line.partition("  ")[2] for line in stream.getvalue().splitlines()]
+        if threshold == 0.0:
+            assert lines[0] == work
+            assert re.fullmatch(r"kernels and transforms are ready after .+ s", lines[1])
+        assert len(lines) == (2 if threshold == 0.0 else 0)
+
+
+def test_preparation_is_the_last_line_of_a_terminal() -> None:
+    console = Console(width=120, height=10, file=io.StringIO())
+    screen = Screen(console)
+    screen.advance(status.Progress(3, 0, preparation="compiling kernels, once per machine"))
+    screen.close()
+    assert console.file.getvalue().splitlines()[-1].strip().endswith("compiling kernels, once per machine")

@@ -1,30 +1,29 @@
-"""One sweep in several runs over one folder: every case once, nobody in another's way, dead or alive."""
+"""One sweep in several runs over one folder: every case once, and no run disturbs another."""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution import locks
+from gfmdlayer.execution.claim import claimed, held
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder, FolderError
-from gfmdlayer.execution.run import Summary, run_sweep
-from gfmdlayer.execution.shards import Shard
-from gfmdlayer.execution.sweep import Case, cases
+from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
+from gfmdlayer.execution.sweep import Case, Shard, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.reader import open_results
 
@@ -39,6 +38,9 @@ SWEEP = "sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1
 LONG = "sweep: {time.end: [600, 599, 0.03, 0.04]}\n"
 
 
+ENDS = ("running", "h5.host-12-0badcafe.part", "checkpoint.host-12-0badcafe.part")
+
+
 @pytest.fixture(autouse=True)
 def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -48,7 +50,7 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def run(shard: Shard | None = None, out: str = "out", *overrides: str) -> Summary:
     with assemble() as pool:
         assert pool is not None
-        return run_sweep(load(Path("tiny.yaml"), overrides), out, pool, shard=shard)
+        return run_sweep(load(Path("tiny.yaml"), overrides), out, pool, RunOptions(shard=shard))
 
 
 @contextmanager
@@ -84,45 +86,40 @@ def test_shards_cover_the_sweep_once_and_share_the_work(steps: list[int], count:
     shares = [Shard(number, count).share(every) for number in range(1, count + 1)]
     assert sorted(case.index for share in shares for case in share) == list(range(len(every)))
     work = [sum(estimate(case.config).work for case in share) for share in shares]
-    # Who got the last case had least to do before: the spread is at most that of one case (and of rounding).
+    # The shard with the last case had least work before: the spread is at most one case (and rounding).
     longest = max(estimate(case.config).work for case in every)
     assert max(work) - min(work) <= longest + len(every)
 
 
 @pytest.mark.parametrize("text", ["", "3", "0/4", "5/4", "1/0", "-1/4", "1/4/2", "a/b", "1.0/2", "²/3"])
-def test_what_is_no_shard_is_refused(text: str) -> None:
+def test_anything_but_a_shard_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ValueError, match="must be I/N"):
         Shard.parse(text)
-    process = subprocess.run(
-        [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", f"--shard={text}"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert process.returncode == 2
-    assert "must be I/N, two whole numbers with 1 <= I <= N" in process.stderr
+    with pytest.raises(SystemExit) as caught:
+        main(["run", "tiny.yaml", f"--shard={text}"])
+    assert caught.value.code == 2
+    assert "must be I/N, two whole numbers with 1 <= I <= N" in capsys.readouterr().err
     assert not Path("results").exists()
 
 
-def test_restart_is_not_for_one_shard_to_decide() -> None:
-    command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--shard", "1/2", "--restart"]
-    process = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert process.returncode == 2
-    assert "--shard and --restart exclude each other" in process.stderr
+def test_a_shard_cannot_restart_the_sweep(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "tiny.yaml", "--shard", "1/2", "--restart"]) == 2
+    assert "--shard and --restart exclude each other" in capsys.readouterr().err
 
 
-def test_whoever_ends_last_collects_and_the_bits_are_those_of_one_run() -> None:
+def test_the_last_shard_collects_and_the_bits_are_those_of_one_run(
+    bits: Callable[[str], dict[str, bytes]],
+) -> None:
     assert run(out="whole").collected
     summaries = [run(Shard(number, 3)) for number in (2, 3, 1)]
     assert [summary.collected for summary in summaries] == [False, False, True]
     assert [summary.count("complete") for summary in summaries] == [2, 2, 2]
-    for path in sorted(Path("whole").rglob("*.h5")):
-        with h5py.File(path) as one, h5py.File("out" / path.relative_to("whole")) as other:
-            assert set(one) == set(other)
-            assert all(np.asarray(one[key]).tobytes() == np.asarray(other[key]).tobytes() for key in one)
+    assert bits("out") == bits("whole")
 
 
 def test_more_shards_than_cases_do_no_harm() -> None:
     collected = [run(Shard(number, 9)).collected for number in range(1, 10)]
-    # Six cases in nine shards: it is collected as soon as the sixth is there, and by those who find it so.
+    # Six cases in nine shards: it is collected as soon as the sixth is there, and by the later shards again.
     assert collected == [False] * 5 + [True] * 4
 
 
@@ -139,71 +136,75 @@ def share(number: int, count: int) -> list[Case]:
     return Shard(number, count).share(cases(load(Path("tiny.yaml"))))
 
 
-def test_live_runs_keep_out_those_who_would_do_the_same_cases_and_no_others() -> None:
-    Path("tiny.yaml").write_text(TINY + LONG)
-    mine, other = (share(number, 2)[0].index for number in (1, 2))
-    with at_work("1/2", mine):
+def test_a_run_keeps_out_those_that_would_compute_the_same_cases_and_no_others() -> None:
+    config = load(Path("tiny.yaml"))
+    with claimed(Folder(Path("out"), Shard(1, 2)), config, own=[0]):
         with pytest.raises(FolderError, match="another run of shard 1/2 is writing here"):
             run(Shard(1, 2))
         with pytest.raises(FolderError, match="a sweep split in 2 and not in 3"):
             run(Shard(1, 3))
         with pytest.raises(FolderError, match="another run is writing here"):
             run()
-        with at_work("2/2", other):
-            assert Path(f"out/cases/{mine:04d}.running").exists()
-    with at_work(None, 0), pytest.raises(FolderError, match="of all the cases"):
+        assert run(Shard(2, 2)).count("complete") == 3
+    with (
+        claimed(Folder(Path("out")), config),
+        pytest.raises(FolderError, match="of all the cases"),
+    ):
         run(Shard(2, 2))
 
 
-def test_what_a_killed_shard_left_is_not_in_the_way_and_what_a_live_one_has_stays() -> None:
+def test_a_shard_removes_its_own_leftovers_and_those_of_no_live_run() -> None:
+    own, other = (share(number, 2)[0].index for number in (1, 2))
+    with claimed(Folder(Path("out"), Shard(2, 2)), load(Path("tiny.yaml")), own=[other]):
+        left, live = ([Path(f"out/cases/{i:04d}.{end}") for end in ENDS] for i in (own, other))
+        for path in (*left, *live):
+            path.write_text("{}")
+        assert run(Shard(1, 2)).count("complete") == 3
+        assert not any(path.exists() for path in left)
+        assert all(path.exists() for path in live)
+
+
+def test_a_shard_is_stopped_or_killed_alone_and_let_in_again_at_once() -> None:
     Path("tiny.yaml").write_text(TINY + LONG)
-    mine, other = (share(number, 2)[0].index for number in (1, 2))
+    own, other = (share(number, 2)[0].index for number in (1, 2))
     with at_work("2/2", other) as alive:
-        with at_work("1/2", mine) as process:
+        with at_work("1/2", own) as process:
             process.kill()
             process.wait()
-        (left,) = Path("out/cases").glob(f"{mine:04d}.h5.*.part")
-        (busy,) = Path("out/cases").glob(f"{other:04d}.h5.*.part")
-        with at_work("1/2", mine):  # it is let in again at once
+        (left,) = Path("out/cases").glob(f"{own:04d}.h5.*.part")
+        with at_work("1/2", own) as process:
             assert not left.exists()
-            assert busy.exists()
-            assert json.loads(Path(f"out/cases/{other:04d}.running").read_text())["pid"] == alive.pid
-
-
-@pytest.mark.parametrize("signum", [signal.SIGUSR1, signal.SIGTERM])
-def test_a_signal_to_one_shard_stops_that_one_alone(signum: signal.Signals) -> None:
-    Path("tiny.yaml").write_text(TINY + LONG)
-    mine, other = (share(number, 2)[0].index for number in (1, 2))
-    with at_work("2/2", other) as alive, at_work("1/2", mine) as process:
-        process.send_signal(signum)
-        _, errors = process.communicate(timeout=60)
+            process.send_signal(signal.SIGTERM)
+            _, errors = process.communicate(timeout=60)
         assert process.returncode == 75, errors
         assert alive.poll() is None
+        assert list(Path("out/cases").glob(f"{other:04d}.h5.*.part"))
+        assert json.loads(Path(f"out/cases/{other:04d}.running").read_text())["pid"] == alive.pid
         assert not list(Path("out/cases").glob("stop*"))
 
 
 def test_shards_that_begin_at_the_same_instant_agree() -> None:
     command = [sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out", "--shard"]
     started = [
-        subprocess.Popen([*command, f"{n}/4"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        for n in range(1, 5)
+        subprocess.Popen([*command, f"{n}/2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for n in (1, 2)
     ]
     told = [process.communicate(timeout=120) for process in started]
-    assert [process.returncode for process in started] == [0] * 4, told
+    assert [process.returncode for process in started] == [0, 0], told
     assert any("complete: out/sweep.h5" in output for output, _ in told)
     assert sorted(path.name for path in Path("out/cases").glob("*.h5")) == [f"{i:04d}.h5" for i in range(6)]
     assert not list(Path("out").rglob("*.part"))
 
 
-def test_a_turn_is_waited_for_and_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_an_exclusive_lock_is_waited_for_and_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "turn"
     script = f"""
 import time
 from pathlib import Path
-from gfmdlayer.execution import locks
+from gfmdlayer.files.locks import exclusive
 count = Path({str(tmp_path / "count")!r})
 for _ in range(50):
-    with locks.turn(Path({str(path)!r})):
+    with exclusive(Path({str(path)!r})):
         number = int(count.read_text())
         time.sleep(0.0005)
         count.write_text(str(number + 1))
@@ -211,18 +212,20 @@ for _ in range(50):
     (tmp_path / "count").write_text("0")
     workers = [subprocess.Popen([sys.executable, "-c", script]) for _ in range(3)]
     assert [worker.wait(timeout=60) for worker in workers] == [0, 0, 0]
-    assert (tmp_path / "count").read_text() == "150"  # nobody counted beside another
+    assert (tmp_path / "count").read_text() == "150"  # no two counted at once
     assert not path.exists()
 
 
-def test_a_file_system_without_locks_lets_everybody_in_and_cleans_up_after_nobody(
+def test_a_file_system_without_locks_lets_every_run_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def flock(*_: object) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(locks.fcntl, "flock", flock)
-    with locks.held(tmp_path, Shard(1, 2)) as alone, locks.held(tmp_path, Shard(2, 2)) as also:
+    monkeypatch.setattr(fcntl, "flock", flock)
+    one, two = (Folder(tmp_path, Shard(number, 2)) for number in (1, 2))
+    one.cases.mkdir()
+    with held(one) as alone, held(two) as also:
         assert not alone
         assert not also
-    assert Folder(tmp_path, Shard(1, 2)).stop.name == "stop-1-of-2"
+    assert one.stop.name == "stop-1-of-2"

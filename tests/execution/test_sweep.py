@@ -17,10 +17,10 @@ import pytest
 from gfmdlayer import simulation
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution import progress as reports
-from gfmdlayer.execution import status_file
+from gfmdlayer.execution import status
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.run import Summary, run_sweep
+from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.reader import open_results
@@ -49,7 +49,7 @@ def configure(tmp_path: Path) -> Configure:
 def run(config: Config, directory: Path, restart: bool = False, only_failed: bool = False) -> Summary:
     with assemble() as pool:
         assert pool is not None
-        return run_sweep(config, directory, pool, restart, only_failed=only_failed)
+        return run_sweep(config, directory, pool, RunOptions(restart, only_failed))
 
 
 def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,11 +279,11 @@ def test_values_that_exclude_each_other_are_refused(configure: Configure) -> Non
 def test_a_stop_file_stops_a_case_between_steps(tmp_path: Path) -> None:
     folder = Folder(tmp_path)
     folder.cases.mkdir()
-    with status_file.StatusFile(folder, 7, end=2.0) as status:
+    with status.StatusFile(folder, 7, end=2.0) as file:
         folder.stop.touch()
-        status._written -= status_file.WRITE_INTERVAL
+        file._written -= status.WRITE_INTERVAL
         with pytest.raises(Stopped):
-            status.advance(1.0)
+            file.advance(1.0)
     assert not folder.case(7, "running").exists()
 
 
@@ -292,7 +292,7 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
     folder.cases.mkdir()
     here = {"host": socket.gethostname(), "pid": os.getpid()}
     times = {"simulated_time": 1.0, "end": 4.0, "started": time.time(), "updated": time.time()}
-    gone = {"updated": time.time() - 2 * status_file.SILENCE}
+    gone = {"updated": time.time() - 2 * status.SILENCE}
     for index, content in enumerate((
         here | times,
         here | times | {"pid": 2**22 + 1},  # above the kernel's largest process number
@@ -301,13 +301,13 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
     )):  # fmt: skip
         folder.case(index, "running").write_text(json.dumps(content))
     folder.case(4, "running").write_text("{")
-    assert [(case.index, case.fraction) for case in status_file.running(folder)] == [(0, 0.25), (2, 0.25)]
+    assert [(case.index, case.fraction) for case in status.running(folder)] == [(0, 0.25), (2, 0.25)]
 
 
 def test_a_log_has_few_lines_with_the_time() -> None:
     stream = io.StringIO()
     log = reports.Log(stream)
-    progress = reports.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
+    progress = status.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
     for _ in range(1000):
         log.advance(progress)
     assert stream.getvalue() == ""
@@ -323,4 +323,4 @@ def test_a_log_has_few_lines_with_the_time() -> None:
     [(0.04, "0.0 s"), (9.96, "10 s"), (59.6, "1 min 0 s"), (3599, "59 min 59 s"), (90000, "1 d 1 h")],
 )
 def test_durations_are_written_for_people(seconds: float, text: str) -> None:
-    assert reports.duration(seconds) == text
+    assert status.duration(seconds) == text

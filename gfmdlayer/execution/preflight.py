@@ -1,13 +1,7 @@
-"""What goes wrong before it begins: each found at the start, and told with what to do about it.
-
-More threads or ranks than cores and a second MPI library slow a run down or confuse its launcher: warnings.
-A file that somebody else has open for writing would be replaced under their hands: a refusal.
-"""
+"""Checks of the machine before a run: cores, MPI libraries, disk and memory; each returns warnings."""
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import os
 import shutil
 from collections import Counter
@@ -22,7 +16,7 @@ Cores = frozenset[int]
 
 
 def threads(environment: Mapping[str, str]) -> int:
-    """Return the most threads that any numerical library will use in a process."""
+    """Return the largest number of threads that a numerical library uses in a process."""
     given = [environment.get(variable, "").partition(",")[0] for variable in THREAD_VARIABLES]
     return max((int(value) for value in given if value.isdecimal()), default=1)
 
@@ -35,7 +29,7 @@ def cores() -> Cores:
 
 
 def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
-    """Warn of hosts on which more threads will compute than there are cores.
+    """Warn of hosts on which more threads compute than there are cores.
 
     Parameters
     ----------
@@ -43,6 +37,11 @@ def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
         Host and allowed cores of each process.
     threads : int
         Threads of each process.
+
+    Returns
+    -------
+    list of str
+        A warning that names the most crowded host, or nothing.
     """
     processes: Counter[str] = Counter()
     usable: dict[str, Cores] = {}
@@ -57,12 +56,12 @@ def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
     each = "one thread" if threads == 1 else f"{threads} threads"
     return [
         f"{processes[worst]} processes with {each} each on {len(usable[worst])} cores of {worst}{others}: "
-        "they will wait for each other; start fewer, set OMP_NUM_THREADS=1, or give them more cores"
+        "they wait for each other; start fewer, set OMP_NUM_THREADS=1, or give them more cores"
     ]
 
 
 def several_mpi_libraries() -> list[str]:
-    """Warn of two MPI libraries in one Python environment: its mpirun may belong to the other one."""
+    """Warn of two MPI libraries in one Python environment: mpirun and the ranks may use different ones."""
     found = [f"{package} {number}" for package in MPI_PACKAGES if (number := _installed(package))]
     if len(found) < 2:
         return []
@@ -79,22 +78,8 @@ def _installed(package: str) -> str | None:
         return None
 
 
-def open_elsewhere(paths: Iterable[Path]) -> list[Path]:
-    """Return those existing files that another process has open for writing, as HDF5's locks tell."""
-    return [path for path in paths if _is_locked(path)]
-
-
-def _is_locked(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError as error:
-        return error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK)
-    return False
-
-
-def lack_of_space(directory: Path, needed: float) -> list[str]:
-    """Warn of a disk that will be full before `needed` bytes are written under a folder, made or not."""
+def disk_warnings(directory: Path, needed: float) -> list[str]:
+    """Warn of a disk with less free space than `needed` bytes, for a folder that may not exist yet."""
     existing = next(path for path in (directory.absolute(), *directory.absolute().parents) if path.exists())
     free = shutil.disk_usage(existing).free
     if needed <= free:
@@ -102,7 +87,7 @@ def lack_of_space(directory: Path, needed: float) -> list[str]:
     return [f"{directory}: about {in_bytes(needed)} will be written, but only {in_bytes(free)} are free"]
 
 
-def lack_of_memory(needed: float) -> list[str]:
+def memory_warnings(needed: float) -> list[str]:
     """Warn of processes that together need more bytes than this machine has."""
     present = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed <= present:

@@ -1,4 +1,4 @@
-"""How far a sweep is, told by the names of many files and the contents of few; and what is cleaned up."""
+"""The state of a sweep from the names of many files and the contents of few; files of dead runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution.cleanup import remains
+from gfmdlayer.execution.claim import claimed, leftovers
 from gfmdlayer.execution.folder import Folder, FolderError
-from gfmdlayer.execution.overview import LOOKED_AT, overview
-from gfmdlayer.execution.status_file import StatusFile, running
+from gfmdlayer.execution.status import FAILURES_READ, StatusFile, overview, running
 
 Make = Callable[..., Folder]
 
@@ -37,7 +36,7 @@ def make(tmp_path: Path) -> Make:
     def make(total: int, **files: range) -> Folder:
         folder = Folder(tmp_path / "out")
         config = Config(name="many", sweep={"layer.thickness": [0.1 + i / 1e5 for i in range(total)]})
-        with folder.claimed(config):
+        with claimed(folder, config):
             pass
         for kind, indices in files.items():
             for index in indices:
@@ -63,9 +62,9 @@ def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_few_files_are_opened_for_ten_thousand_cases(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = make(10_000, h5=range(9_000), failed=range(9_000, 9_005))
-    run_here(folder, 9_010)
+def test_few_files_are_opened_for_a_thousand_cases(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = make(1_000, h5=range(900), failed=range(900, 905))
+    run_here(folder, 910)
     opened: list[str] = []
 
     def counting(file: Any, *rest: Any, **options: Any) -> Any:
@@ -75,7 +74,7 @@ def test_few_files_are_opened_for_ten_thousand_cases(make: Make, monkeypatch: py
     monkeypatch.setattr(builtins, "open", counting)
     monkeypatch.setattr(Path, "open", lambda self, *rest, **options: counting(self, *rest, **options))
     seen = overview(folder)
-    assert (seen.total, seen.complete, seen.failed, seen.waiting) == (10_000, 9_000, 5, 994)
+    assert (seen.total, seen.complete, seen.failed, seen.waiting) == (1_000, 900, 5, 94)
     # The mark of the folder, the number of cases, one case at work, five failures; of the results none.
     assert 7 <= len(opened) <= 8
     assert not [name for name in opened if name.endswith(".h5")]
@@ -150,9 +149,9 @@ def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
 
 
 def test_of_very_many_failures_some_are_read(make: Make) -> None:
-    folder = make(10, failed=range(LOOKED_AT + 500))
+    folder = make(10, failed=range(FAILURES_READ + 500))
     seen = overview(folder)
-    assert (seen.failed, len(seen.failures)) == (LOOKED_AT + 500, LOOKED_AT)
+    assert (seen.failed, len(seen.failures)) == (FAILURES_READ + 500, FAILURES_READ)
 
 
 def test_a_watch_ends_when_nothing_is_left_to_wait_for(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,25 +269,25 @@ def test_clean_touches_nothing_while_a_run_holds_the_folder(
     with (littered.cases / ".lock").open() as held:
         fcntl.flock(held, kind)
         assert main(["clean", str(littered.path), "--yes"]) == 2
-    assert "a run is at work here" in capsys.readouterr().err
+    assert "another run is writing here" in capsys.readouterr().err
     assert names(littered) == {*LEFT, *KEPT}
 
 
 def test_clean_touches_nothing_while_a_case_elsewhere_tells_of_itself(littered: Folder) -> None:
     """Where a file system has no locks, the status files of other hosts have to do."""
     run_here(littered, 2, host="elsewhere")
-    with pytest.raises(FolderError, match="at work here, on elsewhere"), remains(littered):
+    with pytest.raises(FolderError, match="writing here, on elsewhere"), leftovers(littered):
         pass
     run_here(littered, 2, host="elsewhere", updated=time.time() - 1000)
-    with remains(littered) as found:
+    with leftovers(littered) as found:
         assert littered.case(2, "running") in found
 
 
 def test_no_run_begins_while_the_question_is_open(littered: Folder) -> None:
     with (
-        remains(littered),
+        leftovers(littered),
         pytest.raises(FolderError, match="another run"),
-        littered.claimed(load(littered.config)),
+        claimed(littered, load(littered.config)),
     ):
         pass
 

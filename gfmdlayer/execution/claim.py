@@ -1,0 +1,234 @@
+"""Claiming a results folder for a run, and removing the files that killed runs left.
+
+One run of all cases may write into a folder, or one run of each shard. Locks keep others out:
+
+    cases/.lock            exclusive for a run of all cases, shared by the runs of shards; it holds the number
+                           of shards
+    cases/.lock-3-of-16    exclusive for the run of this shard
+    cases/.admission       held while a run claims the folder, cases/.collection while sweep.h5 is written
+
+Killed runs leave unfinished files, the status of cases, requests to stop, locks of shards, and checkpoints of
+cases that have been completed since. Results, records of failures, files set aside for the user and other
+programs' files are never removed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import IO
+
+from gfmdlayer.config import Config, sweeps
+from gfmdlayer.execution.folder import ASIDE, MARK, WAYS_OUT, Folder, FolderError, changed_keys
+from gfmdlayer.execution.status import running
+from gfmdlayer.execution.sweep import Shard
+from gfmdlayer.files.locks import exclusive, try_lock
+from gfmdlayer.files.whole import is_unfinished, unfinished_path, write_text
+
+_PROBE = 1 << 16  # bytes; a full disk still accepts empty files
+_RESULTS = ("*.h5", "*.xdmf", "*.failed", "*.checkpoint", "*.journal?", f"*{ASIDE}")
+# Files of dead runs, beside unfinished ones; those of version 0.1 had a simpler unfinished name.
+_IN_FOLDER = re.compile(r"(config\.yaml|sweep\.h5)(\..+)?\.part")
+_OF_A_CASE = re.compile(r"(\d{4,})\.(running|(h5|xdmf|failed|running|checkpoint)(\..+)?\.part)")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
+_OF_A_RUN = re.compile(r"stop(-\d+-of-\d+)?|probe\.part")
+_LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
+
+
+@contextmanager
+def claimed(
+    folder: Folder, config: Config, restart: bool = False, own: Collection[int] | None = None
+) -> Iterator[None]:
+    """Hold the folder, or a shard's part of it, for a run of `config`.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder; made where there is none.
+    config : Config
+        What will be run.
+    restart : bool
+        Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
+    own : collection of int, optional
+        The cases of the shard.
+
+    Raises
+    ------
+    FolderError
+        Where the folder holds something else or results of another configuration, is in use, or cannot be
+        written.
+    """
+    with _as_folder_error(folder):
+        _refuse_foreign_folder(folder)
+    if folder.is_results() and not restart:
+        _refuse_other_config(folder, config)
+    with ExitStack() as claim:
+        with _as_folder_error(folder):
+            folder.cases.mkdir(parents=True, exist_ok=True)
+            with exclusive(folder.cases / ".admission"):
+                alone = claim.enter_context(held(folder))
+                _probe(folder)
+                _prepare(folder, config, restart, None if alone else own)
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                folder.stop.unlink(missing_ok=True)
+
+
+@contextmanager
+def held(folder: Folder) -> Iterator[bool]:
+    """Lock the folder, or the part of its shard.
+
+    Yields
+    ------
+    bool
+        Whether no other run uses the folder.
+
+    Raises
+    ------
+    FolderError
+        Where another run holds a lock that excludes this one.
+    """
+    shard = folder.shard
+    with ExitStack() as stack:
+        common = stack.enter_context((folder.cases / ".lock").open("a+"))
+        granted = try_lock(common)
+        if shard is None:
+            if granted is False:
+                raise _in_use(folder, "another run is writing here")
+            yield True
+            return
+        if granted is False and try_lock(common, shared=True) is False:
+            raise _in_use(folder, "another run is writing here, of all the cases")
+        if granted:
+            common.truncate(0)
+            common.write(str(shard.count))
+            common.flush()
+            try_lock(common, shared=True)
+        else:
+            _refuse_other_division(folder, common, shard)
+        own = stack.enter_context((folder.cases / f".lock-{shard.number}-of-{shard.count}").open("a+"))
+        if try_lock(own) is False:
+            raise _in_use(folder, f"another run of shard {shard} is writing here")
+        yield granted is True
+
+
+@contextmanager
+def leftovers(folder: Folder) -> Iterator[list[Path]]:
+    """Find the files that killed runs left; no run begins in the folder until the block ends.
+
+    Raises
+    ------
+    FolderError
+        Where this is not a results folder, a run uses it, or it cannot be written.
+    """
+    folder.must_hold_results()
+    if at_work := running(folder):  # also where a file system has no locks
+        raise _in_use(folder, f"another run is writing here, on {at_work[0].host}")
+    with held(folder) if folder.cases.is_dir() else nullcontext():
+        locks = (path for path in _files(folder.cases) if _LOCK.fullmatch(path.name))
+        yield sorted([*_leftovers(folder), *locks])
+
+
+def _leftovers(folder: Folder) -> list[Path]:
+    complete = folder.numbers()["h5"]
+
+    def is_left(name: str) -> bool:
+        state = _STATE.fullmatch(name)
+        of_complete_case = state is not None and int(state[1]) in complete
+        return of_complete_case or any(pattern.fullmatch(name) for pattern in (_OF_A_CASE, _OF_A_RUN))
+
+    here, below = _files(folder.path), _files(folder.cases)
+    return [
+        *(path for path in here if _IN_FOLDER.fullmatch(path.name) or is_unfinished(path.name)),
+        *(path for path in below if is_left(path.name) or is_unfinished(path.name)),
+    ]
+
+
+def _files(folder: Path) -> list[Path]:
+    with suppress(FileNotFoundError), os.scandir(folder) as entries:
+        return sorted(Path(entry.path) for entry in entries if entry.is_file(follow_symlinks=False))
+    return []
+
+
+def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> None:
+    """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
+    if restart:
+        found = [path for pattern in _RESULTS for path in folder.cases.glob(pattern)]
+        for path in (folder.sweep, *found, folder.config):
+            path.unlink(missing_ok=True)
+    left = _leftovers(folder)
+    if own is not None:
+        left = [path for path in left if _case_number(path) in own] + [folder.stop]
+    for path in left:
+        path.unlink(missing_ok=True)
+    if not folder.is_results():
+        write_text(folder.config, f"{MARK}# Cases: {sweeps.count(config.sweep)}\n{config.dump()}")
+    elif not restart:
+        _refuse_other_config(folder, config)  # another shard may have come first
+
+
+def _case_number(path: Path) -> int | None:
+    number = path.name.partition(".")[0]
+    return int(number) if number.isdigit() else None
+
+
+def _probe(folder: Folder) -> None:
+    """Write some bytes, to find a full disk before any work."""
+    path = unfinished_path(folder.cases / "probe")
+    try:
+        with path.open("wb") as file:
+            file.write(bytes(_PROBE))
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _as_folder_error(folder: Folder) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot be written ({error.strerror}: {error.filename})"
+        raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
+
+
+def _in_use(folder: Folder, reason: str) -> FolderError:
+    return FolderError(f"{folder.path}: {reason}; wait for it to end")
+
+
+def _refuse_other_division(folder: Folder, common: IO[str], shard: Shard) -> None:
+    common.seek(0)
+    count = common.read()
+    if count not in {"", str(shard.count)}:
+        raise _in_use(
+            folder, f"other runs are writing here, of a sweep split in {count} and not in {shard.count}"
+        )
+
+
+def _refuse_foreign_folder(folder: Folder) -> None:
+    if folder.path.exists() and not folder.path.is_dir():
+        raise FolderError(f"{folder.path}: is a file, not a folder; choose another with --out")
+    found = {entry.name for entry in folder.path.iterdir()} if folder.path.is_dir() else set()
+    # A run killed in its first instant leaves the folder `cases` and an unfinished configuration.
+    foreign = [name for name in found if name != "cases" and not _IN_FOLDER.fullmatch(name)]
+    if foreign and not folder.is_results():
+        raise FolderError(
+            f"{folder.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
+        )
+
+
+def _refuse_other_config(folder: Folder, config: Config) -> None:
+    try:
+        difference = changed_keys(folder.stored_config(), config)
+    except FolderError as error:
+        raise FolderError(f"{error}; {WAYS_OUT}") from None
+    if difference:
+        raise FolderError(
+            f"{folder.path}: holds results of another configuration ({'; '.join(difference)}); {WAYS_OUT}"
+        )

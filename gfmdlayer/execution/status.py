@@ -1,0 +1,297 @@
+"""Progress of running cases and of a whole sweep, as files in the results folder tell it.
+
+The process that computes a case writes cases/NNNN.running at most once a second. The progress display and
+`gfmdlayer status` read these files, so that they work for processes on any host.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import socket
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+from gfmdlayer.config.sweeps import count
+from gfmdlayer.execution.folder import Folder, read_json
+from gfmdlayer.execution.interrupts import Stopped, stop_requested
+from gfmdlayer.files.whole import write_text
+
+if TYPE_CHECKING:
+    from gfmdlayer.execution.schedule import Outcome
+
+WRITE_INTERVAL = 1.0  # seconds between two status files of a case
+SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
+FAILURES_READ = 1000  # records of failures that an overview reads
+_NUMBER = re.compile(r"# Cases: (\d+)\n")  # in the head of the configuration: a long sweep takes long to read
+
+
+class StatusFile:
+    """Status file of a case, and its requests to stop; a context manager around the simulation.
+
+    Parameters
+    ----------
+    folder : Folder
+        The results folder.
+    index : int
+        The case.
+    end : float
+        The simulated time at which the case will be complete.
+    label : str
+        The case's swept values, for people.
+    """
+
+    def __init__(self, folder: Folder, index: int, end: float, label: str = "") -> None:
+        self._path = folder.case(index, "running")
+        self._stop = folder.stop
+        self._written = -WRITE_INTERVAL
+        me = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time()}
+        self._fixed: dict[str, object] = me | {"end": end, "label": label}
+        self._steps = -1  # the call on entering is not a step
+
+    def __enter__(self) -> Self:
+        self.advance(0.0)
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        with suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+    def advance(self, simulated_time: float) -> None:
+        """Record the simulated time that has been reached.
+
+        Raises
+        ------
+        Stopped
+            Where the run was asked to stop, by a signal to this process or by the folder's stop file.
+        """
+        self._steps += 1
+        if self._steps == 1:  # a resumed case begins late, and the first step takes longest
+            self._fixed |= {"since": time.time(), "since_time": float(simulated_time)}
+        now = time.monotonic()
+        due = now - self._written >= WRITE_INTERVAL
+        if stop_requested() or (due and self._stop_file_exists()):
+            raise Stopped
+        if due:
+            self._written = now
+            reached = {"simulated_time": float(simulated_time), "steps": self._steps, "updated": time.time()}
+            content = self._fixed | reached
+            with suppress(OSError):  # a simulation does not fail for its status
+                write_text(self._path, json.dumps(content), durable=False)
+
+    def _stop_file_exists(self) -> bool:
+        with suppress(OSError):  # the folder may be unreadable for a while
+            return self._stop.exists()
+        return False
+
+
+@dataclass(frozen=True)
+class Running:
+    """Status of a case that a process computes."""
+
+    index: int
+    host: str
+    pid: int
+    simulated_time: float
+    end: float
+    started: float
+    updated: float
+    label: str = ""
+    steps: int = 0
+    since: float = math.nan
+    since_time: float = math.nan
+
+    @property
+    def fraction(self) -> float:
+        """The part of the simulated time that is done."""
+        return min(self.simulated_time / self.end, 1.0) if self.end > 0 else 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Seconds left at the present pace; None before the second step."""
+        covered, spent = self.simulated_time - self.since_time, self.updated - self.since
+        return (self.end - self.simulated_time) * spent / covered if covered > 0 and spent > 0 else None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process exists; on another host, whether it has written its status lately."""
+        if self.host != socket.gethostname():
+            return abs(time.time() - self.updated) < SILENCE  # also where a clock was set back
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]:
+    """Return the status of the running cases, in their order.
+
+    Parameters
+    ----------
+    folder : Folder
+        The results folder.
+    begun : iterable of int, optional
+        The cases with a status file, where they are known.
+
+    Returns
+    -------
+    list of Running
+    """
+    found = []
+    for index in sorted(folder.numbers()["running"] if begun is None else begun):
+        content: dict[str, Any] = read_json(folder.case(index, "running")) or {}
+        with suppress(TypeError, ValueError):
+            case = Running(index=index, **content)
+            if case.alive:
+                found.append(case)
+    return found
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of a run.
+
+    Attributes
+    ----------
+    total, complete, failed : int
+        Numbers of cases; those complete before the run are counted.
+    at_work : tuple of Running
+        The running cases.
+    preparation : str
+        What is prepared before the first case begins; empty afterwards.
+    seconds_left : float or None
+        Time left at the pace so far; None before any progress.
+    slowest : Outcome or None
+        The case of this run that took longest so far.
+    """
+
+    total: int
+    complete: int
+    failed: int = 0
+    at_work: tuple[Running, ...] = ()
+    preparation: str = ""
+    seconds_left: float | None = None
+    slowest: Outcome | None = None
+
+    @property
+    def done(self) -> float:
+        """Number of cases done, fractions of running ones included."""
+        parts = sum(case.fraction for case in self.at_work)
+        return min(self.complete + self.failed + parts, self.total)
+
+    @property
+    def fraction(self) -> float:
+        """The part of all cases that is done."""
+        return self.done / self.total
+
+    @property
+    def words(self) -> str:
+        """A line on the whole run."""
+        if self.preparation:
+            return self.preparation
+        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
+        parts = (
+            f"{self.complete} of {self.total} complete",
+            f"{len(self.at_work)} running" if self.at_work else "",
+            f"{self.failed} failed" if self.failed else "",
+            f"{duration(self.seconds_left)} left" if self.seconds_left else "",
+            slowest or "",
+        )
+        return ", ".join(filter(None, parts))
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A case on record as failed: its number, why, and its swept values."""
+
+    index: int
+    reason: str
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Numbers of cases of a sweep by their state.
+
+    Attributes
+    ----------
+    total, complete, failed, waiting : int
+        Numbers of cases; running ones count in `total` alone.
+    running : list of Running
+        The running cases.
+    failures : list of Failure
+        The first `FAILURES_READ` failed cases.
+    """
+
+    total: int
+    complete: int
+    failed: int
+    waiting: int
+    running: list[Running]
+    failures: list[Failure]
+
+    @property
+    def over(self) -> bool:
+        """Whether no case runs or waits."""
+        return not self.running and not self.waiting
+
+
+def overview(folder: Folder) -> Overview:
+    """Count the cases of a results folder by state; opens no result file.
+
+    Raises
+    ------
+    FolderError
+        Where this is not a results folder.
+    """
+    total = _number_of_cases(folder)
+    found = folder.numbers()
+    at_work = running(folder, found["running"])
+    busy = {case.index for case in at_work}
+    complete = found["h5"] - busy
+    failed = found["failed"] - busy - complete
+    failures = [_failure(folder, index) for index in sorted(failed)[:FAILURES_READ]]
+    waiting = max(0, total - len(complete | failed | busy))
+    return Overview(total, len(complete), len(failed), waiting, at_work, failures)
+
+
+def _number_of_cases(folder: Folder) -> int:
+    folder.must_hold_results()
+    with folder.config.open(encoding="utf-8") as file:
+        file.readline()
+        number = _NUMBER.fullmatch(file.readline())
+    return int(number[1]) if number else count(folder.stored_sweep())
+
+
+def _failure(folder: Folder, index: int) -> Failure:
+    record = read_json(folder.case(index, "failed")) or {}
+    values = record.get("values")
+    return Failure(index, str(record.get("reason")), values if isinstance(values, dict) else {})
+
+
+def group_by_reason(failures: list[Failure]) -> list[list[Failure]]:
+    """Group failures whose reasons differ in numbers alone, the largest group first."""
+    groups: defaultdict[str, list[Failure]] = defaultdict(list)
+    for failure in failures:
+        groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", failure.reason)].append(failure)
+    return sorted(groups.values(), key=len, reverse=True)
+
+
+def duration(seconds: float) -> str:
+    """Write a duration for people: 0.4 s, 12 s, 3 min 20 s, 5 h 10 min, 3 d 4 h."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    for unit, name, part, part_name in ((86400, "d", 3600, "h"), (3600, "h", 60, "min"), (60, "min", 1, "s")):
+        if whole >= unit:
+            return f"{whole // unit} {name} {whole % unit // part} {part_name}"
+    return f"{whole} s"

@@ -1,0 +1,68 @@
+"""Locks between processes, kept by the kernel: it releases a lock when its holder dies.
+
+On a file system without locks nothing is locked, and the user has to keep two runs apart.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+
+def try_lock(file: IO[str], shared: bool = False) -> bool | None:
+    """Lock an open file without waiting; a lock that this process holds on it is changed.
+
+    Parameters
+    ----------
+    file : file
+        Open for writing.
+    shared : bool
+        Let other shared locks coexist.
+
+    Returns
+    -------
+    bool or None
+        Whether the lock was granted; None on a file system without locks.
+    """
+    try:
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except OSError as error:
+        return False if error.errno in (errno.EAGAIN, errno.EACCES) else None
+    return True
+
+
+@contextmanager
+def exclusive(path: Path) -> Iterator[None]:
+    """Wait until no other process holds this lock file, hold it for the block, and remove it."""
+    while True:
+        with path.open("a+") as file:
+            with suppress(OSError):
+                fcntl.flock(file, fcntl.LOCK_EX)
+            if _is_same_file(path, file):  # else the holder before has removed it
+                try:
+                    yield
+                finally:
+                    path.unlink(missing_ok=True)
+                return
+
+
+def open_for_writing(path: Path) -> bool:
+    """Whether another process has an existing HDF5 file open for writing, by the lock that HDF5 holds."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK)
+    return False
+
+
+def _is_same_file(path: Path, file: IO[str]) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
