@@ -73,7 +73,19 @@ def run_case(
 
 
 def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
-    """Record why a case failed; a record without traceback does not replace one with it."""
+    """Record why a case failed, in cases/NNNN.failed.
+
+    Parameters
+    ----------
+    folder : Folder
+        A claimed results folder.
+    case : Case
+        The case.
+    reason : str
+        One line.
+    trace : str
+        Traceback; a record without one does not replace another record.
+    """
     from gfmdlayer.results.provenance import now
 
     path = folder.case(case.index, "failed")

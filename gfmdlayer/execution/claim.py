@@ -49,7 +49,7 @@ def claimed(
     folder : Folder
         The folder; made where there is none.
     config : Config
-        What will be run.
+        The configuration of the run.
     restart : bool
         Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
     own : collection of int, optional

@@ -121,7 +121,7 @@ class Folder:
         return dict(document.data.get("sweep") or {})
 
     def must_hold_results(self) -> None:
-        """Refuse what is not a results folder.
+        """Refuse a folder that does not hold results.
 
         Raises
         ------
@@ -144,7 +144,18 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:
-    """Return the keys (but the name) that differ between two configurations, as ``key: before -> after``."""
+    """Compare two configurations.
+
+    Parameters
+    ----------
+    before, after : Config
+        The configurations.
+
+    Returns
+    -------
+    list of str
+        The keys that differ, but the name, as ``key: before -> after``.
+    """
     old, new = _flat(before.model_dump()), _flat(after.model_dump())
     absent = "(absent)"
     return [

@@ -79,7 +79,20 @@ def _installed(package: str) -> str | None:
 
 
 def disk_warnings(directory: Path, needed: float) -> list[str]:
-    """Warn of a disk with less free space than `needed` bytes, for a folder that may not exist yet."""
+    """Warn of a disk that is too small.
+
+    Parameters
+    ----------
+    directory : Path
+        Results folder, which may not exist yet.
+    needed : float
+        Bytes that will be written.
+
+    Returns
+    -------
+    list of str
+        A warning, or nothing.
+    """
     existing = next(path for path in (directory.absolute(), *directory.absolute().parents) if path.exists())
     free = shutil.disk_usage(existing).free
     if needed <= free:

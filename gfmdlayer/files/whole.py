@@ -108,7 +108,22 @@ def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool
 
 
 def write_text(path: Path, text: str, durable: bool = True, replace: bool = True) -> None:
-    """Write a small text file whole; the parameters are those of `unfinished`."""
+    """Write a small text file whole.
+
+    Parameters
+    ----------
+    path : Path
+        The final name.
+    text : str
+        The contents, written in UTF-8.
+    durable, replace : bool
+        See `publish`.
+
+    Raises
+    ------
+    OSError
+        See `publish`.
+    """
     with unfinished(path, durable=durable, replace=replace) as part:
         part.write_text(text, encoding="utf-8")
 
