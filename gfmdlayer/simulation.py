@@ -104,11 +104,12 @@ def simulate(
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
-            step = AcceptedStep(instant.time, problem, solution, surface, integrator)
+            row: dict[str, float | FloatArray] = {}
+            step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
             for observable in observables:
-                step.row.update(observable.measure(step))
-            recorder.row(**step.row)
-            finished = any(observable.finished for observable in observables)
+                row |= observable.measure(step)
+                finished = finished or observable.finished
+            recorder.row(**row)
             if instant.snapshot or finished:
                 fields = surface.displacement, solution.pressure, solution.gap
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
