@@ -1,4 +1,4 @@
-"""A first look at the files of all cases: which are complete, at which times, and what they share."""
+"""Metadata of the files of all cases: complete or not, times of the rows, columns, shared attributes."""
 
 from __future__ import annotations
 
