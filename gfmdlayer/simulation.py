@@ -53,7 +53,8 @@ def simulate(
     Parameters
     ----------
     config : Config or Case
-        The configuration, or the parts of a simulation where some are one's own; these are used up.
+        The configuration, or the parts of one simulation, where some are one's own; a `Case` runs once and
+        has wisdom and threads of its own.
     recorder : Recorder
         Records a row for each time step, the first at t = 0, and the snapshots.
     progress : callable, optional
