@@ -75,6 +75,7 @@ class Parts(TypedDict, total=False):
 
     grid: Grid
     transforms: Transforms
+    material: Material
     body: Body
     punch: FloatArray
     trajectory: Trajectory

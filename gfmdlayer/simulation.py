@@ -53,7 +53,8 @@ def simulate(
     Parameters
     ----------
     config : Config or Case
-        The configuration, or the parts of a simulation where some are one's own; these are used up.
+        The configuration, or the parts of one simulation, where some are one's own; a `Case` runs once and
+        has wisdom and threads of its own.
     recorder : Recorder
         Records a row for each time step, the first at t = 0, and the snapshots.
     progress : callable, optional
@@ -104,11 +105,12 @@ def simulate(
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
-            step = AcceptedStep(instant.time, problem, solution, surface, integrator)
+            row: dict[str, float | FloatArray] = {}
+            step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
             for observable in observables:
-                step.row.update(observable.measure(step))
-            recorder.row(**step.row)
-            finished = any(observable.finished for observable in observables)
+                row |= observable.measure(step)
+                finished = finished or observable.finished
+            recorder.row(**row)
             if instant.snapshot or finished:
                 fields = surface.displacement, solution.pressure, solution.gap
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))

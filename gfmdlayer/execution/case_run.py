@@ -110,21 +110,23 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)
         try:
-            checkpoints.find()
-            note = compute(checkpoints)
-        except CheckpointError as error:
-            checkpoints.set_aside(str(error))
-            note = compute(checkpoints)
+            try:
+                checkpoints.find()
+                note = compute(checkpoints)
+            except CheckpointError as error:
+                checkpoints.set_aside(str(error))
+                note = compute(checkpoints)
         except ConvergenceError as error:
             checkpoints.close()
+            kept = checkpoints
             if checkpoints.attempts:
-                with closing(keeper(math.inf, _StopAfter(checkpoints.attempts, status.advance))) as again:
-                    again.find()
-                    with suppress(Stopped):
-                        compute(again)
-            if not folder.case(case.index, "checkpoint").exists():
+                stop = _StopAfter(checkpoints.attempts, status.advance)
+                with closing(keeper(math.inf, stop)) as kept, suppress(Stopped, CheckpointError, OSError):
+                    kept.find()
+                    compute(kept)
+            if kept.attempts or not folder.case(case.index, "checkpoint").exists():
                 raise
-            raise ConvergenceError(f"{error}; state kept at t = {checkpoints.time:.6g}") from error
+            raise ConvergenceError(f"{error}; state kept at t = {kept.time:.6g}") from error
         checkpoints.remove()
     return note
 
@@ -133,7 +135,7 @@ class _StopAfter:
     """Stops a run after a number of attempts at a step, as a signal does.
 
     A failed solve has changed the solver's state. So the attempts since the last checkpoint are repeated, and
-    the state after the last of them is the one that an uninterrupted run had before it failed.
+    the state after the last of them is kept: the one from which the solve failed.
     """
 
     def __init__(self, attempts: int, advance: Callable[[float], None]) -> None:

@@ -1,4 +1,4 @@
-"""Contact area, mean pressure and depth of the punch, each with the residual that it is known to."""
+"""Time, contact area, mean pressure and depth of the punch, and the residual of the contact problem."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ContactMeans(Observable):
         self._unit = 2 * case.config.layer.material.relaxed
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Return them."""
+        """Return the columns of the solution."""
         return {
             "time": step.time,
             "contact_area": step.solution.contact_area,

@@ -48,7 +48,7 @@ class ContactStatistics(Observable):
         self._edges = {name: np.array(bins.edges) for name, bins in asked.items() if bins is not None}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
-        """Return them."""
+        """Return the mean gap, and patches and histograms that are asked for."""
         solution = step.solution
         found: dict[str, Value] = {"mean_gap": solution.mean_gap}
         if not (self._counts_patches or self._edges):

@@ -37,9 +37,13 @@ class Effort(Observable):
 
     def measure(self, _step: AcceptedStep) -> Mapping[str, float]:
         """Return the counts and begin at zero for the next step."""
-        counts = self._transforms, self._iterations, self._attempts - 1
+        counts = {
+            "transforms": self._transforms,
+            "iterations": self._iterations,
+            "rejected": self._attempts - 1,
+        }
         self._transforms = self._iterations = self._attempts = 0
-        return dict(zip(("transforms", "iterations", "rejected"), counts, strict=True))
+        return counts
 
     def state(self) -> State:
         """Return the counts."""

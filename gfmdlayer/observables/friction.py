@@ -60,7 +60,7 @@ class Friction(Observable):
         self._phase = np.ravel(np.broadcast_to(phase, grid.shape))
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Return them."""
+        """Return position, tangential stress, friction and centre of pressure."""
         pressure, mean = step.solution.pressure, float(step.solution.pressure.mean())
         p, u = self._transforms.forward(pressure), step.surface.spectrum
         force = float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())

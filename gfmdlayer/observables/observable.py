@@ -8,7 +8,7 @@ costs estimated by these modules, so that they import neither numpy nor a compil
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -122,7 +122,7 @@ class AcceptedStep:
     solution: Solution
     surface: Surface
     energy: Energy
-    row: dict[str, Value] = field(default_factory=dict)
+    row: dict[str, Value]
 
 
 class Parts(Protocol):

@@ -3,9 +3,9 @@
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
 
-Rows are gathered in memory and appended when ROWS_HELD of them wait or FLUSH_INTERVAL has passed, and a
-snapshot is written as it comes, so that a run of any length needs the same memory. Chunks carry checksums:
-what a disk has spoiled is refused when it is read.
+Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
+snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
+damaged data are refused when they are read.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Attribute = str | int | float
 class CaseWriter:
     """Write one case; a context manager.
 
-    Left without an exception, the file is complete under its name. Left with one, nothing is there and the
-    unfinished file is removed.
+    At the end of its block the file is complete under its name; after an exception the unfinished file is
+    removed.
 
     Parameters
     ----------
@@ -49,18 +49,18 @@ class CaseWriter:
     attributes
         Attributes of the file, such as `config`, `digest`, `name` and `tau`. They take precedence over the
         provenance that is added (versions, commit, host, started, finished, wall_seconds), so that a
-        resumed case can tell its first start.
+        resumed case keeps the time of its first start.
     columns
         Columns that rows may have; by default those that are the same in every case.
     flush_interval
-        Seconds after which what has been recorded is handed to the operating system.
+        Seconds after which the records are handed to the operating system.
     elapsed
-        Seconds that went into the case before, added to `wall_seconds`.
+        Seconds spent on the case by earlier runs, added to `wall_seconds`.
 
     Raises
     ------
     ResultsError
-        Here and in every method, when the disk refuses; it names the file.
+        Here and in every method, if the file cannot be written; the message names it.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class CaseWriter:
 
     @property
     def elapsed(self) -> float:
-        """Seconds that went into the case so far."""
+        """Seconds spent on the case so far."""
         return self._elapsed + time.monotonic() - self._begun
 
     def row(self, **values: float | NDArray[np.float64]) -> None:
@@ -117,8 +117,8 @@ class CaseWriter:
         Parameters
         ----------
         values
-            `time`, later than the row before, and the columns: numbers, and arrays of histograms. The first
-            row decides which there are.
+            `time`, later than in the row before, and the other columns: numbers, and arrays of histograms.
+            All rows have the columns of the first.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class CaseWriter:
         self._append_rows()
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
         counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
-        untold = {name: value for name, value in ended.items() if name not in self._attributes}
-        set_attributes(self._h5, {**untold, **self._noted, **counts, "complete": 1})
+        added = {name: value for name, value in ended.items() if name not in self._attributes}
+        set_attributes(self._h5, {**added, **self._noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

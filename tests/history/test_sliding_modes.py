@@ -26,7 +26,6 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.sliding_modes import SlidingModes, phi_functions
-from gfmdlayer.observables.steady_state import SteadyState
 from gfmdlayer.punch.trajectory import Constant, Table, distance
 
 Floats = NDArray[np.float64]
@@ -177,16 +176,3 @@ def test_contact_with_loss_stiffness_is_solved_for_any_loss(
     assert p.min() >= 0
     assert np.minimum(p / scale, (h - u) / np.ptp(h)).max() < 2 * tolerance
     assert p.mean() == pytest.approx(load, rel=1e-6) if load else abs(u.mean()) < 1e-12
-
-
-def test_the_state_is_steady_when_nothing_has_changed_over_a_whole_window() -> None:
-    def when(friction: Callable[[float], float], since: float = 0.0) -> float:
-        settling = SteadyState(window=2.0, tolerance=1e-3, since=since)
-        times = (0.25 * i for i in range(1000))
-        return next((t for t in times if settling.reached(t, 1.0, 0.01, friction=friction(t))), math.inf)
-
-    assert when(lambda _: 0.1) == 2.0
-    assert when(lambda _: 0.1, since=3.1) == 5.25
-    assert when(lambda t: 0.1 * (1 + math.exp(-t))) == 10.0  # exp(-8) = 3e-4 at the window's start
-    assert when(lambda t: 0.1 * (1 + 0.01 * math.sin(t))) == math.inf
-    assert when(lambda t: math.nan if t < 7 else 0.1) == 9.0

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
+
+from gfmdlayer.config import Config
+from gfmdlayer.execution.sweep import Case
 
 PROGRAM = """
 import sys
@@ -49,5 +55,24 @@ for values in CASES:
 """
 
 
-def test_nothing_is_left_to_compile(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("values", "alike"),
+    [
+        ({"layer.thickness": 0.1, "solver.tolerance": 1e-7, "output.snapshots": [1.0]}, True),
+        ({"grid.points": 128}, False),
+        ({"solver.method": "fire"}, False),
+        ({"solver": {"method": "fire", "inertia": "uniform"}}, False),
+        ({"time.step": "adaptive"}, False),
+        ({"trajectory.velocity": 0.1}, False),
+        ({"trajectory": {"control": "load", "load": 0.1}}, False),
+        ({"output.histograms.gap": {"max": 0.1}}, False),
+    ],
+    ids=str,
+)
+def test_cases_of_one_kind_are_warmed_up_and_costed_together(values: dict[str, object], alike: bool) -> None:
+    config = Config(name="kinds")
+    assert (Case(0, config, {}).kind == Case(1, config.with_values(values), {}).kind) is alike
