@@ -75,7 +75,6 @@ class Parts(TypedDict, total=False):
 
     grid: Grid
     transforms: Transforms
-    material: Material
     body: Body
     punch: FloatArray
     trajectory: Trajectory

@@ -68,8 +68,7 @@ class AttractionSolver:
                 found.displacement,
                 found.pressure - traction,
                 found.spectrum,
-                transforms=transforms,
-                iterations=iterations,
+                spent=(transforms, iterations),
                 within=self._tolerance if found.converged else -1.0,
                 gap=gap,
             )

@@ -26,8 +26,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.fire_loop import Constants, Fields, State, iterate
+from gfmdlayer.contact.fire_loop import Constants, Fields, Inertia, Minimisation, State, iterate
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
@@ -118,38 +117,30 @@ class Fire(Stateless):
             fields.u.copy(),
             pressure,
             self._transforms.forward(fields.u),
-            transforms=pairs + 1,
-            iterations=iterations,
+            spent=(pairs + 1, iterations),
             within=np.inf if accepted else -1.0,
         )
 
     def _iterate(
         self, problem: Problem, constants: Constants, state: State, tolerance: float, limit: int
     ) -> tuple[State, bool, int, int]:
-        inverse_mass, mobility = self._inverse_inertia(problem)
-        outcome: tuple[State, bool, int, int] = iterate(
-            self._transforms.plans,
+        system = Minimisation(
             problem.stiffness,
             problem.intercept,
             problem.obstacle,
-            self._fields,
-            inverse_mass,
-            mobility,
-            self._mass_weighted,
-            constants,
-            state,
             problem.mean_is_fixed,
             problem.residual_floor,
-            tolerance,
-            limit,
+        )
+        inertia = self._inertia(problem)
+        outcome: tuple[State, bool, int, int] = iterate(
+            self._transforms.plans, system, self._fields, inertia, constants, state, tolerance, limit
         )
         return outcome
 
-    def _inverse_inertia(self, problem: Problem) -> tuple[FloatArray, float]:
-        """Factors that turn forces into accelerations: one for each mode, and one for all."""
+    def _inertia(self, problem: Problem) -> Inertia:
         if not self._mass_weighted:
-            return problem.stiffness, 1.0 / float(problem.stiffness.max())
+            return Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
         inverse = 1.0 / ((problem.stiffness + problem.softest) * self._fields.u.size)
         if problem.mean_is_fixed:
             inverse[0] = 0.0
-        return inverse, 1.0
+        return Inertia(inverse, 1.0, True)

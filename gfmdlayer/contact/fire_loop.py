@@ -38,6 +38,24 @@ class Fields(NamedTuple):
     work: ComplexArray
 
 
+class Minimisation(NamedTuple):
+    """The contact problem, as in `Problem`."""
+
+    kappa: FloatArray
+    b: ComplexArray
+    h: FloatArray
+    mean_is_fixed: bool
+    floor: ResidualFloor
+
+
+class Inertia(NamedTuple):
+    """Factors that turn forces into accelerations: one for each mode, or one for all."""
+
+    inverse_mass: FloatArray
+    mobility: float
+    mass_weighted: bool
+
+
 class State(NamedTuple):
     """What one call of the loop hands to the next."""
 
@@ -50,17 +68,11 @@ class State(NamedTuple):
 @kernel(reorder=True)
 def iterate(
     plans: Plans,
-    kappa: FloatArray,
-    b: ComplexArray,
-    h: FloatArray,
+    system: Minimisation,
     fields: Fields,
-    inverse_mass: FloatArray,
-    mobility: float,
-    mass_weighted: bool,
+    inertia: Inertia,
     constants: Constants,
     state: State,
-    mean_is_fixed: bool,
-    floor: ResidualFloor,
     tolerance: float,
     limit: int,
 ) -> tuple[State, bool, int, int]:
@@ -70,6 +82,8 @@ def iterate(
     The scales of the residual are those of the first iteration: the caller accepts only what passes there.
     On return within the tolerance, ``stress`` belongs to ``u``.
     """
+    kappa, b, h, mean_is_fixed, floor = system
+    inverse_mass, mobility, mass_weighted = inertia
     u, v, stress, force, acceleration, work = fields
     step, mixing, multiplier, drift = state
     per_point = 1.0 / u.size
@@ -139,7 +153,7 @@ def _multiplier(stress: FloatArray, u: FloatArray, h: FloatArray) -> float:
 
 
 @nb.njit(nogil=True, fastmath=FASTMATH)
-def _forces(
+def _forces(  # inlined: groups would gain nothing
     stress: FloatArray,
     multiplier: float,
     u: FloatArray,
@@ -177,7 +191,7 @@ def _forces(
 
 
 @nb.njit(nogil=True, fastmath=FASTMATH)
-def _move(
+def _move(  # inlined: groups would gain nothing
     u: FloatArray,
     v: FloatArray,
     stress: FloatArray,

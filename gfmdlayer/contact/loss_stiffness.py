@@ -77,8 +77,7 @@ class LossStiffnessSolver:
                 solution.displacement,
                 solution.pressure + change,
                 solution.spectrum,
-                transforms=transforms,
-                iterations=iterations,
+                spent=(transforms, iterations),
                 within=self._tolerance,
             )
             if state.converged or not solution.converged:
@@ -121,8 +120,7 @@ class LossStiffnessSolver:
                 u,
                 pressure,
                 spectrum,
-                transforms=transforms,
-                iterations=iterations,
+                spent=(transforms, iterations),
                 within=self._tolerance,
             )
             if share == 1 and state.converged:

@@ -149,9 +149,7 @@ def _free_surface(problem: Problem, transforms: Transforms) -> Solution:
     spectrum[0] -= n * shift
     u = np.minimum(u - shift, h)
     assessment = 0.0, 0.0, 0.0, float((h - u).mean())
-    return make_solution(
-        problem, u, np.zeros(n), spectrum, transforms=1, iterations=0, within=0.0, assessment=assessment
-    )
+    return make_solution(problem, u, np.zeros(n), spectrum, spent=(1, 0), within=0.0, assessment=assessment)
 
 
 def feasible_solution(
@@ -193,8 +191,7 @@ def feasible_solution(
         u,
         pressure,
         spectrum,
-        transforms=transforms,
-        iterations=iterations,
+        spent=(transforms, iterations),
         within=tolerance if clear else -1.0,
         assessment=assessment,
     )
@@ -245,9 +242,7 @@ def _solution_of(
         bare = pressure == pressure.min() if guide is None or guide.all() else guide <= 0
         pressure -= pressure[bare].mean() if bare.any() else np.nan
     within = 0.0 if converged else -1.0
-    return make_solution(
-        problem, u, pressure, spectrum, transforms=transforms_spent, iterations=iterations, within=within
-    )
+    return make_solution(problem, u, pressure, spectrum, spent=(transforms_spent, iterations), within=within)
 
 
 @kernel(reorder=True, inner=True)

@@ -156,8 +156,7 @@ def make_solution(
     pressure: FloatArray,
     spectrum: ComplexArray,
     *,
-    transforms: int,
-    iterations: int,
+    spent: tuple[int, int],
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
@@ -172,8 +171,8 @@ def make_solution(
         The state, as in `Solution`.
     spectrum : ndarray of complex
         Unnormalised transform of the displacement.
-    transforms, iterations : int
-        FFT pairs and iterations spent.
+    spent : tuple of int
+        FFT pairs and iterations.
     within : float
         Largest residual of a solution.
     assessment : tuple of float, optional
@@ -197,7 +196,7 @@ def make_solution(
         mean_gap=found.mean_gap,
         contact_area=found.contact_area,
         residual=found.residual,
-        transforms=transforms,
-        iterations=iterations,
+        transforms=spent[0],
+        iterations=spent[1],
         converged=bool(found.residual <= within),
     )

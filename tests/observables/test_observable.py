@@ -14,12 +14,13 @@ from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.status_file import StatusFile
+from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
+from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.reader import open_case
-from gfmdlayer.results.sweep_file import CaseRecord, collect
+from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.resumable import State
 
 CONFIG = Config(name="rms").with_values(

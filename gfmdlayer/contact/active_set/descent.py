@@ -19,7 +19,7 @@ from gfmdlayer.kernels import kernel
 
 
 @kernel(reorder=True)
-def descend(  # one argument more than usual: a compiled loop, called in one place
+def descend(  # groups of arrays, and the limits of one call
     plans: Plans,
     system: System,
     at: Iterate,

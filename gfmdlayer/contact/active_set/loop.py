@@ -18,7 +18,7 @@ _FAR = 1e300  # added to the gaps in the contact where only the others count
 
 
 @kernel(reorder=True)
-def begin(
+def begin(  # groups of arrays; one call takes less time than two
     plans: Plans,
     system: System,
     b: ComplexArray,
@@ -66,7 +66,7 @@ def set_guess(system: System, at: Iterate, contact: ContactSet, guess: FloatArra
 
 
 @kernel
-def iterate(
+def iterate(  # groups of arrays, and the limits of one call
     plans: Plans,
     system: System,
     at: Iterate,

@@ -58,7 +58,7 @@ class WindowResult(NamedTuple):
         assert self.state is not None
         u, pressure, gap, spectrum = self.state
         return make_solution(
-            problem, u, pressure, spectrum, gap=gap, transforms=pairs, iterations=self.iterations,
+            problem, u, pressure, spectrum, gap=gap, spent=(pairs, self.iterations),
             within=tolerance, assessment=self.assessment,
         )  # fmt: skip
 
