@@ -26,6 +26,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire_loop import Constants, Fields, Inertia, Minimisation, State, iterate
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
