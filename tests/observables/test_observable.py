@@ -101,7 +101,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         ({"output.patches": True}, {"patches"}),
         ({"output.histograms.gap": {"max": 0.1, "bins": 7}}, {"gap_histogram"}),
     ],
-    ids=str,
+    ids=["plain", "velocity", "patches", "histogram"],
 )
 def test_a_configuration_has_the_columns_that_it_asks_for(
     values: dict[str, object], expected: set[str]
