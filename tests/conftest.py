@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 
 # `pytest tests/test_fuzz_*.py --hypothesis-profile=long` is the long run. Without it a test that has passed
 # draws the same examples again, so that what breaks it is what was changed.
-settings.register_profile("short", derandomize=True)
-settings.register_profile("long", max_examples=10_000, print_blob=True)
+settings.register_profile("short", derandomize=True, deadline=None)
+settings.register_profile("long", max_examples=10_000, print_blob=True, deadline=None)
 settings.load_profile("short")
 
 
