@@ -7,6 +7,7 @@ extrapolated at a point that the edge passes, but
     s = p^2 inside,    s = -mu gap^(2/3) outside
 
 is smooth across the edge, and so along time. mu is found from the points that the edge has just passed.
+Where the contact does not change, the pressure itself is extrapolated.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ class PressurePrediction(DisplacementPrediction):
         super().__init__(size)
         self._gaps: deque[FloatArray] = deque(maxlen=3)
         self._mu = 0.0
+        self._moves = 0  # steps in a row in which the contact changed
         self._contact = 0, size  # points between which it was in the last step
 
     def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
@@ -95,8 +97,9 @@ class PressurePrediction(DisplacementPrediction):
         if self._times:
             weights, gaps = _lagrange(self._times, time), _last_three(self._gaps)
             last = self._fields[-1]
-            self._mu, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
+            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
             self._contact = contact[0], contact[1]
+            self._moves = self._moves + 1 if moved else 0
         if kink:
             self._gaps.clear()
         super().remember(time, pressure, gap, kink=kink)
@@ -110,18 +113,18 @@ class PressurePrediction(DisplacementPrediction):
         first, end = self._contact
         reach, size = max(self._zero.size // _REACH, (end - first) // 2), self._zero.size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
-        return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, near)
+        return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
 
     def state(self) -> State:
         """Return the last steps, and mu."""
-        learned = {"mu": self._mu, "contact": self._contact}
+        learned = {"mu": self._mu, "moves": self._moves, "contact": self._contact}
         return {**super().state(), "gaps": np.array(self._gaps), **learned}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
         super().restore(state)
         self._gaps.extend(state["gaps"])
-        self._mu = float(state["mu"])
+        self._mu, self._moves = float(state["mu"]), int(state["moves"])
         self._contact = int(state["contact"][0]), int(state["contact"][1])
 
 
@@ -149,7 +152,7 @@ def _last_three(fields: Sequence[FloatArray]) -> Fields:
 @kernel(reorder=True)
 def _learn(
     w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, contact: tuple[int, int]
-) -> tuple[float, int, int]:
+) -> tuple[float, bool, int, int]:
     """Find mu from points that came into contact.
 
     Parameters
@@ -167,9 +170,9 @@ def _learn(
 
     Returns
     -------
-    mu, and the points between which the contact is now.
+    mu, whether the contact changed, and the points between which it is now.
     """
-    squares, predicted, before, after = 0.0, 0.0, now.size, 0
+    squares, predicted, moved, before, after = 0.0, 0.0, False, now.size, 0
     for first in range(0, now.size, _BLOCK):
         new, old, others, touching = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
@@ -182,6 +185,7 @@ def _learn(
             others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
         if others == 0.0:
             continue
+        moved = True
         for i in range(first, first + new.size):
             if now[i] > 0.0 >= last[i]:
                 s = 0.0
@@ -190,11 +194,13 @@ def _learn(
                 if s > 0.0:
                     squares += now[i] ** 2
                     predicted += s
-    return (squares / predicted if predicted > 0.0 else mu), min(before, after), after
+    return (squares / predicted if predicted > 0.0 else mu), moved, min(before, after), after
 
 
 @kernel(reorder=True)
-def _extrapolate(w: Weights, p: Fields, gaps: Fields, mu: float, near: tuple[int, int]) -> FloatArray:
+def _extrapolate(
+    w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool, near: tuple[int, int]
+) -> FloatArray:
     """Extrapolate point by point near the contact; most points are far from it."""
     guess = np.zeros(p[0].size)
     for first in range(near[0], near[1], _BLOCK):
@@ -206,14 +212,16 @@ def _extrapolate(w: Weights, p: Fields, gaps: Fields, mu: float, near: tuple[int
             possible += (1.0 if opening <= 0.0 else 0.0) + p0[i] + p1[i] + p2[i]
         if possible > 0.0:
             for i in range(p0.size):
-                guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu)
+                guess[first + i] = _guess(w, (p0[i], p1[i], p2[i]), (gap0[i], gap1[i], gap2[i]), mu, moving)
     return guess
 
 
 @kernel(inner=True)
-def _guess(w: Weights, p: Weights, gap: Weights, mu: float) -> float:
+def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> float:
     """Pressure at one point, from those of three steps and the gaps."""
     pressed = p[0] > 0.0 and p[1] > 0.0 and p[2] > 0.0
+    if p[2] > 0.0 and not moving:
+        return max(w[0] * p[0] + w[1] * p[1] + w[2] * p[2], 0.0)
     if p[2] <= 0.0 and 2.0 * (w[0] * gap[0] + w[1] * gap[1] + w[2] * gap[2]) > gap[2]:
         return 0.0  # far from closing
     s = 0.0

@@ -15,6 +15,7 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES
+from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
 
 Run = Callable[[dict[str, object]], Any]
@@ -141,10 +142,13 @@ def test_the_factors_of_heat_cannot_be_negative(scheme: Any) -> None:
 
 def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
     balance, energy = EnergyBalance(Case(Config(name="x"))), SimpleNamespace(stored=2.0, dissipated=0.5)
+    problem = SimpleNamespace(interface=HARD_WALL)
 
     def work_at(depth: float) -> float:
         surface, solution = SimpleNamespace(depth=depth), SimpleNamespace(mean_pressure=depth**2)
-        step: Any = SimpleNamespace(row={}, energy=energy, surface=surface, solution=solution)
+        step: Any = SimpleNamespace(
+            row={}, energy=energy, surface=surface, solution=solution, problem=problem
+        )
         return balance.measure(step)["work"]
 
     assert work_at(0.1) == 2.5  # stored and dissipated, on any path to this depth
