@@ -39,5 +39,17 @@ def columns(config: Config) -> tuple[Column, ...]:
 
 
 def known_columns() -> dict[str, Column]:
-    """Return the columns that are the same in every case that has them, by name."""
-    return {column.name: column for each in OBSERVABLES.values() for column in each.COLUMNS}
+    """Return the columns that are the same in every case that has them, by name.
+
+    Raises
+    ------
+    ValueError
+        If two observables declare columns of the same name.
+    """
+    found: dict[str, Column] = {}
+    for observable in OBSERVABLES.values():
+        for column in observable.COLUMNS:
+            if column.name in found:
+                raise ValueError(f"{observable.__name__}: another observable has a column {column.name!r}")
+            found[column.name] = column
+    return found

@@ -32,7 +32,7 @@ class RmsPressure(Observable):
     """Root mean square pressure, and its largest value so far, which a resumed run has to remember."""
 
     COLUMNS = (
-        Column("rms_pressure", "root mean square of the contact pressure", "pressure", in_sweep=True),
+        Column("pressure_rms", "root mean square of the contact pressure", "pressure", in_sweep=True),
         Column("largest_rms", "largest rms pressure so far", "pressure"),
     )
 
@@ -42,7 +42,7 @@ class RmsPressure(Observable):
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         rms = float(np.sqrt(np.mean(step.solution.pressure**2)))
         self._largest = max(self._largest, rms)
-        return {"rms_pressure": rms, "largest_rms": self._largest}
+        return {"pressure_rms": rms, "largest_rms": self._largest}
 
     def state(self) -> State:
         return {"largest": self._largest}
@@ -67,7 +67,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = estimate(CONFIG).storage
-    monkeypatch.setitem(OBSERVABLES, "rms_pressure", RmsPressure)
+    monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
     assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
     folder, case = Folder(tmp_path), Case(0, CONFIG, {})
     folder.cases.mkdir()
@@ -76,7 +76,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         assert run_case(case, folder).state == "stopped"
     assert run_case(case, folder).state == "complete"
     with open_case(folder.case(0)) as found:
-        rms = found["rms_pressure"]
+        rms = found["pressure_rms"]
         assert rms.attrs["long_name"] == "root mean square of the contact pressure"
         assert rms.attrs["units"] == "pressure"
         pressure = found["pressure"]
@@ -88,8 +88,8 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         rows = rms.values
     collect(tmp_path, [CaseRecord(0, folder.case(0), {})], [])
     with xr.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as sweep:
-        np.testing.assert_array_equal(sweep["rms_pressure"], rows)
-        assert sweep["rms_pressure"].attrs["units"] == "pressure"
+        np.testing.assert_array_equal(sweep["pressure_rms"], rows)
+        assert sweep["pressure_rms"].attrs["units"] == "pressure"
         assert "largest_rms" not in sweep
 
 
