@@ -15,7 +15,7 @@ from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, sty
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits, window
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.schema import ResultsError, naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +71,11 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), DPI):
+            with (
+                naming(path),
+                unfinished(path, path.suffix) as part,
+                writer.saving(figure, str(part), DPI),
+            ):
                 for i in range(frames):
                     show(i)
                     writer.grab_frame()
@@ -81,8 +85,6 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
             raise ResultsError(
                 f"{path}: ffmpeg could not write it ({reason}); .gif needs no ffmpeg"
             ) from error
-        except OSError as error:
-            raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.netcdf import naming
+from gfmdlayer.results.schema import naming
 
 FIELDS = ("displacement", "pressure", "gap")
 POINTS = "paraview/points"

@@ -27,8 +27,8 @@ from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, rows_at, sweep_columns
-from gfmdlayer.results.netcdf import add_variable, new_file, write_at
-from gfmdlayer.results.reader import attribute, column, opened, sweep_path
+from gfmdlayer.results.netcdf import add_variable, new_file
+from gfmdlayer.results.reader import opened, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
@@ -109,8 +109,7 @@ def collect(
                     failed[record.index] = INCOMPLETE
                     continue
                 for name, values in curves.items():
-                    if values.size:
-                        write_at(columns[name].id, (*place, 0), values.reshape(*(1 for _ in place), -1))
+                    columns[name][place] = values
                 file.check()
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"swept": " ".join(keys), "complete": 1, "failed": report}
@@ -193,7 +192,7 @@ def _add_columns(
 def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
     """Read the curves of a case at the times of the sweep file."""
     with opened(path) as case:
-        rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
+        rows = rows_at(case["time"][()], times, steady=bool(case.attrs.get("settled")))
         if np.any(rows < 0):
             raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
-        return {name: column(case, name)[rows] for name in names if name.encode() in case}
+        return {name: case[name][()][rows] for name in names if name in case}
