@@ -55,8 +55,6 @@ class CaseMetadata:
     common_times : ndarray, shape (rows,)
         Times at which all complete cases have a row. A case that ended in a steady state counts as having
         all later times too.
-    same_steps : bool
-        Whether the complete cases have no other rows.
     columns : list of Column
         Columns of the sweep file: those of every case, and those that any complete case has.
     shared : dict
@@ -66,7 +64,6 @@ class CaseMetadata:
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
         self.common_times: NDArray[np.float64] = np.empty(0)
-        self.same_steps = True
         self._held: set[str] = set()
         self.shared: dict[str, object] = {}
         self._is_first = self._all_steady = True
@@ -89,7 +86,6 @@ class CaseMetadata:
             self.common_times = times
             self.shared = {name: value for name, value in about.items() if name not in _OF_ONE_CASE}
         elif not np.array_equal(times, self.common_times):
-            self.same_steps = False
             common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
             later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
             self.common_times = np.append(common, times[later])
