@@ -138,15 +138,15 @@ class Reporter:
         The cases of this run; others in the folder may belong to other runs.
     complete : int
         Number of those complete before the run.
-    display : callable, optional
-        Makes the display; nothing is shown without.
+    display : callable
+        Makes the display.
     """
 
     def __init__(
-        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display] | None
+        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display]
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
-        self._display = display() if display else None
+        self._display = display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
@@ -156,24 +156,21 @@ class Reporter:
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> Self:
-        if self._display is not None:
-            self._thread.start()
+        self._thread.start()
         return self
 
     def __exit__(self, *details: object) -> None:
-        if self._display is not None:
-            self._over.set()
-            self._thread.join()
-            self._advance()
-            self._display.close()
-            if self._slowest is not None:
-                self._display.note(self._summary(self._slowest))
+        self._over.set()
+        self._thread.join()
+        self._advance()
+        self._display.close()
+        if self._slowest is not None:
+            self._display.note(self._summary(self._slowest))
 
     def note(self, line: str) -> None:
         """Show an event."""
-        if self._display is not None:
-            with self._lock:
-                self._display.note(line)
+        with self._lock:
+            self._display.note(line)
 
     @contextmanager
     def preparing(self, work: str) -> Iterator[None]:
@@ -187,7 +184,7 @@ class Reporter:
 
     def ended(self, outcome: Outcome) -> None:
         """Show the outcome of a case."""
-        if outcome.state == "stopped" or self._display is None:
+        if outcome.state == "stopped":
             return
         failed = outcome.state == "failed"
         with self._lock:
@@ -219,9 +216,8 @@ class Reporter:
             at_work = [case for case in running(self._folder) if case.index in self._own]
         except OSError:  # the folder may be unreadable for a while
             return
-        if self._display is not None:
-            with self._lock:
-                self._display.advance(self._progress(tuple(at_work)))
+        with self._lock:
+            self._display.advance(self._progress(tuple(at_work)))
 
     def _progress(self, at_work: tuple[Running, ...]) -> Progress:
         now = Progress(self._total, self._complete, self._failed, at_work, None, self._slowest)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.labels import symbol, time_axis
-from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled
+from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits, window
 from gfmdlayer.files.whole import unfinished
@@ -35,10 +35,7 @@ def default_suffix() -> str:
 
 def check_movie(path: Path) -> None:
     """Raise ResultsError unless a movie can be written in the format that the suffix names."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise ResultsError(
-            f"{path}: no movie can be written as {path.suffix or 'no suffix'!r}; use {', '.join(SUFFIXES)}"
-        )
+    check_suffix(path, SUFFIXES)
     if path.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
         raise ResultsError(f"{path}: needs ffmpeg, which is not found; use .gif")
 
