@@ -56,6 +56,8 @@ VARIABLES: dict[str, Variable] = {
     "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
 }
 
+FIELDS = ("displacement", "pressure", "gap")
+
 PARAMETERS: dict[str, Parameter] = {
     "layer.thickness": Parameter("thickness of the layer", "d", "length"),
     "layer.poisson": Parameter("Poisson's ratio of the layer", "nu"),
