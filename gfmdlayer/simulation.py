@@ -8,36 +8,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.results.journal import Recorder
 from gfmdlayer.resumable import Resumable
 
 
 class ConvergenceError(RuntimeError):
     """A time step did not reach the solver's tolerance."""
-
-
-class Recorder(Protocol):
-    """Records the results of a simulation."""
-
-    def row(self, **values: float | FloatArray) -> None:
-        """Record the columns of an accepted step: numbers, and histograms."""
-        ...
-
-    def snapshot(
-        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
-    ) -> None:
-        """Record the surface at a time; arrays of the grid's shape."""
-        ...
-
-    def note(self, **attributes: float) -> None:
-        """Record attributes of the run that are known at its end."""
-        ...
 
 
 def simulate(
@@ -75,7 +57,7 @@ def simulate(
     Raises
     ------
     ConvergenceError
-        If a step does not reach the solver's tolerance.
+        If a step does not reach the solver's tolerance; the state to save is then that before the step.
     TableError
         If the file of a punch or a trajectory cannot be used.
     """
@@ -90,8 +72,10 @@ def simulate(
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(instant.step)  # 5, 6
         problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
+        before = solver.state()
         solution = solver.solve(problem, guess.at(instant.time))  # 7
         if not solution.converged:
+            solver.restore(before)  # the state as a whole is then that before the step
             given = case.config.solver
             raise ConvergenceError(
                 f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "

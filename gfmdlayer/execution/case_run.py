@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 from gfmdlayer.config import Config, digest
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
+from gfmdlayer.execution.cost import kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
@@ -103,10 +103,9 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
 
     config, hashed = case.config, digest(case.config)
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
-    keeper = partial(Checkpoints, folder, case.index, hashed)
     with (
         StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
-        closing(keeper(checkpoint_every, status.advance)) as checkpoints,
+        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)
         try:
@@ -117,35 +116,11 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
                 checkpoints.set_aside(str(error))
                 note = compute(checkpoints)
         except ConvergenceError as error:
-            checkpoints.close()
-            kept = checkpoints
-            if checkpoints.attempts:
-                stop = _StopAfter(checkpoints.attempts, status.advance)
-                with closing(keeper(math.inf, stop)) as kept, suppress(Stopped, CheckpointError, OSError):
-                    kept.find()
-                    compute(kept)
-            if kept.attempts or not folder.case(case.index, "checkpoint").exists():
+            if (kept := checkpoints.kept()) is None:
                 raise
-            raise ConvergenceError(f"{error}; state kept at t = {kept.time:.6g}") from error
+            raise ConvergenceError(f"{error}; state kept at t = {kept:.6g}") from error
         checkpoints.remove()
     return note
-
-
-class _StopAfter:
-    """Stops a run after a number of attempts at a step, as a signal does.
-
-    A failed solve has changed the solver's state. So the attempts since the last checkpoint are repeated, and
-    the state after the last of them is kept: the one from which the solve failed.
-    """
-
-    def __init__(self, attempts: int, advance: Callable[[float], None]) -> None:
-        self._left, self._advance = attempts, advance
-
-    def __call__(self, simulated_time: float) -> None:
-        self._advance(simulated_time)
-        self._left -= 1
-        if self._left == 0:
-            raise Stopped
 
 
 def _compute(
@@ -181,7 +156,7 @@ def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
     from gfmdlayer import simulation
 
     wisdom: Wisdom = {}
-    for config in {case.kind: case.config for case in todo}.values():
+    for config in {kind(case.config): case.config for case in todo}.values():
         with suppress(Exception):  # the case will meet it again, and be recorded as failed
             wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
     return wisdom

@@ -1,13 +1,11 @@
 """Checkpoints of an unfinished case, and resuming from them.
 
     DIR/cases/NNNN.checkpoint      the last state
-    DIR/cases/NNNN.journal0 or 1   the rows and snapshots up to it
+    DIR/cases/NNNN.journal0        the rows and snapshots up to it
     DIR/cases/NNNN.*.aside         files that could not be used: a checkpoint and its journal, a damaged case
 
-A checkpoint is written at an interval and when the run is asked to stop. A resumed case writes the journal
-that the checkpoint does not name, so that the checkpoint stays valid until the next one. A case that fails
-leaves its last checkpoint, from which the next run resumes. Where a step does not converge, the steps since
-the last checkpoint are repeated up to the one before it, whose state is kept.
+A checkpoint is written at an interval and when the run is asked to stop. A case that fails leaves its last
+checkpoint, from which the next run resumes; where a step does not converge, that is the state before it.
 """
 
 from __future__ import annotations
@@ -29,8 +27,8 @@ if TYPE_CHECKING:
     from gfmdlayer.resumable import Resumable
 
 _SHARE = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
-_FORMAT = "2"  # of checkpoint and journal
-_JOURNALS = ("journal0", "journal1")
+_FORMAT = "3"  # of checkpoint and journal
+_KINDS = ("checkpoint", "journal0")
 _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
 
 
@@ -56,10 +54,6 @@ class Checkpoints:
         Time of the first start of the case.
     elapsed : float
         Seconds of computation up to the checkpoint found.
-    attempts : int
-        Attempts at a step since the last checkpoint.
-    time : float
-        Simulated time of the last attempt, or of the checkpoint found.
     """
 
     def __init__(
@@ -88,13 +82,13 @@ class Checkpoints:
         if self._path.exists():
             self._found = read_checkpoint(self._path, self._made_by)
             self.started, self.elapsed = self._found.about["started"], self._found.about["elapsed"]
-            self.time = self._found.about["time"]
+            self._time = self._found.about["time"]
 
     def _begin(self) -> None:
         from gfmdlayer.results.provenance import now
 
         self.started, self.elapsed = now(), 0.0
-        self.attempts, self.time = 0, 0.0
+        self._time, self._unsaved = 0.0, False
 
     def recorder(self, writer: CaseWriter) -> Journal:
         """Return a recorder that passes on to the writer, which first gets the rows up to the checkpoint.
@@ -108,14 +102,10 @@ class Checkpoints:
         from gfmdlayer.results.journal import Journal, Position
 
         self._writer = writer
-        before = None if self._found is None else Position.of(self._found.about["journal"])
-        own, self._old_journal = (self._folder.case(self._index, kind) for kind in _JOURNALS)
-        if before is not None and before.file == own.name:
-            own, self._old_journal = self._old_journal, own
-        self._journal = Journal(own, writer)
-        if before is not None:
+        self._journal = Journal(self._folder.case(self._index, "journal0"), writer)
+        if self._found is not None:
             try:
-                self._journal.replay(before)
+                self._journal.replay(Position(*self._found.about["journal"]))
             except ValueError as error:
                 raise CheckpointError(str(error)) from None
         return self._journal
@@ -148,28 +138,34 @@ class Checkpoints:
         Stopped
             Where the run is to stop.
         """
-        self.attempts, self.time = self.attempts + 1, simulated_time
+        self._time, self._unsaved = simulated_time, True
         try:
             self._report_time(simulated_time)
         except Stopped:
-            self._write(simulated_time)
+            self._write()
             raise
         if time.monotonic() >= self._due:
-            self._write(simulated_time)
+            self._write()
+
+    def kept(self) -> float | None:
+        """Write the state before a step that failed; return its simulated time, None where there is none."""
+        if self._unsaved:
+            self._write()
+        return self._time if self._path.exists() and not self._unsaved else None
 
     def remove(self) -> None:
-        """Remove checkpoint and journals of a complete case."""
+        """Remove checkpoint and journal of a complete case."""
         self.close()
         with suppress(OSError):
-            for kind in ("checkpoint", *_JOURNALS):
+            for kind in _KINDS:
                 self._folder.case(self._index, kind).unlink(missing_ok=True)
 
     def set_aside(self, reason: str) -> None:
-        """Rename an unusable checkpoint and its journals, which are left to the user."""
+        """Rename an unusable checkpoint and its journal, which are left to the user."""
         self.close()
         self._begin()
         self._found = self._journal = None
-        for kind in ("checkpoint", *_JOURNALS):
+        for kind in _KINDS:
             self._folder.set_aside(self._folder.case(self._index, kind))
         self.log(f"begins anew, its checkpoint is set aside: {reason}")
 
@@ -182,7 +178,7 @@ class Checkpoints:
         """Write a line on the case to standard error, which all processes of a run share."""
         Log(sys.stderr).note(f"case {self._index:04d} {line}")
 
-    def _write(self, simulated_time: float) -> None:
+    def _write(self) -> None:
         from gfmdlayer.results.checkpoint import Checkpoint
 
         assert self._journal is not None  # set, as the memory, before the first step
@@ -190,14 +186,13 @@ class Checkpoints:
         begun = time.monotonic()
         try:
             about = {
-                "time": simulated_time,
+                "time": self._time,
                 "started": self.started,
                 "elapsed": self._writer.elapsed,
-                "journal": self._journal.kept().plain(),
+                "journal": self._journal.kept(),
             }
             Checkpoint(self._made_by, about, self._memory.state()).write(self._path)
-            self.attempts = 0
-            self._old_journal.unlink(missing_ok=True)
+            self._unsaved = False
         except OSError as error:
             self._warn(f"continues, but its checkpoint cannot be written: {error.strerror or error}")
         ended = time.monotonic()

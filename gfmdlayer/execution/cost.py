@@ -23,7 +23,6 @@ from gfmdlayer.observables import columns
 # default case from 1e-3 to 1e-4, with 0 to 400 output times.
 ADAPTIVE_STEPS, ADAPTIVE_POWER = 28, -1 / 3
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
-ROUGH_SHAPES = ("self_affine", "topography")
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
@@ -127,14 +126,11 @@ class CostModel:
 
 
 def kind(config: Config) -> Hashable:
-    """Return the settings that decide which code a case runs, and so its seconds per work."""
-    solver, time = config.solver, config.time
-    adaptive = time.step == "adaptive"
-    return config.grid.points, solver.method, solver.inertia, time.integrator, adaptive, _moves(config)
-
-
-def _moves(config: Config) -> bool:
-    return config.trajectory.velocity is not None or config.trajectory.velocity_file is not None
+    """Return the settings that decide which kernels and plans a case uses, and so its seconds per work."""
+    solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
+    numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
+    histograms = kept.pressure is not None or kept.gap is not None
+    return config.grid.points, *numerics, trajectory.control, trajectory.moves, histograms
 
 
 def _steps(config: Config) -> int:

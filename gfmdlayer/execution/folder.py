@@ -5,7 +5,7 @@
     DIR/cases/NNNN.xdmf    description of a surface in two dimensions for ParaView
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
-    DIR/cases/NNNN.checkpoint, .journal0, .journal1  state of an unfinished case
+    DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
     DIR/sweep.h5           all cases, labelled
@@ -65,7 +65,7 @@ class Folder:
         return self.cases / f"stop{own}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, running, checkpoint, journal0 or journal1."""
+        """Return the file of a case; `kind` is h5, failed, running, checkpoint or journal0."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Mapping[str, set[int]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -24,19 +23,22 @@ LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
+_REST = {
+    "failed": "further cases that fail are only counted",
+    "complete": "further cases that are complete are only counted",
+}
 _BAR_WIDTH = 24
 _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
 
 
 class Display(Protocol):
-    """Shows progress."""
+    """Shows progress; each failed case gets a line, each complete one where `lists_complete`."""
+
+    lists_complete: bool
 
     def note(self, line: str) -> None:
         """Show an event."""
-
-    def ended(self, line: str, *, failed: bool) -> None:
-        """Show the end of a case."""
 
     def advance(self, progress: Progress) -> None:
         """Show the progress of the run."""
@@ -48,11 +50,11 @@ class Display(Protocol):
 class Log:
     """Plain lines with the time, for a file: so few that the log of any run can be read."""
 
+    lists_complete = True
+
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._begun = self._last = time.monotonic()
-        self._ended = Counter[bool]()
-        self._preparation = ""
 
     def note(self, line: str) -> None:
         """Write one line."""
@@ -60,21 +62,8 @@ class Log:
             self._stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}\n")
             self._stream.flush()
 
-    def ended(self, line: str, *, failed: bool) -> None:
-        """Write the line for the first cases; the lines of `advance` count the rest."""
-        self._ended[failed] += 1
-        if self._ended[failed] <= SHOWN_ENDS:
-            self.note(line)
-        elif self._ended[failed] == SHOWN_ENDS + 1:
-            self.note(f"further cases that {'fail' if failed else 'are complete'} are only counted")
-
     def advance(self, progress: Progress) -> None:
-        """Write a line if the last one is some time ago; a preparation gets a line at its start alone."""
-        if progress.preparation:
-            if progress.preparation != self._preparation:
-                self.note(progress.preparation)
-            self._preparation = progress.preparation
-            return
+        """Write a line if the last one is some time ago."""
         now = time.monotonic()
         if now - self._last >= max(LOG_INTERVAL, (now - self._begun) / 50):
             self._last = now
@@ -93,23 +82,18 @@ class Screen:
         The terminal; standard error by default.
     """
 
+    lists_complete = False
+
     def __init__(self, console: Console | None = None) -> None:
         from rich.console import Console
         from rich.live import Live
 
         self._live = Live(console=console or Console(stderr=True), auto_refresh=False)
         self._live.start()
-        self._failed = 0
 
     def note(self, line: str) -> None:
         """Write one line above the moving ones."""
         self._live.console.print(line, markup=False, highlight=False)
-
-    def ended(self, line: str, *, failed: bool) -> None:
-        """Write the line for the first failures; the line of all cases counts the rest."""
-        self._failed += failed
-        if failed and self._failed <= SHOWN_ENDS:
-            self.note(line)
 
     def advance(self, progress: Progress) -> None:
         """Update the moving lines."""
@@ -154,56 +138,53 @@ class Reporter:
         The cases of this run; others in the folder may belong to other runs.
     complete : int
         Number of those complete before the run.
-    display : callable, optional
-        Makes the display; nothing is shown without.
+    display : callable
+        Makes the display.
     """
 
     def __init__(
-        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display] | None
+        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display]
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
-        self._display = display() if display else None
+        self._display = display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
-        self._preparation = ""
         self._begun = time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> Self:
-        if self._display is not None:
-            self._thread.start()
+        self._thread.start()
         return self
 
     def __exit__(self, *details: object) -> None:
-        if self._display is not None:
-            self._over.set()
-            self._thread.join()
-            self._advance()
-            self._display.close()
-            if self._slowest is not None:
-                self._display.note(self._summary(self._slowest))
+        self._over.set()
+        self._thread.join()
+        self._advance()
+        self._display.close()
+        if self._slowest is not None:
+            self._display.note(self._summary(self._slowest))
 
     def note(self, line: str) -> None:
         """Show an event."""
-        if self._display is not None:
-            with self._lock:
-                self._display.note(line)
+        with self._lock:
+            self._display.note(line)
 
     @contextmanager
     def preparing(self, work: str) -> Iterator[None]:
         """Show that `work` goes on in the block, and how long it took, unless it takes less than 2 s."""
-        begun, self._preparation = time.monotonic(), work
+        begun, start = time.monotonic(), threading.Timer(PREPARATION, self.note, [work])
+        start.start()
         yield
-        self._preparation = ""
+        start.cancel()
         if (taken := time.monotonic() - begun) > PREPARATION:
             self.note(f"kernels and transforms are ready after {duration(taken)}")
 
     def ended(self, outcome: Outcome) -> None:
         """Show the outcome of a case."""
-        if outcome.state == "stopped" or self._display is None:
+        if outcome.state == "stopped":
             return
         failed = outcome.state == "failed"
         with self._lock:
@@ -211,13 +192,16 @@ class Reporter:
             self._failed += failed
             if self._slowest is None or outcome.seconds > self._slowest.seconds:
                 self._slowest = outcome
-            place = f"{self._complete + self._failed} of {self._total}"
-            if failed:
-                line = f"case {outcome.index:04d} FAILED ({place}): {outcome.reason}"
-            else:
-                note = outcome.note and f": {outcome.note}"
-                line = f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){note}"
-            self._display.ended(line, failed=failed)
+            number = self._failed if failed else self._complete - self._before
+            if number <= SHOWN_ENDS + 1 and (failed or self._display.lists_complete):
+                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else _REST[outcome.state])
+
+    def _end(self, outcome: Outcome) -> str:
+        place = f"{self._complete + self._failed} of {self._total}"
+        if outcome.state == "failed":
+            return f"case {outcome.index:04d} FAILED ({place}): {outcome.reason}"
+        note = outcome.note and f": {outcome.note}"
+        return f"case {outcome.index:04d} complete in {duration(outcome.seconds)} ({place}){note}"
 
     def _watch(self) -> None:
         stopping = False
@@ -232,15 +216,12 @@ class Reporter:
             at_work = [case for case in running(self._folder) if case.index in self._own]
         except OSError:  # the folder may be unreadable for a while
             return
-        if self._display is not None:
-            with self._lock:
-                self._display.advance(self._progress(tuple(at_work)))
+        with self._lock:
+            self._display.advance(self._progress(tuple(at_work)))
 
     def _progress(self, at_work: tuple[Running, ...]) -> Progress:
-        passed = time.monotonic() - self._begun
-        preparation = self._preparation if passed > PREPARATION else ""
-        now = Progress(self._total, self._complete, self._failed, at_work, preparation, None, self._slowest)
-        rate = (now.done - self._before) / passed
+        now = Progress(self._total, self._complete, self._failed, at_work, None, self._slowest)
+        rate = (now.done - self._before) / (time.monotonic() - self._begun)
         return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
 
     def _summary(self, slowest: Outcome) -> str:

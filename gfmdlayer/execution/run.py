@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from io import StringIO
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
@@ -18,7 +19,7 @@ from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
 from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
-from gfmdlayer.execution.progress import Display, Reporter
+from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Case, Shard, cases, notes
 from gfmdlayer.execution.workers import WorkerPool
@@ -104,7 +105,7 @@ def run_sweep(
     options : RunOptions, optional
         Which cases are run, and how.
     display : callable, optional
-        Makes the display of progress; called once the folder is claimed.
+        Makes the display of progress; called once the folder is claimed. By default nothing is shown.
 
     Returns
     -------
@@ -130,7 +131,7 @@ def run_sweep(
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
-        with Reporter(folder, indices, len(own) - len(work.undone), display) as reporter:
+        with Reporter(folder, indices, len(own) - len(work.undone), display or _nothing) as reporter:
             for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
             for line in _set_damaged_aside(folder, work.todo):
@@ -152,6 +153,10 @@ def run_sweep(
         if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
             collected = _collect(config, folder, every, outcomes)
     return Summary(tuple(outcomes.values()), collected)
+
+
+def _nothing() -> Display:
+    return Log(StringIO())
 
 
 def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import request_stop, stop_requested
@@ -58,10 +58,7 @@ class Numbered(Protocol):
         """Number of the case."""
 
 
-Item = TypeVar("Item", bound=Numbered)
-
-
-class Schedule(Generic[Item]):
+class Schedule:
     """Runs cases by a pool.
 
     Parameters
@@ -81,18 +78,18 @@ class Schedule(Generic[Item]):
     def __init__(
         self,
         pool: WorkerPool,
-        task: Callable[[Item], Outcome],
+        task: Callable[[Any], Outcome],
         folder: Folder,
         ended: Callable[[Outcome], None],
         outcomes: SimpleQueue[Outcome] | None = None,
     ) -> None:
         self._pool, self._task, self._folder, self._ended = pool, task, folder, ended
-        self._waiting: deque[Item] = deque()
-        self._pending: deque[tuple[Item, Future[Outcome]]] = deque()
+        self._waiting: deque[Numbered] = deque()
+        self._pending: deque[tuple[Numbered, Future[Outcome]]] = deque()
         self._outcomes = SimpleQueue() if outcomes is None else outcomes
-        self._returned: SimpleQueue[Item] = SimpleQueue()
+        self._returned: SimpleQueue[Numbered] = SimpleQueue()
 
-    def run(self, items: Sequence[Item]) -> Iterator[Outcome]:
+    def run(self, items: Sequence[Numbered]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
         self._waiting.extend(items)
         # A submitting thread that computes has no time to submit more; a pool of processes is slow with many.
@@ -136,7 +133,7 @@ class Schedule(Generic[Item]):
                 self._submit(1)
                 return outcome
 
-    def _when_done(self, item: Item, future: Future[Outcome]) -> None:
+    def _when_done(self, item: Numbered, future: Future[Outcome]) -> None:
         if future.cancelled():
             return  # taken over by this process
         error = future.exception()

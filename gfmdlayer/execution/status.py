@@ -166,8 +166,6 @@ class Progress:
         Numbers of cases; those complete before the run are counted.
     at_work : tuple of Running
         The running cases.
-    preparation : str
-        What is prepared before the first case begins; empty afterwards.
     seconds_left : float or None
         Time left at the pace so far; None before any progress.
     slowest : Outcome or None
@@ -178,7 +176,6 @@ class Progress:
     complete: int
     failed: int = 0
     at_work: tuple[Running, ...] = ()
-    preparation: str = ""
     seconds_left: float | None = None
     slowest: Outcome | None = None
 
@@ -196,8 +193,6 @@ class Progress:
     @property
     def words(self) -> str:
         """A line on the whole run."""
-        if self.preparation:
-            return self.preparation
         slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
         parts = (
             f"{self.complete} of {self.total} complete",

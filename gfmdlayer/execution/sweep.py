@@ -8,7 +8,7 @@ from the cases that are complete: shards that start at different times never cla
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
@@ -36,16 +36,6 @@ class Case:
     index: int
     config: Config
     values: dict[str, object]
-
-    @property
-    def kind(self) -> Hashable:
-        """Cases of one kind use the same compiled kernels and planned transforms, and cost alike."""
-        solver, time, trajectory, kept = (
-            self.config.solver, self.config.time, self.config.trajectory, self.config.output.histograms,
-        )  # fmt: skip
-        numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
-        histograms = kept.pressure is not None or kept.gap is not None
-        return self.config.grid.points, *numerics, trajectory.control, trajectory.moves, histograms
 
 
 def cases(config: Config) -> list[Case]:

@@ -21,9 +21,9 @@ from gfmdlayer.figures.plot_style import (
     Dashes,
     Style,
     colours,
+    legend_entries,
     line_style,
     new_figure,
-    spread,
     styled,
 )
 from gfmdlayer.observables import known_columns
@@ -122,8 +122,8 @@ def _curves(dataset: Dataset) -> tuple[list[_Curve], list[Line2D]]:
     first = colours(dataset.sizes[names[0]])
     if len(names) == 1:
         curves = [_Curve({names[0]: i}, colour, line_style(i)) for i, colour in enumerate(first)]
-        titled = zip(case_titles(dataset).values(), curves, strict=True)
-        return curves, _thinned([_entry(title, curve.colour, curve.dashes) for title, curve in titled])
+        titles, dashes = list(case_titles(dataset).values()), [curve.dashes for curve in curves]
+        return curves, legend_entries(titles, first, dashes, LEGEND_ENTRIES)
     count = dataset.sizes[names[1]]
     if count > len(LINE_STYLES):
         raise ResultsError(
@@ -134,21 +134,8 @@ def _curves(dataset: Dataset) -> tuple[list[_Curve], list[Line2D]]:
         for i, colour in enumerate(first)
         for j in range(count)
     ]
-    coloured = zip(value_titles(dataset[names[0]]), first, strict=True)
-    dashed = enumerate(value_titles(dataset[names[1]]))
+    coloured, dashed = (value_titles(dataset[name]) for name in names)
     return curves, [
-        *_thinned([_entry(title, colour, "solid") for title, colour in coloured]),
-        *(_entry(title, "black", line_style(j)) for j, title in dashed),
+        *legend_entries(coloured, first, ["solid"] * len(first), LEGEND_ENTRIES),
+        *legend_entries(dashed, ["black"] * count, LINE_STYLES[:count], count),
     ]
-
-
-def _entry(title: str, colour: str, dashes: Dashes) -> Line2D:
-    """Return an entry of the legend."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=colour, linestyle=dashes, label=title)
-
-
-def _thinned(entries: list[Line2D]) -> list[Line2D]:
-    """Return the first, the last and some entries between, few enough for a legend."""
-    return [entries[i] for i in spread(len(entries), LEGEND_ENTRIES)]

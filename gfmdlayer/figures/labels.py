@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gfmdlayer.observables import known_columns
+
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
 PAPER_SYMBOLS = {
-    "contact_area": r"\tilde{a}",
-    "mean_pressure": r"\tilde{p}",
-    "friction": r"\mu",
+    **{name: column.symbol for name, column in known_columns().items() if column.symbol},
     "displacement": "u",
     "pressure": "p",
     "x": "x",

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.labels import symbol, time_axis
-from gfmdlayer.figures.plot_style import SCREEN, Style, colours, new_figure, styled
+from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits, window
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.schema import ResultsError, naming
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,10 +35,7 @@ def default_suffix() -> str:
 
 def check_movie(path: Path) -> None:
     """Raise ResultsError unless a movie can be written in the format that the suffix names."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise ResultsError(
-            f"{path}: no movie can be written as {path.suffix or 'no suffix'!r}; use {', '.join(SUFFIXES)}"
-        )
+    check_suffix(path, SUFFIXES)
     if path.suffix.lower() == ".mp4" and not shutil.which("ffmpeg"):
         raise ResultsError(f"{path}: needs ffmpeg, which is not found; use .gif")
 
@@ -71,7 +68,11 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), DPI):
+            with (
+                naming(path),
+                unfinished(path, path.suffix) as part,
+                writer.saving(figure, str(part), DPI),
+            ):
                 for i in range(frames):
                     show(i)
                     writer.grab_frame()
@@ -81,8 +82,6 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
             raise ResultsError(
                 f"{path}: ffmpeg could not write it ({reason}); .gif needs no ffmpeg"
             ) from error
-        except OSError as error:
-            raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:

@@ -7,7 +7,7 @@ yellow, so that they keep their order when printed grey; line styles distinguish
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.schema import ResultsError, naming
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Columns = Literal[1, 2]
 Dashes = Literal["solid"] | tuple[float, tuple[float, ...]]
@@ -136,21 +137,18 @@ def new_figure(columns: Columns, height_mm: float, style: Style = PAPER) -> Figu
     return Figure(figsize=(WIDTH_MM[columns] * unit, height_mm * unit), layout="constrained")
 
 
-def check_suffix(path: Path) -> None:
-    """Raise ResultsError unless the suffix is that of a picture format."""
-    if path.suffix.lower() not in SUFFIXES:
+def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
+    """Raise ResultsError unless the suffix is one of those allowed, by default of the formats of pictures."""
+    if path.suffix.lower() not in suffixes:
         raise ResultsError(
-            f"{path}: cannot be drawn as {path.suffix or 'no suffix'!r}; use {', '.join(SUFFIXES)}"
+            f"{path}: cannot be drawn as {path.suffix or 'no suffix'!r}; use {', '.join(suffixes)}"
         )
 
 
 def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names; ResultsError if it cannot be written."""
-    try:
-        with styled(style), unfinished(path, path.suffix) as part:
-            figure.savefig(part, dpi=style.dpi)
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with naming(path), styled(style), unfinished(path, path.suffix) as part:
+        figure.savefig(part, dpi=style.dpi)
 
 
 def colours(count: int) -> list[str]:
@@ -164,6 +162,16 @@ def colours(count: int) -> list[str]:
 def line_style(i: int) -> Dashes:
     """Return the line style of curve i; the styles repeat."""
     return LINE_STYLES[i % len(LINE_STYLES)]
+
+
+def legend_entries(
+    titles: Sequence[str], colours: Sequence[str], dashes: Sequence[Dashes], most: int
+) -> list[Line2D]:
+    """Return the first, the last and some entries between, at most `most`, of a legend of lines."""
+    from matplotlib.lines import Line2D
+
+    kept = spread(len(titles), most)
+    return [Line2D([], [], color=colours[i], linestyle=dashes[i], label=titles[i]) for i in kept]
 
 
 def spread(count: int, most: int) -> list[int]:

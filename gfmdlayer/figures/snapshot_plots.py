@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gfmdlayer.figures.labels import symbol
-from gfmdlayer.figures.plot_style import PAPER, Style, colours, line_style, new_figure, spread, styled
+from gfmdlayer.figures.plot_style import (
+    PAPER,
+    Style,
+    colours,
+    legend_entries,
+    line_style,
+    new_figure,
+    spread,
+    styled,
+)
 from gfmdlayer.figures.snapshot_selection import Window, extent, limits, section, snapshot_titles, window
 
 if TYPE_CHECKING:
@@ -51,8 +60,6 @@ def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER) -> Figu
 
 
 def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
-    from matplotlib.lines import Line2D
-
     figure = new_figure(2, 22.0 + 38.0 * len(cases), style)
     panels = figure.subplots(len(cases), 2, sharex=True, sharey="col", squeeze=False)
     left, right = extent(cases.values(), "x")
@@ -65,11 +72,7 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
         axes.set_xlim(left, right)
     panels[0, 1].set_ylim(bottom=0)
     titles = snapshot_titles(max(cases.values(), key=lambda case: case.sizes["snapshot"]))
-    lines = [
-        Line2D([], [], color=colour, linestyle=line_style(i), label=title)
-        for i, (colour, title) in enumerate(zip(colours(len(titles)), titles, strict=True))
-    ]
-    kept = [lines[i] for i in spread(len(lines), 10)]
+    kept = legend_entries(titles, colours(len(titles)), [line_style(i) for i in range(len(titles))], 10)
     figure.legend(handles=kept, loc="outside upper center", ncols=-(-len(kept) // -(-len(kept) // 5)))
     return figure
 

@@ -33,16 +33,15 @@ class FixedSteps:
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order."""
-        for instant in islice(self._instants, self._count, None):
-            self._count += 1
-            yield instant
+        yield from islice(self._instants, self._count, None)
 
     def accepts(self, _spectrum: ComplexArray, _response: float, _depth: float) -> bool:
         """Accept every step."""
+        self._count += 1
         return True
 
     def state(self) -> State:
-        """Return the number of steps that were yielded."""
+        """Return the number of accepted steps."""
         return {"count": self._count}
 
     def restore(self, state: State) -> None:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from h5py import h5a, h5f
 from numpy.typing import NDArray
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.contact_means import ContactMeans
-from gfmdlayer.results.reader import attribute, column, opened
+from gfmdlayer.results.reader import opened
 
 INCOMPLETE = "no complete result file"
 
@@ -56,8 +55,6 @@ class CaseMetadata:
     common_times : ndarray, shape (rows,)
         Times at which all complete cases have a row. A case that ended in a steady state counts as having
         all later times too.
-    same_steps : bool
-        Whether the complete cases have no other rows.
     columns : list of Column
         Columns of the sweep file: those of every case, and those that any complete case has.
     shared : dict
@@ -67,7 +64,6 @@ class CaseMetadata:
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
         self.common_times: NDArray[np.float64] = np.empty(0)
-        self.same_steps = True
         self._held: set[str] = set()
         self.shared: dict[str, object] = {}
         self._is_first = self._all_steady = True
@@ -79,25 +75,24 @@ class CaseMetadata:
         """Read the file of a case; False if it is not complete."""
         try:
             with opened(path) as file:
-                times = column(file, "time")
-                if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
-                    return False
-                shared = self._shared_with(file)
-                steady = bool(attribute(file, "settled"))
-                held = {each.name for each in sweep_columns() if each.name.encode() in file}
+                about, times = dict(file.attrs), file["time"][()]
+                held = {each.name for each in sweep_columns() if each.name in file}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
+        if about.get("complete") != 1 or about.get("rows") != len(times):
+            return False
+        steady = bool(about.get("settled"))
         if self._is_first:
             self.common_times = times
+            self.shared = {name: value for name, value in about.items() if name not in _OF_ONE_CASE}
         elif not np.array_equal(times, self.common_times):
-            self.same_steps = False
             common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
             later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
             self.common_times = np.append(common, times[later])
         self._is_first = False
         self._all_steady &= steady
         self._held |= held
-        self.shared = shared
+        self.shared = {name: value for name, value in self.shared.items() if about.get(name) == value}
         return True
 
     @property
@@ -105,12 +100,6 @@ class CaseMetadata:
         """Columns of the sweep file."""
         held = self._held.union(each.name for each in ContactMeans.COLUMNS)
         return [each for each in sweep_columns() if each.name in held]
-
-    def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
-        if self._is_first:
-            names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
-            return {name: attribute(file, name) for name in names if name not in _OF_ONE_CASE}
-        return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
 
 
 def sweep_columns() -> list[Column]:

@@ -5,72 +5,61 @@ appends them to a file of its own, in blocks of numpy arrays:
 
     number of columns, each column of some rows, times of some snapshots, their displacement, pressure, gap
 
-Blocks are not changed once appended: up to a position, the file stays good whatever follows it.
+Blocks are not changed once appended: up to a position, the file stays good whatever follows it. A resumed
+case goes on at the position of its checkpoint.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol, Self
+from typing import BinaryIO, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from gfmdlayer.arrays import FloatArray
 
 HELD = 1 << 24  # bytes held in memory at most, before they are appended
-
-Field = NDArray[np.float64]
 
 
 class Recorder(Protocol):
     """Records the results of a simulation."""
 
-    def row(self, **values: float | Field) -> None:
-        """Record the observables of an accepted step: numbers, and histograms."""
+    def row(self, **values: float | FloatArray) -> None:
+        """Record the columns of an accepted step: numbers, and histograms."""
         ...
 
-    def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
-        """Record the surface at one of the times of `output.snapshots`."""
+    def snapshot(
+        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+    ) -> None:
+        """Record the surface at a time; arrays of the grid's shape."""
         ...
 
     def note(self, **attributes: float) -> None:
-        """Record results of the run as a whole."""
+        """Record attributes of the run that are known at its end."""
         ...
 
 
-@dataclass(frozen=True)
-class Position:
+class Position(NamedTuple):
     """Position up to which a journal is good.
 
     Attributes
     ----------
-    file : str
-        Name of the journal's file.
-    columns : tuple of str
+    columns : sequence of str
         Columns of the rows.
-    arrays : int
-        Number of arrays up to the position.
+    size : int
+        Bytes up to the position.
     checksum : int
-        CRC-32 of these arrays.
+        CRC-32 of these bytes.
     """
 
-    file: str
-    columns: tuple[str, ...] = ()
-    arrays: int = 0
+    columns: Sequence[str] = ()
+    size: int = 0
     checksum: int = 0
-
-    @classmethod
-    def of(cls, plain: dict[str, Any]) -> Self:
-        """Make a position from the plain data of `plain`."""
-        return cls(**{**plain, "columns": tuple(plain["columns"])})
-
-    def plain(self) -> dict[str, Any]:
-        """Return the position as plain data, as JSON has it."""
-        return asdict(self)
 
 
 class Journal:
@@ -79,7 +68,8 @@ class Journal:
     Parameters
     ----------
     path : Path
-        File of the journal. It is created, in place of an earlier one, when the first block is appended.
+        File of the journal. Without `replay` it is created, in place of an earlier one, when the first
+        block is appended.
     recorder : Recorder
         The other recorder.
     """
@@ -87,19 +77,21 @@ class Journal:
     def __init__(self, path: Path, recorder: Recorder) -> None:
         self._path, self._recorder = path, recorder
         self._file: BinaryIO | None = None
-        self._good = Position(path.name)
-        self._end = 0
+        self._columns: Sequence[str] = ()
+        self._good = Position()
         self._clear()
         self._failure: OSError | None = None
 
-    def row(self, **values: float | Field) -> None:
+    def row(self, **values: float | FloatArray) -> None:
         """Record the observables of an accepted step: numbers, and histograms."""
         self._recorder.row(**values)
-        self._columns = tuple(values)
+        self._columns = list(values)
         self._rows.append(tuple(values.values()))
         self._count(sum(map(np.size, values.values())) * 8)
 
-    def snapshot(self, time: float, displacement: Field, pressure: Field, gap: Field, /) -> None:
+    def snapshot(
+        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+    ) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
         self._recorder.snapshot(time, displacement, pressure, gap)
         self._times.append(time)
@@ -111,28 +103,33 @@ class Journal:
         self._recorder.note(**attributes)
 
     def replay(self, position: Position) -> None:
-        """Record the contents of another journal in the same folder, up to a position.
+        """Pass on the contents of the file up to a position, behind which later records are appended.
 
         Raises
         ------
         ValueError
-            If that journal is damaged before the position; then nothing is recorded.
+            If the file is damaged before the position; then nothing is passed on.
         """
-        source, checksum = self._path.with_name(position.file), 0
+        if position.size == 0:  # an empty journal has no file
+            return
         try:
-            for array in _arrays(source, position.arrays):
-                checksum = zlib.crc32(np.ascontiguousarray(array).data, checksum)
-        except (OSError, ValueError, EOFError) as error:
-            raise ValueError(f"{source.name}, which belongs to it, cannot be read ({error})") from None
-        if checksum != position.checksum:
-            raise ValueError(f"{source.name}, which belongs to it, is damaged")
-        arrays = _arrays(source, position.arrays)
-        for (columns,) in arrays:
-            values = [next(arrays) for _ in range(columns)]
+            file = self._path.open("r+b")
+        except OSError as error:
+            raise ValueError(f"{self._path.name}, which belongs to it, cannot be read ({error})") from None
+        self._file = file
+        left, checksum = position.size, 0
+        while left and (part := file.read(min(left, 1 << 20))):
+            left, checksum = left - len(part), zlib.crc32(part, checksum)
+        if left or checksum != position.checksum:
+            raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
+        file.seek(0)
+        while file.tell() < position.size:
+            values = [np.load(file) for _ in range(int(np.load(file)[0]))]
             for row in zip(*values, strict=True):
-                self.row(**dict(zip(position.columns, row, strict=True)))
-            for time in next(arrays).tolist():
-                self.snapshot(time, next(arrays), next(arrays), next(arrays))
+                self._recorder.row(**dict(zip(position.columns, row, strict=True)))
+            for time in np.load(file).tolist():
+                self._recorder.snapshot(time, np.load(file), np.load(file), np.load(file))
+        self._good, self._columns = position, position.columns
 
     def kept(self) -> Position:
         """Bring all records to the disk and return the position behind them.
@@ -166,9 +163,9 @@ class Journal:
             self._clear()
 
     def _clear(self) -> None:
-        self._rows: list[tuple[float | Field, ...]] = []
+        self._rows: list[tuple[float | FloatArray, ...]] = []
         self._times: list[float] = []
-        self._fields: list[Field] = []
+        self._fields: list[FloatArray] = []
         self._size = 0
 
     def _append(self) -> None:
@@ -177,22 +174,13 @@ class Journal:
         if self._file is None:
             self._path.unlink(missing_ok=True)  # a dying process may still be writing to it
             self._file = self._path.open("xb")
-        self._file.seek(self._end)  # overwrites what a failed attempt may have left
+        self._file.seek(self._good.size)  # overwrites what a failed attempt may have left
         columns = [np.array(values) for values in zip(*self._rows, strict=True)]
-        arrays = [np.array([len(columns)]), *columns, np.array(self._times), *self._fields]
-        checksum = self._good.checksum
-        for array in arrays:
-            np.save(self._file, array, allow_pickle=False)
-            checksum = zlib.crc32(np.ascontiguousarray(array).data, checksum)
+        size, checksum = self._good.size, self._good.checksum
+        for array in (np.array([len(columns)]), *columns, np.array(self._times), *self._fields):
+            part = io.BytesIO()
+            np.save(part, array, allow_pickle=False)
+            size, checksum = size + self._file.write(part.getbuffer()), zlib.crc32(part.getbuffer(), checksum)
         self._file.flush()
-        self._end = self._file.tell()
-        self._good = Position(self._path.name, self._columns, self._good.arrays + len(arrays), checksum)
+        self._good = Position(self._columns, size, checksum)
         self._clear()
-
-
-def _arrays(path: Path, count: int) -> Iterator[NDArray[Any]]:
-    if count == 0:  # an empty journal has no file
-        return
-    with path.open("rb") as file:
-        for _ in range(count):
-            yield np.load(file, allow_pickle=False)

@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.schema import FIELDS, ResultsError
 
 if TYPE_CHECKING:
     from xarray import Dataset
-
-FIELDS = ("displacement", "pressure", "gap")
 
 
 def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_]) -> Dataset:

@@ -21,15 +21,15 @@ from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, rows_at, sweep_columns
-from gfmdlayer.results.netcdf import add_variable, new_file, write_at
-from gfmdlayer.results.reader import attribute, column, opened, sweep_path
-from gfmdlayer.results.schema import PARAMETERS, VARIABLES, ResultsError
+from gfmdlayer.results.netcdf import add_variable, new_file
+from gfmdlayer.results.reader import opened, sweep_path
+from gfmdlayer.results.schema import PARAMETERS, VARIABLES
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
@@ -52,7 +52,6 @@ def collect(
     directory: str | Path,
     records: Sequence[CaseRecord],
     keys: Sequence[str],
-    times: ArrayLike | None = None,
     attributes: Mapping[str, str | int | float] | None = None,
     listed: bool = False,
 ) -> Path:
@@ -69,9 +68,6 @@ def collect(
         The cases, in the order of their numbers.
     keys : sequence of str
         The swept keys, dotted, in the order of the dimensions.
-    times : array_like, optional
-        Times of the rows where the steps of the cases differ; all cases must have them. By default the times
-        that all cases have in common.
     attributes : mapping, optional
         Attributes of the file, in addition to those that all cases share (name, tau, versions).
     listed : bool
@@ -85,12 +81,11 @@ def collect(
     Raises
     ------
     ResultsError
-        If the file cannot be written, or a complete case lacks one of `times`.
+        If the file cannot be written.
     """
     path = sweep_path(directory)
     cases = CaseMetadata(records)
-    failed = cases.failed
-    rows = cases.common_times if times is None or cases.same_steps else np.asarray(times, dtype=float)
+    failed, rows = cases.failed, cases.common_times
     layout = _layout(records, keys, listed)
     with new_file(path) as file:
         h5 = file.begin()
@@ -103,14 +98,11 @@ def collect(
             if record.index not in failed:
                 try:
                     curves = _read(record.path, rows, columns)
-                except ResultsError:
-                    raise
                 except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
                     failed[record.index] = INCOMPLETE
                     continue
                 for name, values in curves.items():
-                    if values.size:
-                        write_at(columns[name].id, (*place, 0), values.reshape(*(1 for _ in place), -1))
+                    columns[name][place] = values
                 file.check()
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"swept": " ".join(keys), "complete": 1, "failed": report}
@@ -193,7 +185,7 @@ def _add_columns(
 def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
     """Read the curves of a case at the times of the sweep file."""
     with opened(path) as case:
-        rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
+        rows = rows_at(case["time"][()], times, steady=bool(case.attrs.get("settled")))
         if np.any(rows < 0):
-            raise ResultsError(f"{path}: no row at time {times[rows < 0][0]:g}, which the sweep file needs")
-        return {name: column(case, name)[rows] for name in names if name.encode() in case}
+            raise ValueError(f"{path}: has been changed")
+        return {name: case[name][()][rows] for name in names if name in case}

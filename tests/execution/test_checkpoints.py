@@ -83,12 +83,16 @@ def test_a_journal_repeats_what_it_heard_up_to_a_position(
     expected = list(first.rows), list(first.snapshots)
     record(one, range(20, 40))  # whatever comes later
     one.kept()
-    again = Journal(tmp_path / "1", heard)
-    again.replay(Position.of(json.loads(json.dumps(position.plain()))))
+    again = Journal(tmp_path / "0", heard)
+    again.replay(Position(*json.loads(json.dumps(position))))
     assert (heard.rows, heard.snapshots) == expected
+    record(again, range(50, 60))  # in place of it
     third = Heard()
-    Journal(tmp_path / "2", third).replay(again.kept())
-    assert (third.rows, third.snapshots) == expected
+    Journal(tmp_path / "0", third).replay(again.kept())
+    assert (third.rows, third.snapshots) == (heard.rows, heard.snapshots)
+    fourth = Heard()
+    Journal(tmp_path / "0", fourth).replay(position)
+    assert (fourth.rows, fourth.snapshots) == expected
 
 
 def test_a_journal_holds_no_more_than_it_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,7 +104,7 @@ def test_a_journal_holds_no_more_than_it_may(tmp_path: Path, monkeypatch: pytest
 
 def test_a_journal_without_anything_has_no_file(tmp_path: Path) -> None:
     one = Journal(tmp_path / "0", Heard())
-    Journal(tmp_path / "1", heard := Heard()).replay(one.kept())
+    Journal(tmp_path / "0", heard := Heard()).replay(one.kept())
     assert heard.rows == []
     assert list(tmp_path.iterdir()) == []
 
@@ -120,7 +124,7 @@ def test_a_harmed_journal_is_refused_before_anything_is_repeated(tmp_path: Path,
         (tmp_path / "0").write_bytes(content)
     heard = Heard()
     with pytest.raises(ValueError, match="which belongs to it"):
-        Journal(tmp_path / "1", heard).replay(position)
+        Journal(tmp_path / "0", heard).replay(position)
     assert heard.rows == []
 
 

@@ -103,10 +103,10 @@ def is_mended(
 
 
 def test_a_disk_too_full_for_checkpoints_costs_none_of_the_results() -> None:
-    # Without snapshots a case takes 0.4 MB, its state at 16384 points more than 1 MB.
+    # Without snapshots a case takes 0.13 MB, its state at 8192 points more than 0.5 MB.
     without = FAULTY.replace("snapshots: [0.1, 0.2, 0.3, 0.4]", "snapshots: []")
-    Path("faulty.yaml").write_text(without.replace("2048", "16384"))
-    process = gfmdlayer(SMALL_DISK.format(800_000))
+    Path("faulty.yaml").write_text(without.replace("2048", "8192"))
+    process = gfmdlayer(SMALL_DISK.format(300_000))
     assert process.returncode == 0, process.stderr
     assert process.stderr.count("case 0000 continues, but its checkpoint cannot be written") == 1
     assert "Traceback" not in process.stderr

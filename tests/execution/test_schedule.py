@@ -43,7 +43,7 @@ class Item:
 
 
 def run(pool: WorkerPool, task: Any, number: int, folder: Path) -> list[Outcome]:
-    schedule: Schedule[Item] = Schedule(pool, task, Folder(folder), lambda _: None)
+    schedule = Schedule(pool, task, Folder(folder), lambda _: None)
     return list(schedule.run([Item(index) for index in range(number)]))
 
 
@@ -65,7 +65,7 @@ class Pool(Executor):
 
 def test_a_pool_is_given_cases_in_order_and_never_very_many(tmp_path: Path) -> None:
     pool = Pool()
-    schedule: Schedule[Item] = Schedule(
+    schedule = Schedule(
         WorkerPool(pool, 3, "fakes", joins=False), print, Folder(tmp_path), lambda _: None  # type: ignore[arg-type]
     )  # fmt: skip
     outcomes = schedule.run([Item(index) for index in range(200)])

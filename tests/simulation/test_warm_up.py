@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.config import Config
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.cost import kind
 
 PROGRAM = """
 import sys
@@ -75,4 +75,4 @@ def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
 )
 def test_cases_of_one_kind_are_warmed_up_and_costed_together(values: dict[str, object], alike: bool) -> None:
     config = Config(name="kinds")
-    assert (Case(0, config, {}).kind == Case(1, config.with_values(values), {}).kind) is alike
+    assert (kind(config) == kind(config.with_values(values))) is alike
