@@ -28,8 +28,8 @@ from gfmdlayer.fitting import (
     fit_material,
     read,
 )
-from gfmdlayer.fitting.figure import fit_figure
 from gfmdlayer.fitting.prony import ACCURACY, MARGIN
+from gfmdlayer.fitting.report import fit_figure
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.simulation import simulate
 
