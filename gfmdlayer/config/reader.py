@@ -114,9 +114,9 @@ def _override(document: Document, override: str) -> None:
     if not equals or not all(location):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
         return
-    new = text.read(value, "--set", location, option=True)
+    new = text.read(value, "--set", location)
     if new.problems:
-        document.problems += [(place, m if m.startswith(key) else f"{key}: {m}") for place, m in new.problems]
+        document.problems += [(option, m if m.startswith(key) else f"{key}: {m}") for _, m in new.problems]
         return
     inner: Any = document.data
     for i, part in enumerate(location[:-1]):
@@ -132,8 +132,8 @@ def _override(document: Document, override: str) -> None:
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
     inner[location[-1]] = new.data
-    document.keys.update(new.keys | {location: option})
-    document.values.update({location: option} | new.values)
+    document.keys.update(dict.fromkeys([*new.keys, location], option))
+    document.values.update(dict.fromkeys([*new.values, location], option))
 
 
 def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
