@@ -38,14 +38,14 @@ def fit_material(
     Parameters
     ----------
     data : Path
-        A master curve or a relaxation curve, see `gfmdlayer.fitting.read`.
+        A master curve or a relaxation curve, see `measurement.read`.
     out : Path, optional
         The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
         beside it, to NAME.png.
     branches : int, optional
-        Number of branches, see `gfmdlayer.fitting.fit`.
+        Number of branches, see `prony.fit`.
     relaxed : float, optional
-        Relaxed modulus, see `gfmdlayer.fitting.fit`.
+        Relaxed modulus, see `prony.fit`.
     wlf : WLF, optional
         Change of temperature between the measurement and the material.
     normalise : bool
