@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from gfmdlayer.cli import check, clean, completion, fit_material, new, plot, run, schema, status, verify
-from gfmdlayer.cli.terminal import COMPLETE, STATUSES, Verbs, input_problems, refuse
+from gfmdlayer.cli.terminal import COMPLETE, STATUSES, input_problems, refuse
 
 VERBS = (new, run, check, status, clean, plot, fit_material, verify, schema, completion)
 
@@ -57,7 +57,19 @@ def command_line() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    verbs = Verbs(parser)
-    for verb in VERBS:
-        verb.register(verbs)
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    for verb in VERBS:  # a module named as the verb, whose first line is the help, and a function in it
+        name, summary = (
+            verb.__name__.rpartition(".")[2],
+            (verb.__doc__ or "").partition(": ")[2].rstrip(".\n"),
+        )
+        added = verbs.add_parser(
+            name.replace("_", "-"),
+            help=summary,
+            description=summary,
+            epilog=f"example:\n  {verb.EXAMPLE}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        verb.add_options(added)
+        added.set_defaults(verb=getattr(verb, name))
     return parser

@@ -1,4 +1,4 @@
-"""`gfmdlayer check`: list the cases, the memory and the work of a configuration."""
+"""`gfmdlayer check`: list the cases, the memory and the work of a configuration; run nothing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
     COMPLETE,
-    Verbs,
     add_config,
     add_out,
     count_cases,
@@ -23,16 +22,13 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.execution.sweep import Case
 
+EXAMPLE = "gfmdlayer check configs/figure2.yaml"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        check,
-        "list the cases, the memory and the work of a configuration; run nothing",
-        "gfmdlayer check configs/figure2.yaml",
-    )
-    add_config(added)
-    add_out(added)
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    add_config(parser)
+    add_out(parser)
 
 
 def check(options: argparse.Namespace) -> int:

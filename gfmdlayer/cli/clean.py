@@ -1,4 +1,4 @@
-"""`gfmdlayer clean`: remove the unfinished files of killed runs."""
+"""`gfmdlayer clean`: remove unfinished files of killed runs, after listing them and asking; results stay."""
 
 from __future__ import annotations
 
@@ -6,18 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, cut_short, refuse
+from gfmdlayer.cli.terminal import COMPLETE, cut_short, refuse
+
+EXAMPLE = "gfmdlayer clean results/figure2-quick"
 
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        clean,
-        "remove the unfinished files of killed runs, after listing them and asking; results stay",
-        "gfmdlayer clean results/figure2-quick",
-    )
-    added.add_argument("directory", metavar="DIR", help="results folder")
-    added.add_argument("--yes", action="store_true", help="remove without asking")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("directory", metavar="DIR", help="results folder")
+    parser.add_argument("--yes", action="store_true", help="remove without asking")
 
 
 def clean(options: argparse.Namespace) -> int:

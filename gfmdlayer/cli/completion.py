@@ -5,20 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs
+from gfmdlayer.cli.terminal import COMPLETE
 
 SHELLS = ("bash", "zsh", "fish")
 PATHS = {"CONFIG", "DATA", "DIR", "FILE", "PATH"}  # metavars of files and folders
 
+EXAMPLE = 'eval "$(gfmdlayer completion bash)"'
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        completion,
-        "print the script by which a shell completes verbs, options and file names",
-        'eval "$(gfmdlayer completion bash)"',
-    )
-    added.add_argument("shell", choices=SHELLS, help="the shell that reads the script")
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("shell", choices=SHELLS, help="the shell that reads the script")
 
 
 def completion(options: argparse.Namespace) -> int:

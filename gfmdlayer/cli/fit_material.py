@@ -1,53 +1,52 @@
-"""`gfmdlayer fit-material`: fit a Prony series to a measured curve."""
+"""`gfmdlayer fit-material`: fit a Prony series to a measured curve: omega, G' and G'', or t and G."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+from gfmdlayer.cli.terminal import COMPLETE, refuse
+
+EXAMPLE = "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6"
 
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        fit_material,
-        "fit a Prony series to a master curve (omega, G', G'') or a relaxation curve (t, G)",
-        "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6",
-    )
-    added.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
-    added.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
-    added.add_argument(
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
+    parser.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
+    parser.add_argument(
         "--branches", metavar="N", type=int, help="number of branches (default: the fewest that fit)"
     )
-    added.add_argument(
+    parser.add_argument(
         "--relaxed-modulus", metavar="G0", type=float, help="relaxed modulus (default: fitted)"
     )
-    added.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
-    added.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
-    added.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
-    added.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="WLF constants at T0")
-    added.add_argument("--force", action="store_true", help="overwrite files")
+    parser.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
+    parser.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
+    parser.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
+    parser.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="WLF constants at T0")
+    parser.add_argument("--force", action="store_true", help="overwrite files")
 
 
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a Prony series to a measured curve."""
-    from gfmdlayer import fitting
+    from gfmdlayer.fitting import report
+    from gfmdlayer.fitting.measurement import FitError
+    from gfmdlayer.fitting.wlf import WLF
 
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):
         return refuse("--temperature, --reference and --wlf: must be given together")
     try:
-        report = fitting.fit_material(
+        summary = report.fit_material(
             Path(options.data),
             None if options.out is None else Path(options.out),
             branches=options.branches,
             relaxed=options.relaxed_modulus,
-            wlf=None if options.wlf is None else fitting.WLF(*shift[:2], *options.wlf),
+            wlf=None if options.wlf is None else WLF(*shift[:2], *options.wlf),
             normalise=options.normalise,
             force=options.force,
         )
-    except fitting.FitError as error:
+    except FitError as error:
         return refuse(str(error))
-    print(report)
+    print(summary)
     return COMPLETE

@@ -1,31 +1,28 @@
-"""`gfmdlayer new`: write a configuration to start from."""
+"""`gfmdlayer new`: write a configuration to start from, with the meaning of every key."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+from gfmdlayer.cli.terminal import COMPLETE, refuse
 
 LIKE = ("indentation", "sweep", "prony", "sliding", "sphere", "rough")
 
+EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        new,
-        "write a configuration to start from, with the meaning of every key",
-        "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first",
-    )
-    added.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
-    added.add_argument(
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("file", metavar="FILE", nargs="?", help="YAML file to write (default: KIND.yaml)")
+    parser.add_argument(
         "--like",
         metavar="KIND",
         choices=LIKE,
         default=LIKE[0],
         help=f"{', '.join(LIKE)} (default: {LIKE[0]})",
     )
-    added.add_argument("--force", action="store_true", help="overwrite FILE")
+    parser.add_argument("--force", action="store_true", help="overwrite FILE")
 
 
 def new(options: argparse.Namespace) -> int:

@@ -1,10 +1,10 @@
-"""`gfmdlayer plot`: draw the figures of results."""
+"""`gfmdlayer plot`: draw contact area, mean pressure and friction against time, and the snapshots."""
 
 from __future__ import annotations
 
 import argparse
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs, refuse
+from gfmdlayer.cli.terminal import COMPLETE, refuse
 
 KINDS = {
     "curves": "contact area, mean pressure and, of a moving punch, friction against time",
@@ -19,19 +19,16 @@ KINDS_WITH: dict[str, set[str | None]] = {
     "time": {"map"},
 }
 
+EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        plot,
-        "draw contact area, mean pressure and friction against time, and the snapshots",
-        "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time",
-    )
-    added.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
-    added.add_argument(
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
+    parser.add_argument(
         "--out", metavar="FILE", help=".png, .pdf or .svg; a movie: .mp4 or .gif (default: with the results)"
     )
-    kinds = added.add_mutually_exclusive_group()
+    kinds = parser.add_mutually_exclusive_group()
     described = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
     kinds.add_argument("--kind", choices=tuple(KINDS), help=f"{described} (default: curves and snapshots)")
     kinds.add_argument(
@@ -41,14 +38,14 @@ def register(verbs: Verbs) -> None:
         const="movie",
         help="displacement and pressure, a frame a snapshot: .mp4 where ffmpeg is present, else .gif",
     )
-    added.add_argument(
+    parser.add_argument(
         "--style",
         choices=("paper", "screen"),
         help="for a journal (default) or for a talk (default of movies)",
     )
-    added.add_argument("--case", metavar="N", type=int, help="the case whose snapshots are drawn")
-    added.add_argument("--log-time", action="store_true", help="logarithmic time axis of the curves")
-    added.add_argument(
+    parser.add_argument("--case", metavar="N", type=int, help="the case whose snapshots are drawn")
+    parser.add_argument("--log-time", action="store_true", help="logarithmic time axis of the curves")
+    parser.add_argument(
         "--inset",
         metavar="T",
         type=float,
@@ -56,7 +53,7 @@ def register(verbs: Verbs) -> None:
         default=[],
         help="inset of punch and surface in the curves, at these snapshot times",
     )
-    added.add_argument("--time", metavar="T", type=float, help="time of the map (default: the last)")
+    parser.add_argument("--time", metavar="T", type=float, help="time of the map (default: the last)")
 
 
 def plot(options: argparse.Namespace) -> int:

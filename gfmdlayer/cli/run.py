@@ -1,4 +1,4 @@
-"""`gfmdlayer run`: run the cases that are not complete yet."""
+"""`gfmdlayer run`: run the cases that are not complete yet; also under mpirun or srun."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from gfmdlayer.cli.terminal import (
     FAILED,
     RESUMABLE,
     STATUSES,
-    Verbs,
     add_config,
     add_out,
     count_cases,
@@ -31,29 +30,26 @@ if TYPE_CHECKING:
     from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
+EXAMPLE = f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        run,
-        "run the cases that are not complete yet; also under mpirun or srun",
-        f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}",
-    )
-    add_config(added)
-    add_out(added)
-    added.add_argument(
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    add_config(parser)
+    add_out(parser)
+    parser.add_argument(
         "--threads",
         metavar="N",
         type=int,
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
     )
-    added.add_argument(
+    parser.add_argument(
         "--shard",
         metavar="I/N",
         type=shard,
         help="run part I of N of the sweep; N runs share DIR (job arrays)",
     )
-    added.add_argument(
+    parser.add_argument(
         "--checkpoint-every",
         metavar="SECONDS",
         type=interval,
@@ -61,7 +57,7 @@ def register(verbs: Verbs) -> None:
         help="time between checkpoints of a case, from which a killed run goes on (default: %(default)g; "
         "0: after every step; inf: only when a signal stops the run)",
     )
-    either = added.add_mutually_exclusive_group()
+    either = parser.add_mutually_exclusive_group()
     either.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
     either.add_argument("--only-failed", action="store_true", help="run only the cases that failed before")
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 
-from gfmdlayer.cli.terminal import COMPLETE, Verbs
+from gfmdlayer.cli.terminal import COMPLETE
+
+EXAMPLE = "gfmdlayer schema > gfmdlayer.schema.json"
 
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    verbs.add(
-        schema,
-        "print the JSON Schema of a configuration, for editors",
-        "gfmdlayer schema > gfmdlayer.schema.json",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
 
 
 def schema(options: argparse.Namespace) -> int:  # noqa: ARG001

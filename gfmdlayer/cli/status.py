@@ -1,4 +1,4 @@
-"""`gfmdlayer status`: count the complete, running, failed and waiting cases of a results folder."""
+"""`gfmdlayer status`: count the complete, running, failed and waiting cases."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, LISTED, Verbs, count_cases, cut_short
+from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
@@ -19,16 +19,13 @@ if TYPE_CHECKING:
 
 WATCH_INTERVAL = 2.0  # seconds
 
+EXAMPLE = "gfmdlayer status results/figure2-quick"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        status,
-        "count the complete, running, failed and waiting cases",
-        "gfmdlayer status results/figure2-quick",
-    )
-    added.add_argument("directory", metavar="DIR", help="results folder")
-    added.add_argument("--watch", action="store_true", help="repeat until no case is left, or Ctrl-C")
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("directory", metavar="DIR", help="results folder")
+    parser.add_argument("--watch", action="store_true", help="repeat until no case is left, or Ctrl-C")
 
 
 def status(options: argparse.Namespace) -> int:

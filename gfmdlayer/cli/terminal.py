@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -16,48 +16,6 @@ STATUSES = (
     "exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable"
 )
 LISTED = 20  # entries of a list before it is cut short
-
-
-class Verbs:
-    """The verbs of the command line; each is named by its function and shows an example.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        The command line.
-    """
-
-    def __init__(self, parser: argparse.ArgumentParser) -> None:
-        self._subparsers: Any = parser.add_subparsers(metavar="VERB", required=True)
-
-    def add(
-        self, function: Callable[[argparse.Namespace], int], summary: str, example: str
-    ) -> argparse.ArgumentParser:
-        """Add a verb.
-
-        Parameters
-        ----------
-        function : callable
-            Carries the verb out and returns the exit status; its name is that of the verb.
-        summary : str
-            One line of help.
-        example : str
-            A command to paste, and any text to follow it.
-
-        Returns
-        -------
-        ArgumentParser
-            For the verb's options.
-        """
-        added: argparse.ArgumentParser = self._subparsers.add_parser(
-            function.__name__.replace("_", "-"),
-            help=summary,
-            description=summary,
-            epilog=f"example:\n  {example}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        added.set_defaults(verb=function)
-        return added
 
 
 def folder_name(name: str) -> str:

@@ -1,4 +1,4 @@
-"""`gfmdlayer verify`: closed forms, limits, orders of convergence, energy, independent methods."""
+"""`gfmdlayer verify`: compare with closed forms, limits, orders, energy balances and other methods."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, Verbs, folder_name, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, folder_name, refuse
 
 if TYPE_CHECKING:
     from gfmdlayer.verification.rows import Check, Outcome
@@ -14,23 +14,20 @@ if TYPE_CHECKING:
 _STATUSES = "exit status: 0 every row inside its bound; 1 some row outside; 2 bad input"
 _COLUMNS = "  {:66}{:>14} {:>14} {:>10}"
 
+EXAMPLE = f"gfmdlayer verify --quick\n\n{_STATUSES}"
 
-def register(verbs: Verbs) -> None:
-    """Add the verb to the command line."""
-    added = verbs.add(
-        verify,
-        "compare with closed forms, limits, orders of convergence, energy balances and other methods",
-        f"gfmdlayer verify --quick\n\n{_STATUSES}",
-    )
-    added.add_argument(
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument(
         "--out",
         metavar="DIR",
         type=folder_name,
         default="results/verification",
         help="folder for verification.md and its pictures (default: results/verification)",
     )
-    added.add_argument("--quick", action="store_true", help="small grids: half a minute")
-    added.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--quick", action="store_true", help="small grids: half a minute")
+    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
 
 
 def verify(options: argparse.Namespace) -> int:

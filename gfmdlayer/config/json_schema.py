@@ -100,24 +100,23 @@ def _described(node: Any) -> Any:
     return result
 
 
-def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield dotted keys and where their schemas are, of each kind of section that may be there."""
+def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and their schemas, of each kind of section that may be there."""
     for member in node.get("oneOf", ()):
         yield from _keys(schema, member, prefix)
     if "$ref" in node:
-        name = str(node["$ref"]).rpartition("/")[2]
-        for key, value in schema["$defs"][name]["properties"].items():
-            yield f"{prefix}.{key}", f"#/$defs/{name}/properties/{key}"
+        for key, value in schema["$defs"][node["$ref"].rpartition("/")[2]]["properties"].items():
+            yield f"{prefix}.{key}", value
             yield from _keys(schema, value, f"{prefix}.{key}")
 
 
 def _sweep(schema: Mapping[str, Any]) -> None:
     """Add the keys that may be swept to the sections of a sweep."""
-    kinds = {key: _either(places) for key, places in _swept(schema).items()}
+    kinds = {key: {"anyOf": members} for key, members in _swept(schema).items()}
     lists = {key: {"type": "array", "minItems": 1, "items": kind} for key, kind in kinds.items()}
     different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
     # Bounds are not held to those of the key: they may lie where no sample does.
-    ranges = {key: {"$ref": "#/$defs/Range"} for key, kind in kinds.items() if _takes_numbers(schema, kind)}
+    ranges = {key: {"$ref": "#/$defs/Range"} for key, kind in kinds.items() if _takes_numbers(kind)}
     sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
     for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
@@ -132,29 +131,19 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     sweep["allOf"] = [{"not": {"required": list(pair)}} for pair in combinations(sweeps.LISTS, 2)]
 
 
-def _takes_numbers(schema: Mapping[str, Any], node: Mapping[str, Any]) -> bool:
+def _takes_numbers(node: Mapping[str, Any]) -> bool:
     """Whether a schema takes numbers with a fraction."""
-    if "$ref" in node:
-        target: Any = schema
-        for part in node["$ref"].split("/")[1:]:
-            target = target[part]
-        return _takes_numbers(schema, target)
-    kinds = [*node.get("anyOf", ()), *node.get("oneOf", ())]
-    return node.get("type") == "number" or any(_takes_numbers(schema, kind) for kind in kinds)
+    members = [*node.get("anyOf", ()), *node.get("oneOf", ())]
+    return node.get("type") == "number" or any(map(_takes_numbers, members))
 
 
-def _swept(schema: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the dotted keys that may be swept, each with the places of the schemas of its values."""
-    found: dict[str, list[str]] = {}
+def _swept(schema: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """Return the dotted keys that may be swept, each with the schemas of its values."""
+    found: dict[str, list[Any]] = {}
     for head, section in schema["properties"].items():
         if head not in {"name", "sweep"}:
-            if "oneOf" in section:
-                found[head] = [f"#/properties/{head}"]
-            for key, place in _keys(schema, section, head):
-                found.setdefault(key, []).append(place)
+            itself = [(head, section)] if "oneOf" in section else []
+            for key, values in [*itself, *_keys(schema, section, head)]:
+                if values not in found.setdefault(key, []):
+                    found[key].append(values)
     return found
-
-
-def _either(places: list[str]) -> dict[str, Any]:
-    kinds = [{"$ref": place} for place in places]
-    return kinds[0] if len(kinds) == 1 else {"anyOf": kinds}

@@ -22,10 +22,9 @@ from gfmdlayer.config.output import Output
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
-from gfmdlayer.validation.explanations import explained
 from gfmdlayer.validation.fields import MustBe
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
-from gfmdlayer.validation.sections import OneOf, Section, contradictions, sections_in
+from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, sections_in
 
 Name = Annotated[
     str,

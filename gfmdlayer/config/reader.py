@@ -55,7 +55,7 @@ def load(
         With every problem, each ``file:line:column: key: value found; values allowed``; those of overrides
         begin with ``--set`` instead.
     """
-    document = _document(Path(path), str(path)) if content is None else text.read(content, str(path))
+    document = _document(path) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
         raise _error(document.problems)
     for override in overrides:
@@ -86,14 +86,14 @@ def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
     return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in lines))
 
 
-def _document(path: Path, source: str) -> Document:
-    start = Place(source, 1, 1)
+def _document(path: str | Path) -> Document:
+    start = Place(str(path), 1, 1)
     try:
-        content = path.read_bytes()
+        content = Path(path).read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return Document(problems=[(start, f"cannot be read ({reason}); must be the name of a YAML file")])
-    document = text.read(content, source)
+    document = text.read(content, str(path))
     wanted = "must be a mapping of keys to values, with at least name: ..."
     if document.data is None and not document.problems:
         document.problems.append((start, f"is empty; {wanted}"))
@@ -114,9 +114,9 @@ def _override(document: Document, override: str) -> None:
     if not equals or not all(location):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
         return
-    new = text.read(value, "--set", location, option=True)
+    new = text.read(value, "--set", location)
     if new.problems:
-        document.problems += [(place, m if m.startswith(key) else f"{key}: {m}") for place, m in new.problems]
+        document.problems += [(option, m if m.startswith(key) else f"{key}: {m}") for _, m in new.problems]
         return
     inner: Any = document.data
     for i, part in enumerate(location[:-1]):
@@ -132,8 +132,8 @@ def _override(document: Document, override: str) -> None:
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
     inner[location[-1]] = new.data
-    document.keys.update(new.keys | {location: option})
-    document.values.update({location: option} | new.values)
+    document.keys.update(dict.fromkeys([*new.keys, location], option))
+    document.values.update(dict.fromkeys([*new.values, location], option))
 
 
 def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
@@ -32,20 +32,17 @@ def conflicts(
     validate : callable
         Dotted key -> value, to the problems of the case made with these values.
     """
-    misplaced = {problem.location: problem for problem in _keys(sweep, keys)}
-    wrong = misplaced | {p.location: p for p in _lists(sweep) if p.location not in misplaced}
-    yield from wrong.values()
-    sound = _without(sweep, wrong.keys())
-    size = count(sound)
-    if size > MAX_CASES:
-        yield Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")
+    wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
+    if not wrong and (size := count(sweep)) > MAX_CASES:
+        wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
+    if wrong:  # the loader sets these keys aside and asks for the rest
+        yield from wrong
         return
-    factors = axes(sound)
+    factors = axes(sweep)
     found = {problem.location: problem for axis in factors for problem in _values(axis)}
     yield from found.values()
-    refused = found.keys()
     left = {
-        axis: [i for i, row in enumerate(axis.rows) if refused.isdisjoint(_places(axis, row, i))]
+        axis: [i for i, row in enumerate(axis.rows) if not any(axis.place(key, i) in found for key in row)]
         for axis in factors
     }
     usable = {axis: places for axis, places in left.items() if places}
@@ -54,7 +51,7 @@ def conflicts(
             p for p in unswept if not any(_rests_on(p, key) for axis in usable for key in axis.rows[0])
         ]
         yield from everywhere
-        yield from _Cases(usable, lambda case: [p for p in validate(case) if p not in everywhere]).problems()
+        yield from _of_cases(usable, lambda case: [p for p in validate(case) if p not in everywhere])
 
 
 def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
@@ -114,19 +111,6 @@ def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
         yield Problem(("sweep", "sobol", "samples"), message)
 
 
-def _without(sweep: Mapping[str, Any], wrong: Collection[Location]) -> dict[str, Any]:
-    """Return a sweep without the keys at wrong locations; samples are left out as a whole."""
-    sound: dict[str, Any] = {}
-    for name, given in sweep.items():
-        if ("sweep", name) in wrong:
-            continue
-        if name == "zip":
-            given = {key: values for key, values in given.items() if ("sweep", name, key) not in wrong}
-        if given and not (name in SAMPLED and any(location[:2] == ("sweep", name) for location in wrong)):
-            sound[name] = given
-    return sound
-
-
 def _values(axis: Axis) -> Iterator[Problem]:
     """Yield empty values and values given twice."""
     seen: dict[object, int] = {}
@@ -152,52 +136,45 @@ def _hashable(value: object) -> object:
     return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
 
 
-def _places(axis: Axis, row: Row, index: int) -> list[Location]:
-    return [axis.place(key, index) for key in row]
-
-
 def _rests_on(problem: Problem, key: str) -> bool:
     """Whether a problem depends on a swept key."""
     return any(f"{name}.".startswith(f"{key}.") for name in (problem.key, *problem.others))
 
 
-class _Cases:
-    """Validates the cases: those that differ from the first in one value, then the whole product.
+def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
+    """Return the problems of the cases: those that differ from the first in one value, then all of them.
 
-    Only the cases run, so a value of the configuration itself that no case has is not refused.
+    Only the cases run, so a value of the configuration itself that no case has is not refused. Each problem
+    is at the swept value that it comes from; of drawn values the first is returned.
     """
+    factors, places = list(left), list(left.values())
 
-    def __init__(self, places: Mapping[Axis, Sequence[int]], validate: Validate) -> None:
-        self._places, self._validate = places, validate
-        self._axes = list(places)
+    def problems_of(at: Sequence[int]) -> list[Problem]:
+        rows = [axis.rows[i] for axis, i in zip(factors, at, strict=True)]
+        return validate({key: value for row in rows for key, value in row.items()})
 
-    def problems(self) -> list[Problem]:
-        """Return the problems, at the swept values that they come from; of drawn values the first."""
-        first = tuple(places[0] for places in self._places.values())
-        known = self._validate(self._case(first))
-        found = [self._at_value(problem, first, 0) for problem in known]
-        for n, places in enumerate(self._places.values()):
-            for i in places[1:]:
-                at = (*first[:n], i, *first[n + 1 :])
-                new = [problem for problem in self._validate(self._case(at)) if problem not in known]
-                found += [self._at_value(problem, at, n) for problem in new]
-        if not found and math.prod(map(len, self._places.values())) <= MAX_CHECKED_PRODUCT:
-            for at in itertools.product(*self._places.values()):
-                found += [self._at_value(problem, at, 0) for problem in self._validate(self._case(at))]
-        drawn = {axis.location for axis in self._axes if axis.sampled}
-        once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(found)}
-        return list(reversed(once.values()))
+    first = tuple(indices[0] for indices in places)
+    known = problems_of(first)
+    found = [_at_value(problem, factors, first, 0) for problem in known]
+    for n, indices in enumerate(places):
+        for i in indices[1:]:
+            at = (*first[:n], i, *first[n + 1 :])
+            found += [_at_value(p, factors, at, n) for p in problems_of(at) if p not in known]
+    if not found and math.prod(map(len, places)) <= MAX_CHECKED_PRODUCT:
+        every = itertools.product(*places)
+        found = [_at_value(problem, factors, at, 0) for at in every for problem in problems_of(at)]
+    drawn = {axis.location for axis in factors if axis.sampled}
+    once = {p.location if p.location[:-1] in drawn else p: p for p in reversed(found)}
+    return list(reversed(once.values()))
 
-    def _case(self, at: Sequence[int]) -> Row:
-        rows = [axis.rows[i] for axis, i in zip(self._axes, at, strict=True)]
-        return {key: value for row in rows for key, value in row.items()}
 
-    def _at_value(self, problem: Problem, at: Sequence[int], varied: int) -> Problem:
-        """Return a case's problem at the swept value on which it depends first, or else at the varied one."""
-        names = (problem.key, *problem.others)
-        swept = [(n, key) for n, axis in enumerate(self._axes) for key in axis.rows[0]]
-        touched = ((n, key) for name in names for n, key in swept if f"{name}.".startswith(f"{key}."))
-        n, key = next(touched, (varied, next(iter(self._axes[varied].rows[0]))))
-        value = self._axes[n].rows[at[n]][key]
-        message = problem.message if key == problem.key else f"with {shown(value)}, {problem}"
-        return Problem(self._axes[n].place(key, at[n]), message, names)
+def _at_value(problem: Problem, factors: Sequence[Axis], at: Sequence[int], varied: int) -> Problem:
+    """Return a case's problem at the swept value on which it depends first, or else at the varied one."""
+    names = (problem.key, *problem.others)
+    swept = [(n, key) for n, axis in enumerate(factors) for key in axis.rows[0]]
+    touched = ((n, key) for name in names for n, key in swept if f"{name}.".startswith(f"{key}."))
+    n, key = next(touched, (varied, next(iter(factors[varied].rows[0]))))
+    message = (
+        problem.message if key == problem.key else f"with {shown(factors[n].rows[at[n]][key])}, {problem}"
+    )
+    return Problem(factors[n].place(key, at[n]), message, names)

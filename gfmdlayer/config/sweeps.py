@@ -171,16 +171,8 @@ def is_listed(sweep: Mapping[str, Any]) -> bool:
 
 def sampling(sweep: Mapping[str, Any]) -> dict[str, str | int | float]:
     """Return how samples were drawn, if any were: method, samples and seed."""
-    return {
-        key: value
-        for name in SAMPLED
-        if name in sweep
-        for key, value in (
-            ("sampling", name),
-            ("samples", sweep[name]["samples"]),
-            ("seed", sweep[name]["seed"]),
-        )
-    }
+    name = next((name for name in SAMPLED if name in sweep), "")
+    return {"sampling": name} | {key: sweep[name][key] for key in Samples.model_fields} if name else {}
 
 
 def count(sweep: Mapping[str, Any]) -> int:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import Any, NamedTuple
 
 from pydantic.fields import FieldInfo
 
@@ -28,20 +27,6 @@ _SWEEP = """\
 """
 
 
-class Template(NamedTuple):
-    """A configuration to start from: a sentence about it, and dotted keys that differ from the defaults."""
-
-    summary: str
-    values: dict[str, Any]
-
-
-def _template(summary: str, *parts: str) -> Template:
-    values: dict[str, Any] = {}
-    for part in parts:
-        values |= text.read(part, "template").data
-    return Template(summary, values)
-
-
 _QUICK = "{grid.points: 1024, time.step: adaptive, output.snapshots: [1.0, 8.0]}"
 _SURFACE = """
 grid.points: [128, 128]
@@ -50,14 +35,15 @@ time.end: 2.0
 time.step: adaptive
 output.snapshots: [1.0, 2.0]
 """
+# A sentence about each, and the dotted keys that differ from the defaults.
 TEMPLATES = {
-    "indentation": _template("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
-    "sweep": _template(
+    "indentation": ("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
+    "sweep": (
         "A parabola is pressed into layers of several thicknesses.",
         _QUICK,
         "sweep: {layer.thickness: [0.02, 0.05, 0.1, 0.2]}",
     ),
-    "prony": _template(
+    "prony": (
         "A parabola is pressed into a layer that relaxes over two decades of time.",
         _QUICK,
         """
@@ -66,7 +52,7 @@ time.end: 100.0
 output.snapshots: [1.0, 10.0, 100.0]
 """,
     ),
-    "sliding": _template(
+    "sliding": (
         "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
         _QUICK,
         """
@@ -80,7 +66,7 @@ output.snapshots: []
 sweep: {trajectory.velocity: [0.03, 0.3, 3.0]}
 """,
     ),
-    "sphere": _template(
+    "sphere": (
         "A sphere is pressed into a coated solid by a force; a surface in two directions.",
         _SURFACE,
         """
@@ -89,7 +75,7 @@ punch: {shape: sphere, radius: 1.0}
 trajectory.load: 0.02
 """,
     ),
-    "rough": _template(
+    "rough": (
         "A self-affine rough surface is pressed into a layer on a rigid base.",
         _SURFACE,
         """
@@ -118,10 +104,13 @@ def commented(name: str, like: str) -> str:
     ConfigError
         If a configuration cannot have this name.
     """
-    template = TEMPLATES[like]
-    config = Config(name="new").with_values({"name": name, **template.values})
+    summary, *parts = TEMPLATES[like]
+    values = {"name": name}
+    for part in parts:
+        values |= text.read(part, "template").data
+    config = Config(name="new").with_values(values)
     lines = (f"{entry:<{_COLUMN - 2}}  # {words}".rstrip(" #") for entry, words in _entries(config))
-    return _HEAD.format(summary=template.summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
+    return _HEAD.format(summary=summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
 
 
 def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:

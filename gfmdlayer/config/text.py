@@ -51,7 +51,7 @@ class Document:
     problems: list[tuple[Place, str]] = field(default_factory=list)
 
 
-def read(content: str | bytes, source: str, at: Location = (), *, option: bool = False) -> Document:
+def read(content: str | bytes, source: str, at: Location = ()) -> Document:
     """Return the data in a text; errors in the text are collected, never raised.
 
     Parameters
@@ -59,14 +59,12 @@ def read(content: str | bytes, source: str, at: Location = (), *, option: bool =
     content : str or bytes
         YAML, in UTF-8.
     source : str
-        File or option, for the places.
+        File, for the places.
     at : tuple of str and int
         Location of the text's value within the configuration.
-    option : bool
-        The text is a command line option's, without line and column.
     """
     document = Document()
-    start = _place(source, "", option)
+    start = Place(source, 1, 1)
     yaml = YAML(typ="safe", pure=True)
     try:
         if isinstance(content, bytes):
@@ -75,18 +73,18 @@ def read(content: str | bytes, source: str, at: Location = (), *, option: bool =
             warnings.simplefilter("ignore", YAMLWarning)
             node = yaml.compose(content)
         if node is not None:
-            document.data = _Builder(document, source, option, yaml).build(node, at)
+            document.data = _Builder(document, source, yaml).build(node, at)
     except UnicodeDecodeError as error:
-        place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"), option)
+        place = _place(source, error.object[: error.start].decode("utf-8", errors="replace"))
         message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
         document.problems.append((place, message))
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = Place(source) if option or mark is None else Place(source, mark.line + 1, mark.column + 1)
+        place = Place(source, mark.line + 1, mark.column + 1) if mark else start
         wrong = " ".join(filter(None, (error.context, error.problem)))
         document.problems.append((place, f"not YAML: {wrong}"))
     except ReaderError as error:
-        place = _place(source, str(content)[: error.position], option)
+        place = _place(source, str(content)[: error.position])
         document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
     except RecursionError:
         document.problems.append((start, "nested too deeply to be a configuration"))
@@ -95,10 +93,8 @@ def read(content: str | bytes, source: str, at: Location = (), *, option: bool =
     return document
 
 
-def _place(source: str, before: str, option: bool) -> Place:
+def _place(source: str, before: str) -> Place:
     """Return the place after a text."""
-    if option:
-        return Place(source)
     return Place(source, before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
 
 
@@ -108,7 +104,6 @@ class _Builder:
 
     document: Document
     source: str
-    option: bool
     yaml: YAML
     seen: set[int] = field(default_factory=set)
 
@@ -155,8 +150,6 @@ class _Builder:
             return self.complain(node, at, f"{node.value[:40]!r} cannot be read as a number")
 
     def place(self, node: Node) -> Place:
-        if self.option:
-            return Place(self.source)
         return Place(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def complain(self, node: Node, at: Location, message: str) -> None:

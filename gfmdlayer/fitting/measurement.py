@@ -51,15 +51,18 @@ class Measurement(ABC):
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
     slower: ClassVar[str]
+    spring: ClassVar[tuple[float, ...]]  # the moduli of a spring of unit modulus
+    power: ClassVar[int]  # of the relaxation times to which the abscissa is proportional
 
     @property
-    @abstractmethod
     def reach(self) -> tuple[float, float]:
         """The shortest and the longest relaxation time within the measured range."""
+        shortest, longest = sorted((self.abscissa[[0, -1]] ** float(self.power)).tolist())
+        return shortest, longest
 
-    @abstractmethod
     def constant(self) -> FloatArray:
         """Response of a spring of unit modulus, shape (moduli * rows,)."""
+        return np.repeat(self.spring, self.abscissa.size)
 
     @abstractmethod
     def response(self, times: FloatArray) -> FloatArray:
@@ -73,9 +76,9 @@ class Measurement(ABC):
     def predicted(self, material: Material, abscissa: FloatArray) -> FloatArray:
         """The moduli of a material, shape (moduli, abscissae)."""
 
-    @abstractmethod
     def slowed(self, factor: float) -> Self:
         """The curve of a material whose relaxation times are all longer by a factor."""
+        return replace(self, abscissa=self.abscissa * factor**self.power)
 
     def in_units_of(self, modulus: float) -> Self:
         """The same curve with its moduli divided by one."""
@@ -88,15 +91,8 @@ class MasterCurve(Measurement):
     name = "master curve"
     columns = ("omega", "G'", "G''")
     slower = "lower frequencies"
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """The inverse of the highest and of the lowest frequency."""
-        return 1 / float(self.abscissa[-1]), 1 / float(self.abscissa[0])
-
-    def constant(self) -> FloatArray:
-        """One for the storage modulus and zero for the loss modulus."""
-        return np.repeat([1.0, 0.0], self.abscissa.size)
+    spring = (1.0, 0.0)
+    power = -1
 
     def response(self, times: FloatArray) -> FloatArray:
         """Real and imaginary part of i omega tau/(1 + i omega tau)."""
@@ -113,10 +109,6 @@ class MasterCurve(Measurement):
         modulus = material.complex_modulus(abscissa)
         return np.stack([modulus.real, modulus.imag])
 
-    def slowed(self, factor: float) -> MasterCurve:
-        """The curve at frequencies lower by the factor."""
-        return replace(self, abscissa=self.abscissa / factor)
-
 
 class RelaxationCurve(Measurement):
     """Relaxation modulus over time."""
@@ -124,15 +116,8 @@ class RelaxationCurve(Measurement):
     name = "relaxation curve"
     columns = ("t", "G")
     slower = "longer times"
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """The first and the last time."""
-        return float(self.abscissa[0]), float(self.abscissa[-1])
-
-    def constant(self) -> FloatArray:
-        """One."""
-        return np.ones(self.abscissa.size)
+    spring = (1.0,)
+    power = 1
 
     def response(self, times: FloatArray) -> FloatArray:
         """exp(-t/tau)."""
@@ -146,10 +131,6 @@ class RelaxationCurve(Measurement):
     def predicted(self, material: Material, abscissa: FloatArray) -> FloatArray:
         """Relaxation modulus of a material, in a first dimension of one."""
         return material.relaxation_modulus(abscissa)[np.newaxis]
-
-    def slowed(self, factor: float) -> RelaxationCurve:
-        """The curve at times longer by the factor."""
-        return replace(self, abscissa=self.abscissa * factor)
 
 
 def read(path: Path) -> Measurement:

@@ -5,17 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.plot_style import save
+from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.figure import fit_figure
-from gfmdlayer.fitting.measurement import read
+from gfmdlayer.fitting.measurement import MasterCurve, read
 from gfmdlayer.fitting.prony import Fit, fit
 from gfmdlayer.fitting.wlf import WLF
 from gfmdlayer.results.schema import ResultsError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MARKERS = "os"
 PLATEAU = 1.2  # a modulus further than this factor from the measured range is extrapolated
 
 
@@ -34,14 +38,14 @@ def fit_material(
     Parameters
     ----------
     data : Path
-        A master curve or a relaxation curve, see `gfmdlayer.fitting.read`.
+        A master curve or a relaxation curve, see `measurement.read`.
     out : Path, optional
         The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
         beside it, to NAME.png.
     branches : int, optional
-        Number of branches, see `gfmdlayer.fitting.fit`.
+        Number of branches, see `prony.fit`.
     relaxed : float, optional
-        Relaxed modulus, see `gfmdlayer.fitting.fit`.
+        Relaxed modulus, see `prony.fit`.
     wlf : WLF, optional
         Change of temperature between the measurement and the material.
     normalise : bool
@@ -88,6 +92,38 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
     lines += ["layer:", "  material:", "    model: prony", f"    G0: {material.G0:.6e}", "    branches:"]
     lines += [f"      - {{G: {modulus:.6e}, tau: {time:.6e}}}" for modulus, time in material.branches]
     return "\n".join(lines) + "\n"
+
+
+def fit_figure(fitted: Fit) -> Figure:
+    """Draw measured moduli with the fit, and below them the error, in one column of a journal."""
+    from matplotlib.ticker import LogLocator
+
+    curve = fitted.measurement
+    is_master = isinstance(curve, MasterCurve)
+    symbols = ["$G'$", "$G''$"] if is_master else ["$G$"]
+    smooth = np.geomspace(curve.abscissa[0], curve.abscissa[-1], 500)
+    lines = curve.predicted(fitted.material, smooth)
+    with styled():
+        figure = new_figure(1, 100.0)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+        for i, (symbol, colour) in enumerate(zip(symbols, colours(3), strict=False)):
+            style = {"color": colour, "marker": MARKERS[i], "ms": 3.2, "mfc": "none", "mew": 0.7, "ls": ""}
+            above.plot(curve.abscissa, curve.moduli[i], label=f"{symbol}, measured", **style)
+            above.plot(smooth, lines[i], color=colour, linestyle=line_style(i), label=f"{symbol}, fitted")
+            below.plot(curve.abscissa, 100 * fitted.errors[i], **style)
+        above.set(xscale="log", yscale="log", ylabel=", ".join(symbols))
+        span = curve.moduli.max() / curve.moduli.min()
+        if span < 100:  # fewer than two powers of ten to label
+            above.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span > 10 else range(1, 10)))
+            above.yaxis.set_major_formatter("{x:g}")
+            above.yaxis.set_minor_formatter("")
+        above.set_title("(a)", loc="left")
+        above.legend()
+        below.axhline(0, color="black", linewidth=0.5)
+        limit = 115 * max(fitted.largest, 1e-6)
+        below.set(xlabel=r"$\omega$" if is_master else "$t$", ylabel="error (%)", ylim=(-limit, limit))
+        below.set_title("(b)", loc="left")
+    return figure
 
 
 def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:

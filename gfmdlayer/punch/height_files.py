@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
 from gfmdlayer.grid.grid import Grid
 
@@ -52,11 +52,7 @@ def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
     if min(shape) < 2:
         row = "a single height" if max(shape) < 2 else f"a single row of {max(shape)} heights"
         raise TableError(f"{file}: holds {row}; must be at least two along each axis")
-    large = np.abs(found.values) > LARGEST
-    if large.any():
-        where = np.argwhere(large)[0].tolist()
-        size = "infinite" if np.isinf(found.values[large][0]) else f"too large; must be up to {LARGEST:g}"
-        raise TableError(f"{file}: the height at index {where} is {size}")
+    _refuse(file, found.values, np.abs(found.values) > LARGEST)
     return found
 
 
@@ -85,13 +81,7 @@ def read_profile(file: Path, grid: Grid) -> FloatArray:
         raise TableError(
             f"{file}: holds {times(found.shape)} heights; must be {times(grid.shape)}, as the grid"
         )
-    bad = ~(np.abs(found) <= LARGEST)
-    if bad.any():
-        where = np.argwhere(bad)[0].tolist()
-        wrong = (
-            f"too large; must be up to {LARGEST:g}" if np.isfinite(found[bad][0]) else "not a finite number"
-        )
-        raise TableError(f"{file}: the height at index {where} is {wrong}")
+    _refuse(file, found, ~(np.abs(found) <= LARGEST))
     return np.asarray(found - found.min())
 
 
@@ -110,6 +100,15 @@ def load_array(file: Path) -> FloatArray:
     if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
         raise TableError(f"{file}: must hold one array of real numbers")
     return found.astype(np.float64)
+
+
+def _refuse(file: Path, heights: FloatArray, bad: BoolArray) -> None:
+    """Raise TableError at the first bad height, if there is one."""
+    if bad.any():
+        where, first = np.argwhere(bad)[0].tolist(), heights[bad][0]
+        size = "not a finite number" if np.isnan(first) else "infinite" if np.isinf(first) else "too large"
+        allowed = f"; must be up to {LARGEST:g}" * bool(np.isfinite(first))
+        raise TableError(f"{file}: the height at index {where} is {size}{allowed}")
 
 
 def times(shape: tuple[int, ...]) -> str:

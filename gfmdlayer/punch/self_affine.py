@@ -1,4 +1,17 @@
-"""The self-affine rough punch: its keys, and the order of its wavelengths."""
+"""Self-affine rough surfaces by random phases.
+
+The height is a sum of waves whose power falls with the wavenumber like
+
+    C(q) ~ q^(-2 (H + D/2)),      D = 1, 2 directions,      H the Hurst exponent
+
+between the wavenumbers of the roll-off and of the short cut-off; it is constant from the long cut-off to the
+roll-off and zero elsewhere (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1, sec. 2).  Each wave has
+the amplitude of the spectrum and a phase of its own, and the sum is scaled to the given rms slope or height,
+exactly.
+
+The phase of a wave follows from the seed and from the number of its periods in the cell. Neither phase nor
+amplitude depends on the grid: grids that resolve the short cut-off sample one and the same surface.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +25,7 @@ from gfmdlayer.validation.fields import MustBe, Optional, Positive, Seed, strict
 from gfmdlayer.validation.problems import Problem
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.arrays import ComplexArray, FloatArray
     from gfmdlayer.grid.grid import Grid
 
 Hurst = Annotated[float, strict, Field(gt=0, le=1), MustBe("a number > 0 and <= 1")]
@@ -49,10 +62,33 @@ class SelfAffine(Shape):
     """root-mean-square height: length; this or rms_slope"""
 
     def heights(self, grid: Grid) -> FloatArray:
-        """Heights of the surface above its lowest point, of the grid's shape."""
-        from gfmdlayer.punch.random_surface import random_surface
+        """Heights of the surface above its lowest point, of the grid's shape.
 
-        return random_surface(grid, **self.model_dump(exclude={"shape"}))
+        Raises
+        ------
+        TableError
+            If no wave of the cell lies between the cut-offs.
+        """
+        import numpy as np
+        import scipy.fft
+
+        from gfmdlayer.files.tables import TableError
+
+        q, longest = grid.wavenumbers, self.long_cutoff or np.inf
+        slack = 1 + 1e-9  # a cut-off that is a wave of the cell includes it
+        inside = (q > 0) & (q <= 2 * np.pi / self.short_cutoff * slack) & (q >= 2 * np.pi / longest / slack)
+        if not inside.any():
+            raise TableError("no wave of the cell lies between long_cutoff and short_cutoff")
+        plateau = 2 * np.pi / min(self.roll_off or np.inf, longest)
+        falling = np.maximum(q[inside], plateau) if plateau > 0 else q[inside]
+        amplitude = np.zeros_like(q)
+        amplitude[inside] = falling ** -(self.hurst + len(grid.shape) / 2)
+        twice = np.full(q.shape[-1], 2.0)  # waves of the half spectrum that stand for two
+        twice[0] = 1.0
+        power = amplitude**2 * twice * (1.0 if self.rms_slope is None else q**2)
+        amplitude *= (self.rms_slope or self.rms_height) / np.sqrt(power.sum()) * grid.size
+        heights = scipy.fft.irfftn(amplitude * _phases(grid, self.seed), s=grid.shape, overwrite_x=True)
+        return np.asarray(heights - heights.min())
 
     def problems(self) -> Iterator[Problem]:
         """Refuse a surface of no size, or of two."""
@@ -78,3 +114,24 @@ class SelfAffine(Shape):
         if shortest > max(cell.period):
             message = f"got {shortest!r}; must be <= the period, {max(cell.period)!r}"
             yield Problem((below,), message)
+
+
+def _phases(grid: Grid, seed: int) -> ComplexArray:
+    """Factors exp(i phi) of the modes; those of q and -q belong together.
+
+    Along the last of two axes each number of waves has a generator of its own, which gives the phases for 0,
+    1, -1, 2, -2 ... waves along the first.
+    """
+    import numpy as np
+
+    last = grid.spectral_shape[-1]
+    if len(grid.shape) == 1:
+        return np.asarray(np.exp(2j * np.pi * np.random.default_rng(seed).random(last)))
+    waves = np.rint(np.fft.fftfreq(grid.points[0], 1 / grid.points[0])).astype(int)
+    order = 2 * np.abs(waves) - (waves > 0)
+    found = np.empty(grid.spectral_shape, dtype=np.complex128)
+    for j in range(last):
+        turns = np.random.default_rng((seed, j)).random(grid.points[0] + 1)[order]
+        found[:, j] = np.exp(2j * np.pi * turns)
+    found[waves < 0, 0] = found[-waves[waves < 0], 0].conj()
+    return found

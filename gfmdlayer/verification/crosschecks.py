@@ -11,8 +11,9 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.punch.trajectory import Table
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, difference, run, table
+from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, difference, run
 from gfmdlayer.verification.theory import parabola_grid_error, solver_error
 from gfmdlayer.verification.third_order import ThirdOrder
 
@@ -93,11 +94,11 @@ def load_against_depth(quick: bool) -> Iterator[Row]:
     """
     n, tolerance = (2**9 if quick else 2**13), 1e-8
     values = {"grid.points": n, "time.end": 2.0, "time.step": 0.05, "solver.tolerance": tolerance}
+    loaded = {"trajectory": {"control": "load", "load": 0.0}}  # the loads are given below
     for name, body in (("halfspace below", {}), ("rigid base, nu = 0.3", RIGID | {"layer.poisson": 0.3})):
         pressed = run(values, body)
-        loads = (2 * pressed["mean_pressure"]).tolist()
-        with table(zip(pressed["time"].tolist(), loads, strict=True), "load") as trajectory:
-            off = difference(run(values, body, trajectory), pressed, "depth")
+        loads = Table(pressed["time"], 2 * pressed["mean_pressure"])
+        off = difference(run(values, body, loaded, trajectory=loads), pressed, "depth")
         bound = 2 * 10 * solver_error(tolerance, pressed.last("contact_area"))
         yield Row(f"depth: {name}, n = {n}", 0.0, off, bound, "same problem, other control")
 

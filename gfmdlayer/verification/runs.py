@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.case import Case, Parts
 from gfmdlayer.config import Config
+from gfmdlayer.punch.trajectory import Trajectory
 from gfmdlayer.simulation import simulate, warm_up
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
@@ -65,11 +64,15 @@ class Recording:
         return self[name][rows]
 
 
-def run(*values: Mapping[str, object]) -> Recording:
-    """Run the paper's default case with these dotted values in it, later ones before earlier ones."""
+def run(*values: Mapping[str, object], trajectory: Trajectory | None = None) -> Recording:
+    """Run the paper's default case with these dotted values in it, later ones before earlier ones.
+
+    A trajectory takes the place of that of the configuration.
+    """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     recording = Recording()
-    simulate(config, recording, wisdom=warm_up(config))
+    parts: Parts = {} if trajectory is None else {"trajectory": trajectory}
+    simulate(Case(config, warm_up(config), **parts), recording)
     return recording
 
 
@@ -77,13 +80,3 @@ def difference(found: Recording, reference: Recording, column: str = "mean_press
     """Largest difference of a column, relative to the largest value of the reference."""
     exact = reference[column]
     return float(np.abs(found[column] - exact).max() / exact.max())
-
-
-@contextmanager
-def table(rows: Iterable[tuple[float, float]], control: str = "depth") -> Iterator[dict[str, object]]:
-    """Give the configuration of a trajectory through these times and depths (or loads), within the block."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "trajectory.txt"
-        lines = [f"{time!r} {value!r}" for time, value in rows]
-        file.write_text("\n".join([f"time {control}", *lines]), encoding="utf-8")
-        yield {"trajectory": {"control": control, "kind": "table", "file": str(file)}}

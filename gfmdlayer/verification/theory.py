@@ -23,8 +23,6 @@ In a viscoelastic body, earlier surfaces that are off by as much are resisted by
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
@@ -94,37 +92,3 @@ def solver_error(residual: float, contact_area: float, mean_pressure: float = 1.
         pbar; 1 for the relative error.
     """
     return residual * mean_pressure * (4 / (np.pi * contact_area) + 1.5)
-
-
-@dataclass(frozen=True)
-class Ramp:
-    """The elastic response, G = 1, to the paper's ramp.
-
-    Parameters
-    ----------
-    s : ndarray
-        Times from 0 to 1, in units of the ramp.
-    F, area : ndarray
-        Mean pressure and contact area at these times.
-    """
-
-    s: FloatArray
-    F: FloatArray
-    area: FloatArray
-
-    @staticmethod
-    def of_halfspace() -> Ramp:
-        """Closed form on a halfspace, at equally spaced half-widths."""
-        a = np.linspace(0, parabola_half_width(DEPTH), 20001)
-        return Ramp(np.append(parabola_depth(a[:-1]) / DEPTH, 1.0), parabola_pressure(a), 2 * a)
-
-    def hereditary(self, time: float, kernel: Callable[[FloatArray], FloatArray]) -> float:
-        """Return the integral of kernel(t - s) dF over the ramp up to `time`, by the midpoint rule."""
-        done = np.minimum(self.s, time)
-        F = np.interp(done, self.s, self.F)
-        return float(kernel(time - (done[1:] + done[:-1]) / 2) @ np.diff(F))
-
-
-def relaxing(lag: FloatArray) -> FloatArray:
-    """G(t), Eq. (5), of the paper's default material."""
-    return np.asarray(1 + 9 * np.exp(-lag))

@@ -17,19 +17,10 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material, Prony
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting import (
-    WLF,
-    Fit,
-    FitError,
-    MasterCurve,
-    Measurement,
-    RelaxationCurve,
-    fit,
-    fit_material,
-    read,
-)
-from gfmdlayer.fitting.figure import fit_figure
-from gfmdlayer.fitting.prony import ACCURACY, MARGIN
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
+from gfmdlayer.fitting.prony import ACCURACY, MARGIN, Fit, fit
+from gfmdlayer.fitting.report import fit_figure, fit_material
+from gfmdlayer.fitting.wlf import WLF
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.simulation import simulate
 
