@@ -302,6 +302,8 @@ def _in_windows(iterate: object) -> Patches:
 
 def _with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
     function = kernel.py_func
+    if unknown := replaced.keys() - function.__globals__.keys():
+        raise NameError(f"{function.__name__} uses no {', '.join(sorted(unknown))}")
     changed = FunctionType(function.__code__, {**function.__globals__, **replaced}, function.__name__)
     return nb.jit(**kernel.targetoptions)(changed)
 
