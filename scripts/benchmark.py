@@ -35,9 +35,10 @@ NAMES = (
     "ranks",
     "peer",
     "rough",
+    "ablation",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "peer", "rough")  # left out by --quick, unless named by --only
+OPTIONAL = ("ranks", "peer", "rough", "ablation")  # left out by --quick, unless named by --only
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

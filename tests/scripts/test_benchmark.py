@@ -84,6 +84,23 @@ def test_a_rough_surface_is_run_on_each_grid(tables: Callable[[str], Tables]) ->
         assert row["run / bare pairs"] > 0
 
 
+@pytest.mark.slow  # loops are compiled anew
+def test_ablation_compares_each_ingredient_with_the_full_method(tables: Callable[[str], Tables]) -> None:
+    found = tables("--only ablation --points 512 --steps 4 --repetitions 1")
+    for name in ("ablation", "ablation-fire", "ablation-adaptive"):
+        full, *without = found[f"{name}-pairs"]
+        assert [row["taken out"] for row in without] == [row["taken out"] for row in found[f"{name}-time"]]
+        assert all(isinstance(full[workload], int) for workload in full.keys() - {"taken out"})
+        assert all(without[0].keys() == row.keys() == full.keys() for row in without)
+    by_name = {row["taken out"]: row for row in found["ablation-pairs"]}
+    assert by_name["preconditioner"]["figure2 adaptive"] > 1
+    uniform = found["ablation-fire-pairs"][1]
+    assert uniform["n = 512"] > 1
+    exact, linear, *_ = found["ablation-adaptive-error"]
+    # Without the curvature the history is of a lower order.
+    assert 0 < exact["figure2"] < linear["figure2"]
+
+
 def test_overhead_counts_every_case_on_one_rank_and_two(tables: Callable[[str], Tables]) -> None:
     rows = tables("--only overhead --cases 12")["overhead"]
     assert [(row["ranks"], row["cases"]) for row in rows] == [(1, 12), (2, 12)]
