@@ -114,12 +114,12 @@ class ActiveSet:
         system = self._system_of(problem)
         tolerance, limit = self._tolerance, min(_LIMIT, self._max_iterations)
         near = self._windows.solve(problem, start, tolerance, self._rounds, limit)
-        if near.state is not None:
+        if near.within:
             pairs, self._half_pair = divmod(near.transforms + self._half_pair, 2)
             return near.solution(problem, tolerance, int(pairs))
         begin(
             self._transforms.plans, system, problem.intercept, self._free, self._at, self._contact,
-            self._work, start, problem.applied_pressure,
+            self._work, near.guess(start), problem.applied_pressure,
         )  # fmt: skip
         transforms, iterations = near.transforms + 1, near.iterations
         shift, within = 0.0, CLOSE * tolerance

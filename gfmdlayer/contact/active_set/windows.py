@@ -5,8 +5,8 @@ pressures in a window on the gaps in it is a convolution that involves differenc
 by transforms of twice the width of the window, with the kernel of the whole surface at these differences
 (circulant embedding: Golub and Van Loan, Matrix Computations, 2013, ch. 4.8). Where the contact takes a tenth
 of the surface, an iteration costs a quarter of one on the whole surface, and stays in the inner caches. The
-whole surface takes three transforms, which show whether anything overlaps elsewhere: then the step is solved
-on the whole surface.
+whole surface takes three transforms, which show whether anything overlaps elsewhere: then a larger window is
+next, and where there is none the whole surface.
 
 The preconditioner need not be exact: it is the stiffness of a surface as long as the transforms, which is
 every second, fourth ... of the stiffnesses of the modes.
@@ -34,7 +34,7 @@ _MARGIN = 16  # points at least on either side of the contact that belong to the
 
 
 class WindowResult(NamedTuple):
-    """Result of a window.
+    """Result of the windows that were tried.
 
     Attributes
     ----------
@@ -42,25 +42,35 @@ class WindowResult(NamedTuple):
         Of the whole surface, or of as many points.
     iterations : int
         Of conjugate gradients.
+    within : bool
+        Whether the state is a solution for the whole surface.
     state : State, optional
-        The state of the whole surface, where it is a solution.
+        The state of the whole surface.
     assessment : tuple of float
         What `assess` would return of it.
     """
 
     transforms: float = 0.0
     iterations: int = 0
+    within: bool = False
     state: State | None = None
     assessment: tuple[float, float, float, float] = (np.nan, 0.0, 0.0, 0.0)
 
     def solution(self, problem: Problem, tolerance: float, pairs: int) -> Solution:
         """The state as a solution that took a number of FFT pairs."""
-        assert self.state is not None
+        assert self.state is not None  # as it is within
         u, pressure, gap, spectrum = self.state
         return make_solution(
             problem, u, pressure, spectrum, gap=gap, spent=(pairs, self.iterations),
             within=tolerance, assessment=self.assessment,
         )  # fmt: skip
+
+    def guess(self, start: FloatArray) -> FloatArray:
+        """The pressure, with a tiny one where it overlapped; or ``start`` where there is no state."""
+        if self.state is None:
+            return start
+        p, gap = self.state.p, self.state.gap
+        return np.where((p == 0.0) & (gap == 0.0), np.finfo(float).tiny, p)
 
 
 class Windows:
@@ -102,7 +112,7 @@ class Windows:
     def solve(
         self, problem: Problem, guess: FloatArray, tolerance: float, rounds: int, limit: int
     ) -> WindowResult:
-        """Solve in the shortest window around a guess of the pressure.
+        """Solve in the shortest window around a guess of the pressure, then in larger ones if it outgrows it.
 
         Parameters
         ----------
@@ -118,44 +128,44 @@ class Windows:
         Returns
         -------
         WindowResult
-            Without a state where no window is short enough, or the contact outgrows it.
+            Empty where nothing overlaps, or no window is short enough.
         """
         surface = Surface(
             self._transforms.plans, self._system.compliance, problem.obstacle,
             problem.intercept, self._work.spectrum, self._work.z,
         )  # fmt: skip
-        result, shape = WindowResult(), _two(self._shape)
+        result, part, shape = WindowResult(), 0, _two(self._shape)
         extent = periodic_extent(guess, shape)
         if extent == NOWHERE and not self._system.load_given:
             guess, result = overlaps(surface), WindowResult(transforms=1)
             extent = periodic_extent(guess, shape)
-        part = self._largest_part(extent)
-        if not part:
-            return result
-        spent, window = self._window(part)
-        done, whole, shorter, iterations, overlap, assessment, state = solve(
-            window,
-            _origin(extent, window),
-            surface,
-            guess,
-            problem.applied_pressure,
-            tolerance,
-            rounds,
-            limit,
-        )
-        taken = result.transforms + spent + whole + shorter / part ** len(self._shape)
-        within = done and overlap <= CLAMPED and assessment[0] <= tolerance
-        return WindowResult(taken, iterations, state if within else None, assessment)
+        while result.iterations < limit and (part := self._largest_part(extent, part)):
+            spent, window = self._window(part)
+            arguments = window, _origin(extent, window), surface, guess, problem.applied_pressure
+            done, whole, shorter, more, overlap, assessment, state = solve(
+                *arguments, tolerance, rounds, limit - result.iterations
+            )
+            taken = result.transforms + spent + whole + shorter / part ** len(self._shape)
+            result = WindowResult(taken, result.iterations + more)
+            if not done:
+                break
+            within = overlap <= CLAMPED and assessment[0] <= tolerance
+            result = result._replace(within=within, state=state, assessment=assessment)
+            if within:
+                break
+            guess = result.guess(guess)
+            extent = periodic_extent(guess, shape)
+        return result
 
-    def _largest_part(self, extent: tuple[Stretch, Stretch]) -> int:
-        """The largest part whose window has room for a contact, else 0."""
+    def _largest_part(self, extent: tuple[Stretch, Stretch], below: int) -> int:
+        """The largest part whose window has room for a contact, below ``below`` unless that is 0; else 0."""
         (_, rows), (_, points) = extent
         if not points:
             return 0
         high, wide = (2 * (length + 2 * max(_MARGIN, length // 8)) for length in (rows, points))
         lines, line = _two(self._shape)
         for part in reversed(self._parts):
-            if wide * part <= line and (lines == 1 or high * part <= lines):
+            if wide * part <= line and (lines == 1 or high * part <= lines) and not 0 < below <= part:
                 return part
         return 0
 
