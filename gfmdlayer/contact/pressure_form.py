@@ -222,6 +222,7 @@ def compile_failure(at: Iterate, transforms: Transforms) -> System:
     system, free = in_pressures(problem, transforms)
     for array in at:
         array[:] = 0.0
+    residual_scales(at.p, at.gap, system.floor)
     failed = feasible_solution(problem, system, free, at, 1.0, transforms=0, iterations=0)
     unconverged(problem, system, at, transforms, failed)
     return system

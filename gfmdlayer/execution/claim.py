@@ -26,7 +26,7 @@ from gfmdlayer.execution.folder import ASIDE, MARK, WAYS_OUT, Folder, FolderErro
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
 from gfmdlayer.files.locks import exclusive, try_lock
-from gfmdlayer.files.whole import is_unfinished, write_text
+from gfmdlayer.files.whole import is_unfinished, unfinished_path, write_text
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
 _RESULTS = ("*.h5", "*.xdmf", "*.failed", "*.checkpoint", "*.journal?", f"*{ASIDE}")
@@ -34,7 +34,7 @@ _RESULTS = ("*.h5", "*.xdmf", "*.failed", "*.checkpoint", "*.journal?", f"*{ASID
 _IN_FOLDER = re.compile(r"(config\.yaml|sweep\.h5)(\..+)?\.part")
 _OF_A_CASE = re.compile(r"(\d{4,})\.(running|(h5|xdmf|failed|running|checkpoint)(\..+)?\.part)")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
-_OF_A_RUN = re.compile(r"stop(-\d+-of-\d+)?|probe(\.part)?")
+_OF_A_RUN = re.compile(r"stop(-\d+-of-\d+)?|probe\.part")
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
 
 
@@ -179,9 +179,14 @@ def _case_number(path: Path) -> int | None:
 
 def _probe(folder: Folder) -> None:
     """Write some bytes, to find a full disk before any work."""
-    path = folder.cases / "probe"
-    write_text(path, " " * _PROBE)
-    path.unlink()
+    path = unfinished_path(folder.cases / "probe")
+    try:
+        with path.open("wb") as file:
+            file.write(bytes(_PROBE))
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        path.unlink(missing_ok=True)
 
 
 @contextmanager

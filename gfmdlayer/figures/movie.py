@@ -15,7 +15,7 @@ from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, n
 from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
 from gfmdlayer.figures.snapshot_selection import extent, limits, window
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError, naming
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,11 +68,7 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
     with styled(style):
         figure, show = animated(case, title, style)
         try:
-            with (
-                naming(path),
-                unfinished(path, path.suffix) as part,
-                writer.saving(figure, str(part), DPI),
-            ):
+            with unfinished(path, path.suffix) as part, writer.saving(figure, str(part), DPI):
                 for i in range(frames):
                     show(i)
                     writer.grab_frame()
@@ -82,6 +78,8 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
             raise ResultsError(
                 f"{path}: ffmpeg could not write it ({reason}); .gif needs no ffmpeg"
             ) from error
+        except OSError as error:
+            raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:

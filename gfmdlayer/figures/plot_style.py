@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import ResultsError, naming
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,8 +147,11 @@ def check_suffix(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
 
 def save(figure: Figure, path: Path, style: Style = PAPER) -> None:
     """Write a figure in the format that the suffix names; ResultsError if it cannot be written."""
-    with naming(path), styled(style), unfinished(path, path.suffix) as part:
-        figure.savefig(part, dpi=style.dpi)
+    try:
+        with styled(style), unfinished(path, path.suffix) as part:
+            figure.savefig(part, dpi=style.dpi)
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def colours(count: int) -> list[str]:

@@ -21,14 +21,8 @@ UNFINISHED = ".part"
 _UNFINISHED_NAME = re.compile(rf".+-\d+-[0-9a-f]{{8}}{re.escape(UNFINISHED)}(\.\w+)?")
 
 
-def is_unfinished(name: str) -> bool:
-    """Whether a file name is one that `unfinished` gives."""
-    return _UNFINISHED_NAME.fullmatch(name) is not None
-
-
-@contextmanager
-def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool = True) -> Iterator[Path]:
-    """Give the name of an unfinished file to write; it gets the final one if the block ends well.
+def unfinished_path(path: Path, suffix: str = "") -> Path:
+    """Return a name for the unfinished file of `path` that no other process uses.
 
     Parameters
     ----------
@@ -36,15 +30,31 @@ def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool
         The final name.
     suffix : str
         Added at the end, for programs that choose the format by it.
+
+    Returns
+    -------
+    Path
+    """
+    writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return path.with_name(f"{path.name}.{writer}{UNFINISHED}{suffix}")
+
+
+def is_unfinished(name: str) -> bool:
+    """Whether a file name is one that `unfinished_path` gives."""
+    return _UNFINISHED_NAME.fullmatch(name) is not None
+
+
+def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) -> None:
+    """Give a closed unfinished file its final name.
+
+    Parameters
+    ----------
+    part, path : Path
+        The unfinished file and its final name, in the same folder.
     durable : bool
-        Bring the contents to the disk before the file is renamed, and the name after.
+        Bring the contents to the disk before and the name after.
     replace : bool
         Replace an earlier file; otherwise the first one stays.
-
-    Yields
-    ------
-    Path
-        Name of the file to create, write and close in the block, which no other process uses.
 
     Raises
     ------
@@ -53,19 +63,44 @@ def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool
     OSError
         If the disk refuses; an earlier file is still there.
     """
-    writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
-    part = path.with_name(f"{path.name}.{writer}{UNFINISHED}{suffix}")
+    if durable:
+        _synchronise(part)
+    if replace:
+        part.replace(path)
+    else:
+        _name_first(part, path)
+    if durable:
+        with suppress(OSError):  # some network file systems refuse; the file is whole all the same
+            _synchronise(path.parent)
+
+
+@contextmanager
+def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool = True) -> Iterator[Path]:
+    """Give the name of an unfinished file to write; it is published if the block ends well, else removed.
+
+    Parameters
+    ----------
+    path : Path
+        The final name.
+    suffix : str
+        See `unfinished_path`.
+    durable, replace : bool
+        See `publish`.
+
+    Yields
+    ------
+    Path
+        Name of the file to create, write and close in the block.
+
+    Raises
+    ------
+    OSError
+        See `publish`.
+    """
+    part = unfinished_path(path, suffix)
     try:
         yield part
-        if durable:
-            _synchronise(part)
-        if replace:
-            part.replace(path)
-        else:
-            _name_first(part, path)
-        if durable:
-            with suppress(OSError):  # some network file systems refuse; the file is whole all the same
-                _synchronise(path.parent)
+        publish(part, path, durable, replace)
     except BaseException:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -82,12 +117,12 @@ def write_text(path: Path, text: str, durable: bool = True, replace: bool = True
     text : str
         The contents, written in UTF-8.
     durable, replace : bool
-        See `unfinished`.
+        See `publish`.
 
     Raises
     ------
     OSError
-        See `unfinished`.
+        See `publish`.
     """
     with unfinished(path, durable=durable, replace=replace) as part:
         part.write_text(text, encoding="utf-8")

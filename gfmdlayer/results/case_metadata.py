@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from h5py import h5a, h5f
 from numpy.typing import NDArray
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.contact_means import ContactMeans
-from gfmdlayer.results.reader import opened
+from gfmdlayer.results.reader import attribute, column, opened
 
 INCOMPLETE = "no complete result file"
 
@@ -75,16 +76,16 @@ class CaseMetadata:
         """Read the file of a case; False if it is not complete."""
         try:
             with opened(path) as file:
-                about, times = dict(file.attrs), file["time"][()]
-                held = {each.name for each in sweep_columns() if each.name in file}
+                times = column(file, "time")
+                if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
+                    return False
+                shared = self._shared_with(file)
+                steady = bool(attribute(file, "settled"))
+                held = {each.name for each in sweep_columns() if each.name.encode() in file}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        if about.get("complete") != 1 or about.get("rows") != len(times):
-            return False
-        steady = bool(about.get("settled"))
         if self._is_first:
             self.common_times = times
-            self.shared = {name: value for name, value in about.items() if name not in _OF_ONE_CASE}
         elif not np.array_equal(times, self.common_times):
             common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
             later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
@@ -92,7 +93,7 @@ class CaseMetadata:
         self._is_first = False
         self._all_steady &= steady
         self._held |= held
-        self.shared = {name: value for name, value in self.shared.items() if about.get(name) == value}
+        self.shared = shared
         return True
 
     @property
@@ -100,6 +101,12 @@ class CaseMetadata:
         """Columns of the sweep file."""
         held = self._held.union(each.name for each in ContactMeans.COLUMNS)
         return [each for each in sweep_columns() if each.name in held]
+
+    def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
+        if self._is_first:
+            names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
+            return {name: attribute(file, name) for name in names if name not in _OF_ONE_CASE}
+        return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
 
 
 def sweep_columns() -> list[Column]:

@@ -13,7 +13,8 @@ import h5py
 import numpy as np
 
 from gfmdlayer.files.whole import unfinished
-from gfmdlayer.results.schema import FIELDS, naming
+from gfmdlayer.results.netcdf import naming
+from gfmdlayer.results.schema import FIELDS
 
 POINTS = "paraview/points"
 BLOCK = 2**18  # points written at a time

@@ -7,25 +7,11 @@ in tau, so a file says "length", "pressure" or "time" where a unit is wanted, pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 
 class ResultsError(OSError):
     """A results file or folder that cannot be written or read; the message names it and says why."""
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Turn an OSError of the block into a ResultsError that names the file."""
-    try:
-        yield
-    except ResultsError:
-        raise
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 @dataclass(frozen=True)
@@ -39,10 +25,11 @@ class Variable:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Meaning of one config key that may be swept: its name, symbol in plain text, units."""
+    """Meaning of one config key that may be swept: its name, symbol in plain text and in mathtext, units."""
 
     long_name: str
     symbol: str
+    mathtext: str
     units: str = "1"
 
 
@@ -59,24 +46,39 @@ VARIABLES: dict[str, Variable] = {
 FIELDS = ("displacement", "pressure", "gap")
 
 PARAMETERS: dict[str, Parameter] = {
-    "layer.thickness": Parameter("thickness of the layer", "d", "length"),
-    "layer.poisson": Parameter("Poisson's ratio of the layer", "nu"),
-    "layer.material.G0": Parameter("relaxed modulus of the layer", "G_0", "pressure"),
-    "layer.material.Ginf": Parameter("glassy modulus of the layer", "G_inf", "pressure"),
-    "layer.material.tau": Parameter("relaxation time of the layer", "tau", "time"),
-    "halfspace.shear_modulus": Parameter("shear modulus of the halfspace", "G_bulk", "pressure"),
-    "halfspace.poisson": Parameter("Poisson's ratio of the halfspace", "nu_bulk"),
-    "punch.radius": Parameter("radius of the punch", "R", "length"),
-    "punch.hurst": Parameter("Hurst exponent of the punch", "H"),
-    "punch.rms_slope": Parameter("rms slope of the punch", "g'"),
-    "punch.rms_height": Parameter("rms height of the punch", "h_rms", "length"),
-    "punch.short_cutoff": Parameter("shortest wave of the punch", "lambda_s", "length"),
-    "punch.roll_off": Parameter("roll-off wavelength of the punch", "lambda_r", "length"),
-    "trajectory.depth": Parameter("depth of the indentation", "h_0", "length"),
-    "trajectory.load": Parameter("mean pressure on the punch", "p_0", "pressure"),
-    "trajectory.velocity": Parameter("velocity of the punch along x", "v", "length / time"),
-    "trajectory.ramp_time": Parameter("duration of the ramp", "t_0", "time"),
-    "time.step": Parameter("time step", "dt", "time"),
-    "grid.points": Parameter("grid points", "n"),
-    "grid.period": Parameter("period of the surface", "L", "length"),
+    "layer.thickness": Parameter("thickness of the layer", "d", "d", "length"),
+    "layer.poisson": Parameter("Poisson's ratio of the layer", "nu", r"\nu"),
+    "layer.material.G0": Parameter("relaxed modulus of the layer", "G_0", "G_0", "pressure"),
+    "layer.material.Ginf": Parameter("glassy modulus of the layer", "G_inf", r"G_\infty", "pressure"),
+    "layer.material.tau": Parameter("relaxation time of the layer", "tau", r"\tau", "time"),
+    "halfspace.shear_modulus": Parameter(
+        "shear modulus of the halfspace", "G_bulk", r"G_\mathrm{bulk}", "pressure"
+    ),
+    "halfspace.poisson": Parameter("Poisson's ratio of the halfspace", "nu_bulk", r"\nu_\mathrm{bulk}"),
+    "punch.radius": Parameter("radius of the punch", "R", "R", "length"),
+    "punch.hurst": Parameter("Hurst exponent of the punch", "H", "H"),
+    "punch.rms_slope": Parameter("rms slope of the punch", "g'", "g'"),
+    "punch.rms_height": Parameter("rms height of the punch", "h_rms", r"h_\mathrm{rms}", "length"),
+    "punch.short_cutoff": Parameter("shortest wave of the punch", "lambda_s", r"\lambda_s", "length"),
+    "punch.roll_off": Parameter("roll-off wavelength of the punch", "lambda_r", r"\lambda_r", "length"),
+    "trajectory.depth": Parameter("depth of the indentation", "h_0", "h_0", "length"),
+    "trajectory.load": Parameter("mean pressure on the punch", "p_0", "p_0", "pressure"),
+    "trajectory.velocity": Parameter("velocity of the punch along x", "v", "v", "length / time"),
+    "trajectory.ramp_time": Parameter("duration of the ramp", "t_0", "t_0", "time"),
+    "time.step": Parameter("time step", "dt", r"\Delta t", "time"),
+    "grid.points": Parameter("grid points", "n", "n"),
+    "grid.period": Parameter("period of the surface", "L", "L", "length"),
 }
+
+
+def variable(name: str) -> Variable:
+    """Return a coordinate or field of the result files.
+
+    Raises
+    ------
+    KeyError
+        If the table has no such name.
+    """
+    if name not in VARIABLES:
+        raise KeyError(f"results have no variable {name!r}; known: {', '.join(sorted(VARIABLES))}")
+    return VARIABLES[name]

@@ -27,8 +27,8 @@ from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, rows_at, sweep_columns
-from gfmdlayer.results.netcdf import add_variable, new_file
-from gfmdlayer.results.reader import opened, sweep_path
+from gfmdlayer.results.netcdf import add_variable, new_file, write_at
+from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
@@ -102,7 +102,8 @@ def collect(
                     failed[record.index] = INCOMPLETE
                     continue
                 for name, values in curves.items():
-                    columns[name][place] = values
+                    if values.size:
+                        write_at(columns[name].id, (*place, 0), values.reshape(*(1 for _ in place), -1))
                 file.check()
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"swept": " ".join(keys), "complete": 1, "failed": report}
@@ -185,7 +186,7 @@ def _add_columns(
 def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
     """Read the curves of a case at the times of the sweep file."""
     with opened(path) as case:
-        rows = rows_at(case["time"][()], times, steady=bool(case.attrs.get("settled")))
+        rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
         if np.any(rows < 0):
             raise ValueError(f"{path}: has been changed")
-        return {name: case[name][()][rows] for name in names if name in case}
+        return {name: column(case, name)[rows] for name in names if name.encode() in case}

@@ -3,9 +3,9 @@
     time(time), the columns of the observables                    x(x)[, y(y)]
     snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
 
-Rows are gathered in memory and appended when there are ROWS_HELD of them, and snapshots are written at once,
-so that a run of any length needs the same memory. Chunks carry checksums: damaged data are refused when they
-are read.
+Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
+snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
+damaged data are refused when they are read.
 """
 
 from __future__ import annotations
@@ -15,19 +15,21 @@ import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from types import TracebackType
+from typing import Self
 
-import h5py
 import numpy as np
+from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
-from gfmdlayer.results.netcdf import append, new_file
+from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
 
 ROWS_HELD = 512
+FLUSH_INTERVAL = 60.0  # seconds
 
 Attribute = str | int | float
 
@@ -50,13 +52,15 @@ class CaseWriter:
         resumed case keeps the time of its first start.
     columns
         Columns that rows may have; by default those that are the same in every case.
+    flush_interval
+        Seconds after which the records are handed to the operating system.
     elapsed
         Seconds spent on the case by earlier runs, added to `wall_seconds`.
 
     Raises
     ------
     ResultsError
-        From the block, if the file cannot be written; the message names it.
+        Here and in every method, if the file cannot be written; the message names it.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class CaseWriter:
         coordinates: Mapping[str, ArrayLike],
         attributes: Mapping[str, Attribute] | None = None,
         columns: Iterable[Column] | None = None,
+        flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
     ) -> None:
         self.path = Path(path)
@@ -74,23 +79,32 @@ class CaseWriter:
         declared = known_columns().values() if columns is None else columns
         self._declared = {column.name: column for column in declared}
         self._noted: dict[str, Attribute] = {}
-        self._elapsed = elapsed
+        self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
-        self._growing: dict[str, h5py.Dataset] = {}
+        self._growing: dict[str, h5d.DatasetID] = {}
         self._held: list[tuple[float | NDArray[np.float64], ...]] = []
         self._rows = 0
         self._last_time = -math.inf
 
     def __enter__(self) -> Self:
-        self._begun, self._started = time.monotonic(), now()
-        self._stack = ExitStack()
-        self._file = self._stack.enter_context(new_file(self.path))
+        self._begun = self._flushed = time.monotonic()
+        self._started = now()
+        with ExitStack() as stack:
+            self._file: NewFile = stack.enter_context(new_file(self.path))
+            self._stack = stack.pop_all()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *details: Any) -> None:
-        if kind is None:
-            self._stack.callback(self._finish)  # before the file is closed
-        self._stack.__exit__(kind, *details)
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is not None:
+            self._stack.__exit__(kind, error, trace)
+            return
+        with self._stack:
+            self._finish()
 
     @property
     def elapsed(self) -> float:
@@ -124,8 +138,11 @@ class CaseWriter:
             raise ValueError(f"{self.path}: row at time {time_now} follows one at {self._last_time}")
         self._last_time = time_now
         self._held.append(tuple(values[name] for name in self._columns or ()))
-        if len(self._held) == ROWS_HELD:
+        due = time.monotonic() - self._flushed > self._flush_interval
+        if due or len(self._held) == ROWS_HELD:
             self._append_rows()
+        if due:
+            self._flush()
 
     def snapshot(
         self,
@@ -149,7 +166,7 @@ class CaseWriter:
         if gap is not None:
             fields["gap"] = gap
             if not self._growing["snapshot"].shape[0]:
-                self._growing["gap"] = add_field(self._h5, "gap", tuple(self._coordinates))
+                self._growing["gap"] = add_field(self._h5, "gap", tuple(self._coordinates)).id
         if ("gap" in fields) != ("gap" in self._growing):
             raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
         for name, field in fields.items():
@@ -175,8 +192,8 @@ class CaseWriter:
         for name, values in self._coordinates.items():
             self._h5[name][...] = values
         growing = dict.fromkeys((*columns, *SNAPSHOTS))
-        self._growing = {name: self._h5[name] for name in growing}
-        self._h5.attrs.update({"started": self._started, **self._attributes})
+        self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
+        set_attributes(self._h5, {"started": self._started, **self._attributes})
         self._columns = columns
 
     def _append_rows(self) -> None:
@@ -188,6 +205,10 @@ class CaseWriter:
         self._held.clear()
         self._file.check()
 
+    def _flush(self) -> None:
+        self._file.flush()
+        self._flushed = time.monotonic()
+
     def _finish(self) -> None:
         if self._columns is None:
             self._begin(("time",))
@@ -195,6 +216,6 @@ class CaseWriter:
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
         counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
         added = {name: value for name, value in ended.items() if name not in self._attributes}
-        self._h5.attrs.update({**added, **self._noted, **counts, "complete": 1})
+        set_attributes(self._h5, {**added, **self._noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gfmdlayer.files.whole import is_unfinished, unfinished, write_text
+from gfmdlayer.files.whole import is_unfinished, unfinished, unfinished_path, write_text
 
 
 @pytest.mark.parametrize("durable", [True, False])
@@ -55,11 +55,7 @@ def test_the_first_file_stays_where_none_is_to_be_replaced(
 
 
 def test_unfinished_names_are_unique_and_recognised(tmp_path: Path) -> None:
-    names = set()
-    for _ in range(20):
-        with unfinished(tmp_path / "a.mp4", ".mp4") as part:
-            part.touch()
-        names.add(part.name)
+    names = {unfinished_path(tmp_path / "a.mp4", ".mp4").name for _ in range(20)}
     assert len(names) == 20
     assert all(is_unfinished(name) and name.endswith(".mp4") for name in names)
     for name in ("notes.part", "a.part", "config.yaml", "0000.h5", "a-1-2.part"):

@@ -27,8 +27,12 @@ def compiled():
     modules = [module for name, module in sys.modules.items() if name.startswith("gfmdlayer")]
     kernels = {id(kernel): kernel for module in modules for kernel in vars(module).values()
                if isinstance(kernel, Dispatcher)}
-    return {kernel.py_func.__qualname__: len(kernel.overloads) for kernel in kernels.values()}
+    names = {id(kernel): kernel.py_func.__module__ + "." + kernel.py_func.__qualname__ for kernel in kernels.values()}
+    return {names[number]: len(kernel.overloads) for number, kernel in kernels.items()}
 
+RARE = tuple("gfmdlayer.contact." + name for name in (
+    "conjugate_gradient.", "active_set.descent.", "pressure_form.satisfies_kkt",
+))
 SHORT = {"grid.points": 512, "time": {"end": 0.2, "step": 0.05}, "trajectory.depth": 0.003}
 ADAPTIVE = {"time": {"end": 0.05, "step": "adaptive"}}
 CASES = [
@@ -50,7 +54,9 @@ for values in CASES:
         pass
     else:
         assert config.solver.method == "active_set"
-    late = {name: count for name, count in compiled().items() if count != before.get(name, 0)}
+    late = {name for name, count in compiled().items() if count != before.get(name, 0)}
+    if config.solver.method == "active_set":  # its last resort is compiled when it is needed, by one process
+        late = {name for name in late if not name.startswith(RARE)}
     assert not late, (values, late)
 """
 
