@@ -27,8 +27,8 @@ def compiled():
     modules = [module for name, module in sys.modules.items() if name.startswith("gfmdlayer")]
     kernels = {id(kernel): kernel for module in modules for kernel in vars(module).values()
                if isinstance(kernel, Dispatcher)}
-    names = {id(kernel): kernel.py_func.__module__ + "." + kernel.py_func.__qualname__ for kernel in kernels.values()}
-    return {names[number]: len(kernel.overloads) for number, kernel in kernels.items()}
+    return {kernel.py_func.__module__ + "." + kernel.py_func.__qualname__: len(kernel.overloads)
+            for kernel in kernels.values()}
 
 RARE = tuple("gfmdlayer.contact." + name for name in (
     "conjugate_gradient.", "active_set.descent.", "pressure_form.satisfies_kkt",
