@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import FunctionType
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -30,7 +31,7 @@ from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePredict
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.simulation import ConvergenceError, simulate, warm_up
-from gfmdlayer.verification.runs import Recording, table
+from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
 QUICK = Effort(points=(1 << 10,), steps=20, repetitions=1)
@@ -51,7 +52,10 @@ def measure(effort: Effort) -> list[Table]:
     """Take the ingredients out of the active set and its guesses, of FIRE, and of the adaptive steps."""
     points, repetitions = max(effort.points), effort.repetitions
     active_set = {**_workloads(points, effort.steps), **_hard(points // 4)}
-    with table(_WITHDRAWN) as withdrawn:
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "withdrawn.txt"
+        file.write_text("\n".join(f"{time} {depth}" for time, depth in _WITHDRAWN), encoding="utf-8")
+        withdrawn = {"trajectory": {"control": "depth", "kind": "table", "file": str(file)}}
         return [
             *_compare("ablation", "Active set", active_set, ACTIVE_SET, repetitions),
             *_compare("ablation-fire", "FIRE", _fire(points), FIRE, repetitions),

@@ -241,7 +241,7 @@ def test_clean_removes_what_dead_runs_left_and_nothing_else(
     assert names(littered) == set(KEPT)
     assert {line.strip() for line in lines[1:-1]} == set(LEFT)
     assert lines[-1] == f"removed {len(LEFT)} files"
-    assert told(capsys, "clean", str(littered.path), "--yes") == ["nothing is left of dead runs"]
+    assert told(capsys, "clean", str(littered.path), "--yes") == ["no unfinished files of killed runs"]
 
 
 def test_clean_asks_nobody_who_is_not_there(littered: Folder) -> None:

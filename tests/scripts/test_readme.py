@@ -74,6 +74,7 @@ def test_each_block_is_in_a_known_language() -> None:
     assert sum(block.runs for block in BLOCKS) > len(BLOCKS) // 2
 
 
+@pytest.mark.slow  # the verbs are tested on small cases in tests/cli
 @pytest.mark.usefixtures("clone")
 def test_commands_and_scripts_work_one_after_the_other() -> None:
     mpl.use("Agg")
