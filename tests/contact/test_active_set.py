@@ -342,15 +342,16 @@ def test_layers_of_extreme_stiffness(
         )
 
 
-@pytest.mark.parametrize("n", [81, 128])
-def test_a_hard_film_on_a_soft_base_needs_no_safeguard(n: int) -> None:
+@pytest.mark.parametrize("n", [81, 128, 256])
+def test_a_hard_film_on_a_soft_base_is_solved(n: int) -> None:
     # It bends, so that contact points far apart push each other out; descent would take 1e5 iterations, which
     # is the range of the stiffness.
     film = LayeredHalfspace(thickness=0.01, poisson=0.5, bulk_modulus=1.0)
     problem = elastic(film, parabola(n, 0.1), modulus=1e5)
     found = solve(ActiveSet, problem)
     assert found.converged
-    assert found.iterations < 1000
+    # Without the safeguard on the coarser grids; at 256 points the set cycles, and the safeguard ends it.
+    assert found.iterations < (1000 if n < 256 else 10_000)
     assert_consistent(found, problem)
     other = solve(ConjugateGradient, problem, tolerance=1e-9)
     # Gaps of TOLERANCE in the contact bend the film as much: the pressure works on them, and nowhere else.
