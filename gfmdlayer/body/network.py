@@ -19,12 +19,12 @@ symmetric eigenproblem theta^(-1/2) (1 + B^T B) theta^(-1/2) v = v/theta' gives 
 
 The displacements are eliminated by an exchange of unknowns (Gauss-Jordan), from the base up and at each
 interface first the normal one (else digits are lost where layers are thin and incompressible): each becomes
-the strain of the spring that resists it most, and the other springs' strains are combinations N e + n u of these. Weighted with
-the roots of the stiffnesses, N -> M, n -> m, the entries of M are of order one and of full relative accuracy,
-for stiffnesses that differ by any factor; with L L^T = 1 + M M^T, g = L^-1 m, and B has the columns of
-L^-1 (-M, 1) times sqrt(Ginf J_j). Nothing is subtracted: 1/theta' is found as the squared singular values of
-theta^(-1/2) above B theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative accuracy over any
-range of times.
+the strain of the spring that resists it most, and the other springs' strains are combinations N e + n u of
+these. Weighted with the roots of the stiffnesses, N -> M, n -> m, the entries of M are of order one and of
+full relative accuracy, for stiffnesses that differ by any factor; with L L^T = 1 + M M^T, g = L^-1 m, and B
+has the columns of L^-1 (-M, 1) times sqrt(Ginf J_j). Nothing is subtracted: 1/theta' is found as the squared
+singular values of theta^(-1/2) above B theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
+accuracy over any range of times.
 """
 
 from __future__ import annotations
@@ -68,24 +68,28 @@ class Network:
     times: FloatArray
     layer: IntArray
 
-    def modes(self) -> tuple[FloatArray, FloatArray]:
-        """Return weights w_j >= 0 and times of the relaxing modes besides `free`, each (internal, nq)."""
-        from scipy.linalg.lapack import dgejsv
-
-        weights, times = np.zeros((2, self.times.size, self.force.shape[0]))
+    def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
+        """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
         order = np.argsort(self.times)
         roots = np.sqrt(self.times[order])
-        times[:] = self.times[order, np.newaxis]
-        if not roots.size:
-            return weights, times
-        for i in np.flatnonzero(self.force.any(axis=1)):
-            coupling = self.coupling[i][:, order] / roots
-            system = np.vstack((np.diag(1 / roots), coupling))
-            values, _, vectors, scale, *_ = dgejsv(system, joba=2, jobu=3, jobv=0)
-            rates = (values * (scale[0] / scale[1])) ** 2
-            weights[:, i] = ((self.force[i] @ coupling) @ vectors) ** 2 / rates
-            times[:, i] = 1 / rates
-        return weights, times
+        if not roots.size or not self.force.shape[1]:
+            return np.zeros(0), np.zeros(0)
+        coupling = self.coupling[i][:, order] / roots
+        slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), coupling)))
+        return ((self.force[i] @ coupling) @ vectors) ** 2 / slowness**2, 1 / slowness**2
+
+
+def singular_values(system: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values, from the largest, and right singular vectors, by Jacobi rotations.
+
+    They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
+    """
+    from scipy.linalg.lapack import dgejsv
+
+    values, _, vectors, scale, *_, info = dgejsv(system, joba=2, jobu=3, jobv=0)
+    if info:
+        raise ArithmeticError(f"no convergence to the relaxing modes of a stack (dgejsv: {info})")
+    return values * (scale[0] / scale[1]), vectors
 
 
 class Member(NamedTuple):

@@ -65,11 +65,14 @@ class Spectrum:
         w_j(q) >= 0; zero where a mode is left out.
     times : ndarray, shape (modes, *q.shape)
         theta_j(q) > 0.
+    error : float
+        Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
     """
 
     relaxed: FloatArray
     weights: FloatArray
     times: FloatArray
+    error: float = 0.0
 
     @property
     def glassy(self) -> FloatArray:

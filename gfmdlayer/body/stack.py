@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material
+from gfmdlayer.body.merging import merged
 from gfmdlayer.body.network import Member, Network, assemble
 from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches
 from gfmdlayer.body.springs import (
@@ -73,6 +74,8 @@ class LayerStack:
         From the surface down; the last is infinitely thick where the stack lies on a halfspace.
     rigid : bool
         Whether the last layer of finite thickness is bonded to a rigid base; else its lower face is free.
+    accuracy : float
+        Relative error of K(q, s) up to which modes of the spectrum are merged; 0 keeps all.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class LayerStack:
 
     layers: tuple[Layer, ...]
     rigid: bool = False
+    accuracy: float = 0.0
 
     def __post_init__(self) -> None:
         if not any(layer.thickness for layer in self.layers):
@@ -110,7 +114,7 @@ class LayerStack:
         q, s = np.broadcast_arrays(np.asarray(q, dtype=float), np.asarray(s))
         positive = np.where(q > 0, q, 1.0)
         vector = np.broadcast_to(_RIGID if self.rigid else _FREE, (*q.shape, 5))
-        for layer in reversed(self._layers):
+        for layer in reversed(self.present):
             modulus = layer.material.laplace(s)[..., np.newaxis] ** _DEGREES
             if math.isinf(layer.thickness):
                 vector = modulus * halfspace_minors(layer.poisson)
@@ -124,42 +128,25 @@ class LayerStack:
         """Return the relaxing modes at the wavenumbers q, of any shape.
 
         Modes other than those of the uppermost layer have weight zero where their weights sum to no more than
-        `NEGLIGIBLE` of the relaxed stiffness.
+        `NEGLIGIBLE` of the relaxed stiffness, and are merged to the `accuracy` of the stack.
         """
         q = np.asarray(q, dtype=float)
-        flat, relaxed = q.ravel(), self.stiffness(q, 0.0)
-        parts = [
-            self._modes(flat[part], relaxed.ravel()[part])
-            for part in (slice(start, start + _CHUNK) for start in range(0, flat.size, _CHUNK))
-        ]
-        weights, times = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
-        used = weights.any(axis=1)
-        shape = (int(used.sum()), *q.shape)
-        return Spectrum(relaxed, weights[used].reshape(shape), times[used].reshape(shape))
+        different, where = np.unique(q, return_inverse=True)
+        found = _spectrum(self, different.tobytes())
+        each = (found.relaxed, found.weights, found.times)
+        relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
+        return Spectrum(relaxed, weights, times, found.error)
 
     def network(self, q: ArrayLike) -> Network:
         """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
         q = np.asarray(q, dtype=float)
         members, free = self._members(np.where(q > 0, q, 1.0))
-        finite = sum(math.isfinite(layer.thickness) for layer in self._layers)
+        finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
-
-    def _modes(self, q: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weights and times of all modes at some wavenumbers."""
-        network = self.network(q)
-        deep = (network.force**2).sum(axis=1) <= NEGLIGIBLE * relaxed
-        network.force[deep] = 0.0
-        weights, times = network.modes()
-        weights[:, weights.sum(axis=0) <= NEGLIGIBLE * relaxed] = 0.0
-        moduli, own = distinct_branches(self._layers[0].material)
-        return (
-            np.concatenate((np.multiply.outer(moduli, network.free), weights)),
-            np.concatenate((np.repeat(own[:, np.newaxis], q.size, axis=1), times)),
-        )
 
     def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
         """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
-        top, *others = self._layers
+        top, *others = self.present
         if math.isinf(top.thickness):
             return [], np.full(q.shape, 1 / (1 - top.poisson))
         springs, free = surface_springs(q * top.thickness, top.poisson)
@@ -173,13 +160,13 @@ class LayerStack:
         return members, free
 
     @cached_property
-    def _layers(self) -> tuple[Layer, ...]:
+    def present(self) -> tuple[Layer, ...]:
         """Layers of a thickness."""
         return tuple(layer for layer in self.layers if layer.thickness)
 
     def _confined(self, s: NDArray[Any]) -> NDArray[Any]:
         """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
-        each = [self._confined_compliance(layer) / layer.material.laplace(s) for layer in self._layers]
+        each = [self._confined_compliance(layer) / layer.material.laplace(s) for layer in self.present]
         total = np.asarray(sum(each))
         return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
 
@@ -188,3 +175,32 @@ class LayerStack:
         if not self.rigid or layer.poisson == 0.5:
             return 0.0
         return layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson))
+
+
+@lru_cache(maxsize=4)
+def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
+    """Return the spectrum at different wavenumbers; the cases of a sweep mostly share it."""
+    q = np.frombuffer(wavenumbers)
+    relaxed = body.stiffness(q, 0.0)
+    moduli, own_times = distinct_branches(body.present[0].material)
+    own, local, error = [], [], 0.0
+    for start in range(0, q.size, _CHUNK):
+        network = body.network(q[start : start + _CHUNK])
+        own.append(np.multiply.outer(moduli, network.free))
+        for i, K in enumerate(relaxed[start : start + _CHUNK]):
+            if network.force[i] @ network.force[i] > NEGLIGIBLE * K:
+                weights, times = network.modes(i)
+                some = weights * weights.size > NEGLIGIBLE * K
+                weights, times, change = merged(weights[some], times[some], body.accuracy * K)
+                local.append((start + i, weights, times))
+                error = max(error, change / K)
+    count = max((weights.size for _, weights, _ in local), default=0)
+    all_weights, all_times = np.zeros((count, q.size)), np.ones((count, q.size))
+    for k, weights, times in local:
+        all_weights[: weights.size, k], all_times[: weights.size, k] = weights, times
+    own_rows = np.repeat(own_times[:, np.newaxis], q.size, axis=1)
+    weights, times = (
+        np.concatenate((np.concatenate(own, axis=1), all_weights)),
+        np.vstack((own_rows, all_times)),
+    )
+    return Spectrum(relaxed, weights, times, error)
