@@ -10,13 +10,23 @@ from dataclasses import dataclass, replace
 Location = tuple[str | int, ...]
 
 
-class ConfigError(Exception):
+class ConfigError(ValueError):
     """A configuration that cannot be used, with all of its errors.
 
     Parameters
     ----------
     problems : iterable of str
-        One line each: place, key, value found, values allowed.
+        One line each: place in a file, key, value found, values allowed.
+
+    Examples
+    --------
+    >>> import gfmdlayer
+    >>> try:
+    ...     gfmdlayer.Config(name="a", layer={"thicknes": 1}, grid={"points": 7})
+    ... except gfmdlayer.ConfigError as error:
+    ...     print(error)
+    grid.points: got 7; must be a whole number >= 8 and < 2^31, or two of them, [nx, ny]
+    layer.thicknes: unknown key; allowed: thickness, poisson, material; did you mean 'thickness'?
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
@@ -42,12 +52,15 @@ class Problem:
         Dotted keys whose values the message depends on besides the one at `location`.
     at_key : bool
         Whether the key itself is wrong, not its value.
+    chooses : bool
+        Whether the key chooses the section that holds it, whose other keys have no meaning then.
     """
 
     location: Location
     message: str
     others: tuple[str, ...] = ()
     at_key: bool = False
+    chooses: bool = False
 
     @property
     def key(self) -> str:
