@@ -15,7 +15,7 @@ from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
-from gfmdlayer.validation.problems import ConfigError, Problem
+from gfmdlayer.validation.problems import ConfigError, Problem, colon_without_space
 from gfmdlayer.validation.sections import keys_of_files, plain
 
 _FILES = frozenset(keys_of_files(Config))
@@ -146,7 +146,8 @@ def _document(path: str | Path) -> Document:
     if document.data is None and not document.problems:
         document.problems.append((start, f"is empty; {wanted}"))
     elif not isinstance(document.data, dict) and not document.problems:
-        document.problems.append((document.values[()], f"holds no keys; {wanted}"))
+        hint = colon_without_space(document.data) if isinstance(document.data, str) else ""
+        document.problems.append((document.values[()], f"holds no keys; {wanted}{hint}"))
         document.data = None
     return document
 

@@ -17,6 +17,7 @@ from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
     Problem,
+    colon_without_space,
     dotted,
     nearest,
     shown,
@@ -256,8 +257,9 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
             case "must_be" | "value_error":
                 found.append(Problem(location, entry["msg"].removeprefix("Value error, ")))
             case kind:
-                allowed = _SHAPES.get(kind, entry["msg"])
-                found.append(Problem(location, f"got {shown(entry['input'])}; must be {allowed}"))
+                allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
+                hint = colon_without_space(value) if isinstance(value, str) else ""
+                found.append(Problem(location, f"got {shown(value)}; must be {allowed}{hint}"))
     return list(dict.fromkeys(found))
 
 
