@@ -198,7 +198,23 @@ def digest(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    data = config.model_dump(exclude={"name", "sweep"}, exclude_none=True)
+    return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
+
+
+def stem(config: Config) -> str:
+    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+
+    Raises
+    ------
+    OSError
+        A file named by the configuration cannot be read any more.
+    """
+    left_out = {"name": True, "sweep": True, "time": {"end"}, "output": {"keep_state", "snapshots", "times"}}
+    return _hash(config, left_out)
+
+
+def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
