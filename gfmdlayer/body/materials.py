@@ -18,32 +18,24 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from gfmdlayer.body.shifts import SHIFTS, Shift
 from gfmdlayer.validation.fields import NotNegative, Positive, given
-from gfmdlayer.validation.problems import InconsistentError, Problem
-from gfmdlayer.validation.sections import OneOf, Section
+from gfmdlayer.validation.problems import ConfigError, Problem
+from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
-Init = TypeVar("Init", bound=Callable[..., None])
 
-
-def _alone(init: Init) -> Init:
-    """Mark an __init__ that pydantic does not call: in a configuration a sweep may replace the values."""
-    init.__pydantic_base_init__ = True  # type: ignore[attr-defined]
-    return init
-
-
-class Law(Section):
+class Law(Kind):
     """Shear response of an isotropic solid whose stress relaxes."""
 
     BY_NAME: ClassVar[frozenset[str]] = frozenset({"model", "shift"})  # parameters that have no position
@@ -54,26 +46,22 @@ class Law(Section):
         default=None, description="change of all relaxation times with the temperature: law wlf or arrhenius"
     )
 
-    @_alone
+    @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
         """Make a material from its parameters, in the order of the fields or by name; `shift` by name.
 
         Raises
         ------
-        ValueError
+        ConfigError
             A parameter is outside of its bounds, or parameters contradict each other.
         """
         names = [name for name in type(self).model_fields if name not in self.BY_NAME]
         parameters = dict(zip(names, values, strict=False)) | keys
         if len(values) > len(names) or len(parameters) < len(values) + len(keys):
             raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once")
-        try:
-            self.__pydantic_validator__.validate_python(parameters, self_instance=self)
-        except ValidationError as error:
-            problems = [Problem(each["loc"], each["msg"]) for each in error.errors(include_url=False)]
-            raise InconsistentError(problems) from None
-        if problems := list(self.problems()):
-            raise InconsistentError(problems)
+        self._take(plain(parameters))
+        if problems := list(self.problems()):  # in a configuration a sweep may replace the values
+            raise ConfigError(map(str, problems))
 
     @property
     @abstractmethod
@@ -274,7 +262,7 @@ class Prony(Material):
         default=(), description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0; without any it is elastic"
     )
 
-    @_alone
+    @alone
     def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:
         made = [
             each if isinstance(each, Mapping) else dict(zip(("G", "tau"), each, strict=True))

@@ -21,18 +21,18 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from gfmdlayer.validation.fields import MustBe, Positive, strict
-from gfmdlayer.validation.sections import Section
+from gfmdlayer.validation.sections import Kind
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), CODATA 2018, exact
 ZERO_CELSIUS = 273.15  # K
 MOST_DECADES = 100  # of a shift; times multiplied by more leave the range of double precision
 
-Temperature = Annotated[
+Celsius = Annotated[
     float, strict, Field(gt=-ZERO_CELSIUS), MustBe(f"a number > -{ZERO_CELSIUS}, finite: degrees Celsius")
 ]
 
 
-class Shift(Section):
+class Shift(Kind):
     """The factor aT as a function of the temperature in degrees Celsius.
 
     In both laws ln aT = slope/(T - pole) + constant, with T above the pole.
@@ -40,7 +40,7 @@ class Shift(Section):
 
     law: str
     """word that chooses the law"""
-    reference: Temperature
+    reference: Celsius
     """temperature at which the relaxation times are given: degrees Celsius"""
 
     @property
