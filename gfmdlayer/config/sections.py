@@ -20,8 +20,9 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.laws import LAWS
-from gfmdlayer.body.materials import Material, Zener
+from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.body.shifts import Celsius
+from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -107,9 +108,8 @@ class Layer(Section):
     """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
-    material: Annotated[Material, OneOf(LAWS)] = Field(
-        default_factory=Zener, description=f"viscoelastic law of the layer: model {' or '.join(LAWS)}"
-    )
+    material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
+    """viscoelastic law of the layer: its model, or the file in which fit-material wrote it"""
 
 
 class Halfspace(Section):
@@ -119,6 +119,22 @@ class Halfspace(Section):
     """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
+
+
+class Temperature(Section):
+    """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
+
+    value: Annotated[Celsius | None, given] = None
+    """temperature at all times: degrees Celsius"""
+    file: Annotated[File | None, given] = None
+    """two columns, time and temperature in degrees Celsius; in place of value"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse both and neither."""
+        if self.value is None and self.file is None:
+            yield Problem((), "holds neither value nor file; must be {value: ...} or {file: ...}")
+        if self.value is not None and self.file is not None:
+            yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
 
 
 class Trajectory(Section):
