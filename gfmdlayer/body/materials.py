@@ -17,55 +17,43 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from gfmdlayer.validation.fields import NotNegative, Positive
-from gfmdlayer.validation.problems import InconsistentError, Problem
-from gfmdlayer.validation.sections import Section
+from gfmdlayer.validation.problems import ConfigError, Problem
+from gfmdlayer.validation.sections import Kind, Section, alone, plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
-Init = TypeVar("Init", bound=Callable[..., None])
 
-
-def _alone(init: Init) -> Init:
-    """Mark an __init__ that pydantic does not call: in a configuration a sweep may replace the values."""
-    init.__pydantic_base_init__ = True  # type: ignore[attr-defined]
-    return init
-
-
-class Material(Section):
+class Material(Kind):
     """Shear response of an isotropic solid whose stress relaxes through Maxwell branches."""
 
     model: str
     """word that chooses the law"""
 
-    @_alone
+    @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
         """Make a material from its parameters, in the order of the fields or by name.
 
         Raises
         ------
-        ValueError
+        ConfigError
             A parameter is outside of its bounds, or parameters contradict each other.
         """
         names = list(type(self).model_fields)[1:]
         given = dict(zip(names, values, strict=False)) | keys
         if len(values) > len(names) or len(given) < len(values) + len(keys):
             raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once")
-        try:
-            self.__pydantic_validator__.validate_python(given, self_instance=self, context="alone")
-        except ValidationError as error:
-            problems = [Problem(each["loc"], each["msg"]) for each in error.errors(include_url=False)]
-            raise InconsistentError(problems) from None
-        if problems := list(self.problems()):
-            raise InconsistentError(problems)
+        self._take(plain(given), context="alone")
+        if problems := list(self.problems()):  # in a configuration a sweep may replace the values
+            raise ConfigError(map(str, problems))
 
     @property
     @abstractmethod
@@ -199,7 +187,7 @@ class Prony(Material):
         description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0", json_schema_extra={"minItems": 1}
     )
 
-    @_alone
+    @alone
     def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:
         made = [
             each if isinstance(each, Mapping) else dict(zip(("G", "tau"), each, strict=True))

@@ -18,13 +18,14 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.materials import Material
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
-from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, sections_in
+from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
 Name = Annotated[
     str,
@@ -142,10 +143,16 @@ class Config(Section):
         ConfigError
             A key does not exist, or a value is not possible.
         """
+        data = assigned(self._given(), plain(values))
         try:
-            return Config.model_validate(assigned(self._given(), values))
+            return Config.model_validate(data)
         except ValidationError as error:
-            raise ConfigError(map(str, explain(error))) from None
+            raise ConfigError(map(str, self.all_problems(plain(data), error))) from None
+
+    @classmethod
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
+        """Return the problems that pydantic found in plain data, and those that they hide."""
+        return with_hidden(data, explain(error), problems)
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.

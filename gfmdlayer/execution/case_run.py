@@ -118,7 +118,8 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
         except ConvergenceError as error:
             if (kept := checkpoints.kept()) is None:
                 raise
-            raise ConvergenceError(f"{error}; state kept at t = {kept:.6g}") from error
+            message = f"{error}; state kept at t = {kept:.6g}"
+            raise ConvergenceError(message, error.problem, error.solution, error.time) from error
         checkpoints.remove()
     return note
 

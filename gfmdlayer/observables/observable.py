@@ -60,10 +60,8 @@ class Column:
         Type in the files, as numpy names it.
     along : Bins, optional
         Bins of a distribution; a number without them.
-    in_sweep : bool
-        Whether the sweep file has it, for numbers.
     symbol : str
-        In mathtext; a number of the sweep file with a symbol has a panel among the curves.
+        In mathtext; a number with a symbol has a panel among the curves.
     """
 
     name: str
@@ -71,7 +69,6 @@ class Column:
     units: str = "1"
     dtype: str = "f8"
     along: Bins | None = None
-    in_sweep: bool = False
     symbol: str = ""
 
     @property

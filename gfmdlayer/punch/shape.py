@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from gfmdlayer.validation.problems import Problem, shown
-from gfmdlayer.validation.sections import Section
+from gfmdlayer.validation.sections import Kind
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -37,7 +37,7 @@ class Extent(NamedTuple):
     words: str  # "the period over 4 in x, 0.25"
 
 
-class Shape(Section):
+class Shape(Kind):
     """A shape of the punch."""
 
     rough: ClassVar[bool] = False  # touches in many patches

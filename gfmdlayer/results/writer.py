@@ -107,6 +107,11 @@ class CaseWriter:
             self._finish()
 
     @property
+    def declared(self) -> frozenset[str]:
+        """Columns that rows may have."""
+        return frozenset(self._declared)
+
+    @property
     def elapsed(self) -> float:
         """Seconds spent on the case so far."""
         return self._elapsed + time.monotonic() - self._begun
