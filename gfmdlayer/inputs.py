@@ -41,17 +41,21 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
 def make_trajectory(config: Config) -> Trajectory:
     """Return the depth or the mean pressure over time, as `trajectory.control` says.
 
+    A force is divided by the area of the cell, or by the length of a line's.
+
     Raises
     ------
     TableError
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
     if given.file is not None:
-        return Table.read(given.file, given.control)
-    target = given.depth if given.control == "depth" else given.load
+        table = Table.read(given.file, given.control)
+        return Table(table.times, table.values / unit)
+    target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
-    return RampHold(target, given.ramp_time)
+    return RampHold(target / unit, given.ramp_time)
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -106,9 +110,9 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
-    if given.control == "load":
+    if given.control != "depth":
         if (values < 0).any():
-            message = f"{given.file}: holds a negative load; must be >= 0, there is no adhesion"
+            message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
     deepest, mean_height = float(values.max()), float(heights.mean())

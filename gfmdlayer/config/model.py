@@ -19,10 +19,11 @@ from pydantic import Field, ValidationError, model_validator
 from gfmdlayer.body.materials import Material
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.units import Units
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
-from gfmdlayer.validation.fields import MustBe
+from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, sections_in
 
@@ -40,6 +41,8 @@ class Config(Section):
     ----------
     name : str
         Names the folder of the results.
+    units : Units, optional
+        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
     grid, layer, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
@@ -49,6 +52,8 @@ class Config(Section):
 
     name: Name
     """names the folder of the results"""
+    units: Annotated[Units | None, given] = None
+    """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
     layer: sections.Layer = Field(default_factory=sections.Layer)
@@ -127,7 +132,16 @@ class Config(Section):
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         if given.file is not None or given.velocity_file is not None or mean_height is None:
             return False
-        return given.control == "load" or (given.depth is not None and given.depth < mean_height / 2)
+        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+    def unit(self, words: str) -> str:
+        """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
+
+        Without `units` the words stay: "length", "pressure / time".
+        """
+        if len(self.grid.points) == 1 and words == "force":
+            words = "force / length"
+        return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep.
@@ -202,7 +216,8 @@ def leaves(config: Config) -> list[str]:
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
     kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
-    return leaves(config) + [dotted(at) for at in kinds]
+    swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
+    return [*swept, *(dotted(at) for at in kinds)]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
+from gfmdlayer.config.sweeps import LISTS, SAMPLED, UNSWEPT, Axis, Row, axes, count, keys_of
 from gfmdlayer.validation.problems import Location, Problem, shown, unknown_key
 
 MAX_CASES = 1_000_000
@@ -79,7 +79,7 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
 
 
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
-    if key.partition(".")[0] in {"name", "sweep"}:
+    if key.partition(".")[0] in UNSWEPT:
         return "cannot be swept; allowed: a dotted key such as layer.thickness"
     siblings = [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
     lists = list(LISTS) if len(location) == 2 and "." not in key else []

@@ -134,7 +134,10 @@ def _compute(
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
     attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
-    with CaseWriter(path, coordinates, attributes, columns(config), elapsed=checkpoints.elapsed) as writer:
+    elapsed = checkpoints.elapsed
+    with CaseWriter(
+        path, coordinates, attributes, columns(config), elapsed=elapsed, unit=config.unit
+    ) as writer:
         recorder = checkpoints.recorder(writer)
         warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
     return "; ".join(warnings)
@@ -144,6 +147,9 @@ def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
+    found["G0"] = config.layer.material.relaxed
+    if config.units is not None:
+        found["units"] = str(config.units)
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
     if config.trajectory.moves:

@@ -96,7 +96,7 @@ class Checkpoints:
         Raises
         ------
         CheckpointError
-            Where the journal of the checkpoint is lost.
+            Where the journal of the checkpoint is lost, or its rows have other columns.
         """
         from gfmdlayer.results.checkpoint import CheckpointError
         from gfmdlayer.results.journal import Journal, Position
@@ -104,8 +104,11 @@ class Checkpoints:
         self._writer = writer
         self._journal = Journal(self._folder.case(self._index, "journal0"), writer)
         if self._found is not None:
+            position = Position(*self._found.about["journal"])
+            if position.columns and (changed := writer.declared ^ set(position.columns)):
+                raise CheckpointError(f"its rows have other columns, see {', '.join(sorted(changed))}")
             try:
-                self._journal.replay(Position(*self._found.about["journal"]))
+                self._journal.replay(position)
             except ValueError as error:
                 raise CheckpointError(str(error)) from None
         return self._journal

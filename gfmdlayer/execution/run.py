@@ -61,10 +61,13 @@ class Summary:
         Of all cases of the run or of its shard, in their order, those complete before included.
     collected : bool
         Whether the sweep file was written: no case waits any more, in any shard.
+    notes : tuple of str
+        Lines on the sweep file: columns that some cases lack, cases of different versions.
     """
 
     outcomes: tuple[Outcome, ...]
     collected: bool
+    notes: tuple[str, ...] = ()
 
     def count(self, state: str) -> int:
         """Return the number of cases in a state."""
@@ -149,10 +152,10 @@ def run_sweep(
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     record_failure(folder, every[outcome.index], outcome.reason)
-        collected = False
+        notes: list[str] | None = None
         if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
-            collected = _collect(config, folder, every, outcomes)
-    return Summary(tuple(outcomes.values()), collected)
+            notes = _collect(config, folder, every, outcomes)
+    return Summary(tuple(outcomes.values()), notes is not None, tuple(notes or ()))
 
 
 def _nothing() -> Display:
@@ -225,9 +228,12 @@ def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
     return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
 
 
-def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
-    """Write the sweep file, unless cases of other shards are not complete yet; return whether it was."""
+def _collect(
+    config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]
+) -> list[str] | None:
+    """Write the sweep file and return the notes in it; None where cases of other shards are not complete."""
     from gfmdlayer.results.case_metadata import CaseRecord
+    from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import collect
 
@@ -237,16 +243,16 @@ def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: di
                 case.index: _failure_reason(folder, case) for case in every if case.index not in outcomes
             }
             if None in reasons.values():
-                return False
+                return None
             records = [
                 CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
+            return str(attributes(path)["notes"]).splitlines()
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
-    return True
 
 
 def _failure_reason(folder: Folder, case: Case) -> str | None:
