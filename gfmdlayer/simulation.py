@@ -5,9 +5,11 @@ The numbers in the comments of `simulate` are the lines of their pseudocode.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
@@ -15,11 +17,47 @@ from gfmdlayer.config import Config
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.resumable import Resumable
+from gfmdlayer.resumable import CompositeState
+
+if TYPE_CHECKING:
+    import xarray
+
+    from gfmdlayer.contact.problem import Problem, Solution
 
 
 class ConvergenceError(RuntimeError):
-    """A time step did not reach the solver's tolerance."""
+    """A contact problem was not solved to the solver's tolerance.
+
+    Attributes
+    ----------
+    problem : Problem or None
+        The contact problem.
+    solution : Solution or None
+        The last state of the solver, whose residual is too large.
+    time : float
+        Simulated time of the step.
+    data : xarray.Dataset or None
+        From `gfmdlayer.run`: the steps before.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.run({"grid": {"points": 256}, "solver": {"method": "fire", "max_iterations": 20}})
+    ... except gfmdlayer.ConvergenceError as error:
+    ...     print(error.solution.residual > 1e-6, error.data.sizes["time"])
+    True 1
+    """
+
+    def __init__(
+        self,
+        message: str,
+        problem: Problem | None = None,
+        solution: Solution | None = None,
+        time: float = math.nan,
+    ) -> None:
+        super().__init__(message)
+        self.problem, self.solution, self.time = problem, solution, time
+        self.data: xarray.Dataset | None = None
 
 
 def simulate(
@@ -28,7 +66,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[Resumable], None] | None = None,
+    resume: Callable[[CompositeState], None] | None = None,
 ) -> list[str]:
     """Run one case.
 
@@ -79,7 +117,10 @@ def simulate(
             given = case.config.solver
             raise ConvergenceError(
                 f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}"
+                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
+                problem,
+                solution,
+                instant.time,
             )
         for observable in observables:
             observable.attempt(solution)
