@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.indentation.indent import indent
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
@@ -23,6 +24,7 @@ __all__ = [
     "LayeredHalfspace",
     "Prony",
     "Zener",
+    "indent",
     "load",
     "open_case",
     "open_results",
@@ -32,6 +34,7 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Protocol, TypedDict, Unpack
@@ -26,7 +24,7 @@ from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
-from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -70,6 +68,10 @@ class Steps(Resumable, Protocol):
         depth : float
             Depth of the punch.
         """
+        ...
+
+    def course(self) -> Course | None:
+        """Return the course so far where the next step is the first that may depend on the end of the run."""
         ...
 
 
@@ -185,9 +187,7 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        temperature = None if self.reduced_time is None else self.reduced_time.temperature
-        others = (each.kinks for each in (self.velocity, temperature) if each is not None)
-        return (*self.loading.trajectory.kinks, *itertools.chain.from_iterable(others))
+        return inputs.kinks(self.loading.trajectory, self.velocity, self.reduced_time)
 
     @cached_property
     def loading(self) -> Loading:
@@ -222,11 +222,12 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            landings = snapshots, self.kinks, output_times(self.config)
+            landings = snapshots, self.kinks, inputs.output_times(self.config)
             slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
             return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
-        return FixedSteps(steps(time.end, time.step, snapshots, self.kinks))
+        instants = steps(time.end, time.step, snapshots, self.kinks)
+        return FixedSteps(instants, inputs.stops(self.config, self.kinks), time.step)
 
     @cached_property
     def solver(self) -> Solver:
@@ -268,11 +269,3 @@ class Case:
             guess=self.guess,
             observables=CompositeState(**self.observables),
         )
-
-
-def output_times(config: Config) -> tuple[float, ...]:
-    """Return the times of the rows that adaptive steps are asked to land on."""
-    times = config.output.times
-    if isinstance(times, float):
-        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
-    return times or ()

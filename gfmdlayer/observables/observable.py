@@ -7,8 +7,8 @@ costs estimated by these modules, so that they import neither numpy nor a compil
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -77,6 +77,11 @@ class Column:
     def size(self) -> int:
         """Numbers in a row."""
         return 1 if self.along is None else len(self.along.edges) - 1
+
+    def in_units(self, unit: Callable[[str], str]) -> Column:
+        """Return the column with the label of its unit in place of the words."""
+        along = self.along and replace(self.along, units=unit(self.along.units))
+        return replace(self, units=unit(self.units), along=along)
 
     @property
     def described(self) -> dict[str, str]:
