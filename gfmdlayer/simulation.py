@@ -108,7 +108,7 @@ def simulate(
         resume(case.resumable)
 
     for instant in steps:  # 4, 10
-        kappa, b = integrator.terms(instant.step)  # 5, 6
+        kappa, b = integrator.terms(case.elapsed(instant))  # 5, 6
         problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
         before = solver.state()
         solution = solver.solve(problem, guess.at(instant.time))  # 7

@@ -61,7 +61,7 @@ def read_material(path: Path) -> Law:
     Raises
     ------
     InconsistentError
-        The file holds no material, or one that is not possible; at the key `file`, with the place in the file.
+        The file holds no material, or one that is not possible; the message names the place in the file.
     """
     document = text.read(path.read_bytes(), str(path))
     if document.problems:

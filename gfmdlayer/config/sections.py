@@ -21,7 +21,6 @@ from pydantic import (
 )
 
 from gfmdlayer.body.materials import Law, Zener
-from gfmdlayer.body.shifts import Celsius
 from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
@@ -41,7 +40,7 @@ from gfmdlayer.validation.fields import (
     strict,
 )
 from gfmdlayer.validation.problems import Problem, shown
-from gfmdlayer.validation.sections import OneOf, Section
+from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
     int,
@@ -119,22 +118,6 @@ class Halfspace(Section):
     """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
-
-
-class Temperature(Section):
-    """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
-
-    value: Annotated[Celsius | None, given] = None
-    """temperature at all times: degrees Celsius"""
-    file: Annotated[File | None, given] = None
-    """two columns, time and temperature in degrees Celsius; in place of value"""
-
-    def problems(self) -> Iterator[Problem]:
-        """Refuse both and neither."""
-        if self.value is None and self.file is None:
-            yield Problem((), "holds neither value nor file; must be {value: ...} or {file: ...}")
-        if self.value is not None and self.file is not None:
-            yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
 
 
 class Trajectory(Section):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.observables import columns
@@ -25,6 +26,7 @@ ADAPTIVE_STEPS, ADAPTIVE_POWER = 28, -1 / 3
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
+CONTINUOUS_BRANCHES = 15  # of a law with a continuous spectrum, over four decades of time to 1e-4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -62,7 +64,8 @@ def estimate(config: Config) -> Cost:
     pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= solver.rough if config.punch.rough else 1
-    branches = len(config.layer.material.maxwell_branches)
+    law = config.layer.material
+    branches = len(law.maxwell_branches) if isinstance(law, Material) else CONTINUOUS_BRANCHES
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(

@@ -144,7 +144,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
             given = inputs.make_trajectory(case.config), inputs.make_velocity(case.config)
-            stops = inputs.stops(case.config, inputs.kinks(*given))
+            kinks = inputs.kinks(*given, inputs.make_reduced_time(case.config))
+            stops = inputs.stops(case.config, kinks)
             fit = [earlier for course, earlier in candidates if course.begins(stops)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
