@@ -10,6 +10,7 @@ from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.config import Config
+from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
@@ -195,11 +196,11 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            times = inputs.output_times(self.config)
+            times = output_times(self.config)
             return AdaptiveSteps(self.integrator, time.tolerance, time.end, snapshots, self.kinks, times)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
         instants = steps(time.end, time.step, snapshots, self.kinks)
-        return FixedSteps(instants, inputs.stops(self.config, self.kinks), time.step)
+        return FixedSteps(instants, stops(self.config, self.kinks), time.step)
 
     @cached_property
     def solver(self) -> Solver:

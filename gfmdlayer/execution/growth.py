@@ -20,6 +20,7 @@ from typing import Any
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
+from gfmdlayer.config.stops import stops
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.sweep import Case, Earlier, cases
 
@@ -144,8 +145,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
             given = inputs.make_trajectory(case.config), inputs.make_velocity(case.config)
-            stops = inputs.stops(case.config, inputs.kinks(*given))
-            fit = [earlier for course, earlier in candidates if course.begins(stops)]
+            planned = stops(case.config, inputs.kinks(*given))
+            fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
     return found
