@@ -199,6 +199,8 @@ def _reason(path: Path) -> str:
         return "no such file"
     if path.is_dir():
         return "is a folder, not a result file"
+    if path.suffix in {".yaml", ".yml"}:
+        return "is a configuration; must be results, such as the folder results/NAME after its run"
     if not h5py.is_hdf5(path):
         return "not a result file (no HDF5)"
     return "not a complete result file"

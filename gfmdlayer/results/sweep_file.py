@@ -8,7 +8,8 @@ A case that ended in a steady state keeps its last row at all later times.
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
 one dimension, `case`, with the swept values along it. Labels are numbers if all values of the key are, else
-text.
+text. Arguments of xarray's `sel` do not name a dimension: that of solver.method has the whole key, and
+`sel({"solver.method": "fire"})` selects from it.
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
+
+
+# These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
+_ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
 
 
 class _Labels(NamedTuple):
@@ -114,7 +119,7 @@ def collect(
 def dimension_names(keys: Sequence[str]) -> list[str]:
     """Name the swept keys by their last parts, or by the whole key where that is taken."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *(column.name for column in sweep_columns())])
+    taken = Counter([*last, "time", "case", *(column.name for column in sweep_columns()), *_ARGUMENTS_OF_SEL])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
