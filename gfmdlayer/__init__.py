@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.interactive.run import run
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
@@ -27,12 +28,14 @@ __all__ = [
     "open_case",
     "open_results",
     "relaxation_spectrum",
+    "run",
     "simulate",
 ]
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),

@@ -12,6 +12,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
@@ -33,9 +34,9 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     Raises
     ------
     TableError
-        If the heights come from a file that cannot be used.
+        If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(config.punch.heights(grid))
+    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:

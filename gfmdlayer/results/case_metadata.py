@@ -19,7 +19,7 @@ INCOMPLETE = "no complete result file"
 # Relative to the last time: times that two cases reach by different steps differ by rounding.
 SAME_TIME = 1e-9
 
-_OF_ONE_CASE = {
+OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
 }
 
@@ -46,6 +46,31 @@ class CaseRecord:
     failed: str | None = None
 
 
+class CommonTimes:
+    """Times at which all cases have a row; those that ended in a steady state have all later times too.
+
+    Attributes
+    ----------
+    times : ndarray, shape (rows,)
+        The times that all cases so far share.
+    """
+
+    def __init__(self) -> None:
+        self.times: NDArray[np.float64] = np.empty(0)
+        self._is_first = self._all_steady = True
+
+    def add(self, times: NDArray[np.float64], *, steady: bool) -> None:
+        """Add the times of a case, and whether it ended in a steady state."""
+        if self._is_first:
+            self.times = times
+        elif not np.array_equal(times, self.times):
+            common = self.times[rows_at(times, self.times, steady=steady) >= 0]
+            later = times > self.times.max(initial=0.0) if self._all_steady else slice(0)
+            self.times = np.append(common, times[later])
+        self._is_first = False
+        self._all_steady &= steady
+
+
 class CaseMetadata:
     """Metadata that the files of all cases have in common.
 
@@ -54,8 +79,7 @@ class CaseMetadata:
     failed : dict
         Number -> reason of the cases without results.
     common_times : ndarray, shape (rows,)
-        Times at which all complete cases have a row. A case that ended in a steady state counts as having
-        all later times too.
+        Times at which all complete cases have a row, see `CommonTimes`.
     columns : list of Column
         Columns of the sweep file: those of every case, and those that any complete case has.
     shared : dict
@@ -64,10 +88,10 @@ class CaseMetadata:
 
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
-        self.common_times: NDArray[np.float64] = np.empty(0)
+        self._common = CommonTimes()
         self._held: set[str] = set()
         self.shared: dict[str, object] = {}
-        self._is_first = self._all_steady = True
+        self._is_first = True
         for record in records:
             if record.index not in self.failed and not self._add(record.path):
                 self.failed[record.index] = INCOMPLETE
@@ -84,17 +108,16 @@ class CaseMetadata:
                 held = {each.name for each in sweep_columns() if each.name.encode() in file}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        if self._is_first:
-            self.common_times = times
-        elif not np.array_equal(times, self.common_times):
-            common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
-            later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
-            self.common_times = np.append(common, times[later])
+        self._common.add(times, steady=steady)
         self._is_first = False
-        self._all_steady &= steady
         self._held |= held
         self.shared = shared
         return True
+
+    @property
+    def common_times(self) -> NDArray[np.float64]:
+        """Times at which all complete cases have a row."""
+        return self._common.times
 
     @property
     def columns(self) -> list[Column]:
@@ -105,7 +128,7 @@ class CaseMetadata:
     def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
         if self._is_first:
             names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
-            return {name: attribute(file, name) for name in names if name not in _OF_ONE_CASE}
+            return {name: attribute(file, name) for name in names if name not in OF_ONE_CASE}
         return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
 
 

@@ -39,17 +39,19 @@ CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 _ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
 
 
-class _Labels(NamedTuple):
+class Labels(NamedTuple):
+    """Labels along a dimension: the swept key that they are values of, numbers or texts."""
+
     key: str
     dimension: str
     values: NDArray[np.generic]
 
 
-class _Layout(NamedTuple):
+class Layout(NamedTuple):
     """Lengths of the dimensions, labels by coordinate, and the place of each case along the dimensions."""
 
     lengths: dict[str, int]
-    labels: dict[str, _Labels]
+    labels: dict[str, Labels]
     places: list[tuple[int, ...]]
 
 
@@ -91,7 +93,7 @@ def collect(
     path = sweep_path(directory)
     cases = CaseMetadata(records)
     failed, rows = cases.failed, cases.common_times
-    layout = _layout(records, keys, listed)
+    layout = lay_out([record.values for record in records], keys, listed)
     with new_file(path) as file:
         h5 = file.begin()
         numbers = np.empty(tuple(layout.lengths.values()), dtype=VARIABLES["case"].dtype)
@@ -123,22 +125,37 @@ def dimension_names(keys: Sequence[str]) -> list[str]:
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
-def _layout(records: Sequence[CaseRecord], keys: Sequence[str], listed: bool) -> _Layout:
-    columns = [_labels(key, [record.values[key] for record in records]) for key in keys]
+def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
+    """Return the dimensions of a sweep and the places of its cases.
+
+    Parameters
+    ----------
+    values : sequence of mapping
+        The swept values of each case, by dotted key.
+    keys : sequence of str
+        The swept keys, dotted, in the order of the dimensions.
+    listed : bool
+        Whether the cases are a list, along the one dimension `case`.
+
+    Returns
+    -------
+    Layout
+    """
+    columns = [_labels(key, [each[key] for each in values]) for key in keys]
     named = list(zip(dimension_names(keys), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
-    is_product = len(set(cells)) == len(records) == math.prod(map(len, axes))
+    is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
     if listed or not is_product:
-        along = {name: _Labels(key, "case", np.array(column)) for name, key, column in named}
-        return _Layout({"case": len(records)}, along, [(i,) for i in range(len(records))])
+        along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
+        return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
     lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
     labels = {
-        name: _Labels(key, name, np.array(list(axis)))
+        name: Labels(key, name, np.array(list(axis)))
         for (name, key, _), axis in zip(named, axes, strict=True)
     }
     places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
-    return _Layout(lengths, labels, places)
+    return Layout(lengths, labels, places)
 
 
 def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
@@ -151,17 +168,14 @@ def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | lis
 
 
 def _add_coordinates(
-    h5: h5py.File, layout: _Layout, numbers: NDArray[np.generic], rows: NDArray[np.float64]
+    h5: h5py.File, layout: Layout, numbers: NDArray[np.generic], rows: NDArray[np.float64]
 ) -> None:
     """Add time, the labels and the numbers of the cases; a dimension comes before what lies along it."""
     add_variable(h5, "time", ("time",), TIME.described, data=rows)
     if "case" in layout.lengths:
         add_variable(h5, "case", ("case",), data=numbers)
     for name, (key, dimension, labels) in layout.labels.items():
-        described = {"key": key}
-        if key in PARAMETERS:
-            meaning = PARAMETERS[key]
-            described |= {"long_name": meaning.long_name, "symbol": meaning.symbol, "units": meaning.units}
+        described = described_key(key)
         text: dict[str, Any] = {"data": labels.astype(object), "dtype": h5py.string_dtype()}
         add_variable(
             h5, name, (dimension,), described, **text if labels.dtype.kind == "U" else {"data": labels}
@@ -170,8 +184,15 @@ def _add_coordinates(
         add_variable(h5, "case", tuple(layout.lengths), data=numbers)
 
 
+def described_key(key: str) -> dict[str, str]:
+    """Return the attributes of the labels of a swept key."""
+    if (meaning := PARAMETERS.get(key)) is None:
+        return {"key": key}
+    return {"key": key, "long_name": meaning.long_name, "symbol": meaning.symbol, "units": meaning.units}
+
+
 def _add_columns(
-    h5: h5py.File, layout: _Layout, shape: tuple[int, ...], declared: Sequence[Column]
+    h5: h5py.File, layout: Layout, shape: tuple[int, ...], declared: Sequence[Column]
 ) -> dict[str, h5py.Dataset]:
     """Add the columns, NaN until they are written, in chunks of whole curves of neighbouring cases."""
     options: dict[str, Any] = {"shape": shape, "dtype": "f8", "fillvalue": np.nan}
