@@ -112,10 +112,26 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative load; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
-        yield (
-            "trajectory.depth" if given.file is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {mean_height:.6g}",
-        )
+    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+        yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+
+def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+    """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
+
+    Parameters
+    ----------
+    depth : float
+        The largest depth.
+    heights : ndarray, one value a point
+        Height of the punch above its lowest point.
+    mean_stiffness : float
+        Of the body; see `body.body.Body`.
+    """
+    mean_height = float(heights.mean())
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    return (
+        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
+        f"must be below the mean height of the punch, {mean_height:.6g}"
+    )
