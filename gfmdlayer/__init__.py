@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.punch.self_affine import SelfAffine
@@ -41,6 +42,7 @@ __all__ = [
     "Wedge",
     "Zener",
     "halfspace",
+    "indent",
     "layer",
     "load",
     "open_case",
@@ -53,6 +55,7 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Protocol, TypedDict, Unpack
@@ -23,7 +22,7 @@ from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
-from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -67,6 +66,10 @@ class Steps(Resumable, Protocol):
         depth : float
             Depth of the punch.
         """
+        ...
+
+    def course(self) -> Course | None:
+        """Return the course so far where the next step is the first that may depend on the end of the run."""
         ...
 
 
@@ -157,7 +160,7 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        return (*self.loading.trajectory.kinks, *(self.velocity.kinks if self.velocity is not None else ()))
+        return inputs.kinks(self.loading.trajectory, self.velocity)
 
     @cached_property
     def loading(self) -> Loading:
@@ -192,10 +195,11 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            times = output_times(self.config)
+            times = inputs.output_times(self.config)
             return AdaptiveSteps(self.integrator, time.tolerance, time.end, snapshots, self.kinks, times)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
-        return FixedSteps(steps(time.end, time.step, snapshots, self.kinks))
+        instants = steps(time.end, time.step, snapshots, self.kinks)
+        return FixedSteps(instants, inputs.stops(self.config, self.kinks), time.step)
 
     @cached_property
     def solver(self) -> Solver:
@@ -237,11 +241,3 @@ class Case:
             guess=self.guess,
             observables=CompositeState(**self.observables),
         )
-
-
-def output_times(config: Config) -> tuple[float, ...]:
-    """Return the times of the rows that adaptive steps are asked to land on."""
-    times = config.output.times
-    if isinstance(times, float):
-        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
-    return times or ()

@@ -12,6 +12,8 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history import time_points
+from gfmdlayer.history.time_points import Instant
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
@@ -42,17 +44,21 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
 def make_trajectory(config: Config) -> Trajectory:
     """Return the depth or the mean pressure over time, as `trajectory.control` says.
 
+    A force is divided by the area of the cell, or by the length of a line's.
+
     Raises
     ------
     TableError
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
     if given.file is not None:
-        return Table.read(given.file, given.control)
-    target = given.depth if given.control == "depth" else given.load
+        table = Table.read(given.file, given.control)
+        return Table(table.times, table.values / unit)
+    target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
-    return RampHold(target, given.ramp_time)
+    return RampHold(target / unit, given.ramp_time)
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -67,6 +73,41 @@ def make_velocity(config: Config) -> Constant | Table | None:
     if given.velocity_file is not None:
         return Table.read(given.velocity_file, "velocity")
     return None if given.velocity is None else Constant(given.velocity)
+
+
+def kinks(trajectory: Trajectory, velocity: Constant | Table | None) -> tuple[float, ...]:
+    """Return the times at which the slope of a prescribed quantity jumps."""
+    return (*trajectory.kinks, *(velocity.kinks if velocity is not None else ()))
+
+
+def stops(config: Config, kinks: Iterable[float]) -> list[Instant]:
+    """Return the times that the steps of a case land on, with the lengths of fixed steps to each.
+
+    Parameters
+    ----------
+    config : Config
+        The case.
+    kinks : iterable of float
+        Times at which the slope of a prescribed quantity jumps.
+
+    Returns
+    -------
+    list of Instant
+    """
+    time, snapshots = config.time, config.output.snapshots
+    if isinstance(time.step, str):
+        return time_points.stops(time.end, snapshots, kinks, output_times(config))
+    equal = time.integrator == "backward_euler"
+    fixed = time_points.equal_stops if equal else time_points.landing_stops
+    return fixed(time.end, time.step, snapshots, kinks)
+
+
+def output_times(config: Config) -> tuple[float, ...]:
+    """Return the times of the rows that adaptive steps are asked to land on."""
+    times = config.output.times
+    if isinstance(times, float):
+        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
+    return times or ()
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -107,9 +148,9 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
-    if given.control == "load":
+    if given.control != "depth":
         if (values < 0).any():
-            message = f"{given.file}: holds a negative load; must be >= 0, there is no adhesion"
+            message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
     if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):

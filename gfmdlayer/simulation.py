@@ -17,7 +17,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.resumable import Resumable
+from gfmdlayer.resumable import CompositeState
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +66,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[Resumable], None] | None = None,
+    resume: Callable[[CompositeState], None] | None = None,
 ) -> list[str]:
     """Run one case.
 

@@ -11,9 +11,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from gfmdlayer.body.elastic import Elastic
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.validation.problems import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -121,7 +123,10 @@ def layer(
     >>> body.spectrum(q).times.shape, body.spectrum(q).weights.shape
     ((3, 3), (3, 3))
     """
-    law = material if isinstance(material, Material) else Prony(float(material))
+    if isinstance(material, Law) and not isinstance(material, Material):
+        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a series of it"
+        raise ConfigError([f"material: {message}, material.prony(shortest, longest).material"])
+    law = material if isinstance(material, Material) else Elastic(material)
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), law)
 
 

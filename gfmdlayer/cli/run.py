@@ -110,6 +110,7 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
 
 def _conclude(summary: Summary, directory: Path, shard: Shard | None) -> int:
     """Print how the run ended and return the exit status."""
+    print("".join(f"note: {line}\n" for line in summary.notes), end="")
     if stopped := summary.count("stopped"):
         print(f"stopped: {stopped} cases wait; the same command resumes them")
         return RESUMABLE

@@ -20,10 +20,11 @@ from gfmdlayer.body.materials import Material
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.units import Units
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
-from gfmdlayer.validation.fields import MustBe
+from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
@@ -41,6 +42,8 @@ class Config(Section):
     ----------
     name : str
         Names the folder of the results.
+    units : Units, optional
+        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
     grid, layer, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
@@ -50,6 +53,8 @@ class Config(Section):
 
     name: Name
     """names the folder of the results"""
+    units: Annotated[Units | None, given] = None
+    """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
     layer: sections.Layer = Field(default_factory=sections.Layer)
@@ -128,7 +133,16 @@ class Config(Section):
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         if given.file is not None or given.velocity_file is not None or mean_height is None:
             return False
-        return given.control == "load" or (given.depth is not None and given.depth < mean_height / 2)
+        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+    def unit(self, words: str) -> str:
+        """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
+
+        Without `units` the words stay: "length", "pressure / time".
+        """
+        if len(self.grid.points) == 1 and words == "force":
+            words = "force / length"
+        return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep.
@@ -184,7 +198,23 @@ def digest(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    data = config.model_dump(exclude={"name", "sweep"}, exclude_none=True)
+    return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
+
+
+def stem(config: Config) -> str:
+    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+
+    Raises
+    ------
+    OSError
+        A file named by the configuration cannot be read any more.
+    """
+    left_out = {"name": True, "sweep": True, "time": {"end"}, "output": {"keep_state", "snapshots", "times"}}
+    return _hash(config, left_out)
+
+
+def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
@@ -209,7 +239,8 @@ def leaves(config: Config) -> list[str]:
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
     kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
-    return leaves(config) + [dotted(at) for at in kinds]
+    swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
+    return [*swept, *(dotted(at) for at in kinds)]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
-from gfmdlayer.execution import CHECKPOINT_EVERY, preflight
+from gfmdlayer.execution import CHECKPOINT_EVERY, growth, preflight
 from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
 from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.cost import CostModel, estimate
@@ -61,10 +61,13 @@ class Summary:
         Of all cases of the run or of its shard, in their order, those complete before included.
     collected : bool
         Whether the sweep file was written: no case waits any more, in any shard.
+    notes : tuple of str
+        Lines on the sweep file: columns that some cases lack, cases of different versions.
     """
 
     outcomes: tuple[Outcome, ...]
     collected: bool
+    notes: tuple[str, ...] = ()
 
     def count(self, state: str) -> int:
         """Return the number of cases in a state."""
@@ -123,17 +126,21 @@ def run_sweep(
     """
     options = options or RunOptions()
     folder = Folder(Path(directory), options.shard)
-    every = cases(config)
+    every: Sequence[Case] = cases(config)
     own = every if options.shard is None else options.shard.share(every)
-    indices = frozenset(case.index for case in own)
-    with claimed(folder, config, options.restart, indices):
+    with claimed(folder, config, options.restart, [case.index for case in own]) as found:
+        own, every = growth.with_earlier(folder, found.numbered(own)), found.numbered(every)
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
+        indices = frozenset(outcomes)
         with Reporter(folder, indices, len(own) - len(work.undone), display or _nothing) as reporter:
             for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
+            if found.changed:
+                for line in growth.lines(folder, found, own):
+                    reporter.note(line)
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
             with reporter.preparing(_preparation(work.todo)):
@@ -148,11 +155,12 @@ def run_sweep(
             for outcome in Schedule(pool, task, folder, reporter.ended).run(_ordered(work, folder, pool)):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
-                    record_failure(folder, every[outcome.index], outcome.reason)
-        collected = False
+                    case = next(case for case in own if case.index == outcome.index)
+                    record_failure(folder, case, outcome.reason)
+        notes: list[str] | None = None
         if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
-            collected = _collect(config, folder, every, outcomes)
-    return Summary(tuple(outcomes.values()), collected)
+            notes = _collect(config, folder, every, outcomes)
+    return Summary(tuple(outcomes.values()), notes is not None, tuple(notes or ()))
 
 
 def _nothing() -> Display:
@@ -164,6 +172,11 @@ def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:
     undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
     todo = [case for case in undone if not only_failed or case.index in found["failed"]]
     return _Work(own, undone, todo)
+
+
+def _done(work: _Work) -> list[Case]:
+    undone = {case.index for case in work.undone}
+    return [case for case in work.own if case.index not in undone]
 
 
 def _is_done(case: Case, folder: Folder) -> bool:
@@ -219,15 +232,16 @@ def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
     """Put the longest cases first, by the seconds of finished ones; a single process keeps their order."""
     if pool.alone:
         return work.todo
-    undone = {case.index for case in work.undone}
-    done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
-    model = CostModel.of_files(done)
+    model = CostModel.of_files({folder.case(case.index): case.config for case in _done(work)})
     return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
 
 
-def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]) -> bool:
-    """Write the sweep file, unless cases of other shards are not complete yet; return whether it was."""
+def _collect(
+    config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]
+) -> list[str] | None:
+    """Write the sweep file and return the notes in it; None where cases of other shards are not complete."""
     from gfmdlayer.results.case_metadata import CaseRecord
+    from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import collect
 
@@ -237,16 +251,16 @@ def _collect(config: Config, folder: Folder, every: Sequence[Case], outcomes: di
                 case.index: _failure_reason(folder, case) for case in every if case.index not in outcomes
             }
             if None in reasons.values():
-                return False
+                return None
             records = [
                 CaseRecord(case.index, folder.case(case.index), case.values, reasons[case.index] or None)
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
+            return str(attributes(path)["notes"]).splitlines()
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
-    return True
 
 
 def _failure_reason(folder: Folder, case: Case) -> str | None:

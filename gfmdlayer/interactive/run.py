@@ -20,8 +20,7 @@ from gfmdlayer.config.reader import from_python
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import case_run, interrupts, workers
 from gfmdlayer.execution.claim import refuse_foreign_folder
-from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.rerun import read_config
+from gfmdlayer.execution.folder import Folder, read_config
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case as SweptCase
@@ -174,9 +173,9 @@ def _compute(
     try:
         said = simulate(parts, recording, advance)
     except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, columns(config), described)
+        error.data = recording.dataset(coordinates, columns(config), described, config.unit)
         raise
-    return recording.dataset(coordinates, columns(config), described), said
+    return recording.dataset(coordinates, columns(config), described, config.unit), said
 
 
 def _attempt(
@@ -258,7 +257,8 @@ def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[_Res
     _warn_of_failures(reasons, len(every))
     attributes = {**sampling(config.sweep), "failed": "\n".join(reasons), "complete": 1}
     values, keys = [case.values for case in every], swept_keys(config.sweep)
-    return labelled([each.data for each in results], values, keys, attributes, is_listed(config.sweep))
+    found = [each.data for each in results]
+    return labelled(found, values, keys, attributes, is_listed(config.sweep), config.unit)
 
 
 def _run_in_folder(

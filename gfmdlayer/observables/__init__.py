@@ -8,6 +8,7 @@ from gfmdlayer.observables.contact_means import ContactMeans
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
 from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
@@ -20,6 +21,7 @@ __all__ = ["OBSERVABLES", "AcceptedStep", "Column", "Observable", "columns", "kn
 # In the order of the columns; each may read the columns of those before it.
 OBSERVABLES: dict[str, type[Observable]] = {
     "contact": ContactMeans,
+    "force": Force,
     "effort": Effort,
     "friction": Friction,
     "energy": EnergyBalance,

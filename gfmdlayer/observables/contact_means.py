@@ -8,9 +8,8 @@ from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, P
 
 TIME = Column("time", "time", "time")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
-              in_sweep=True, symbol=r"\tilde{a}")  # fmt: skip
-PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)",
-                  in_sweep=True, symbol=r"\tilde{p}")  # fmt: skip
+              symbol=r"\tilde{a}")  # fmt: skip
+PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}")
 
 
 class ContactMeans(Observable):

@@ -31,10 +31,8 @@ class Friction(Observable):
 
     COLUMNS = (
         Column("position", "position of the punch along x", "length"),
-        Column(
-            "tangential_force", "mean tangential stress against the motion along x", "pressure", in_sweep=True
-        ),
-        Column("friction", "tangential force / normal force", in_sweep=True, symbol=r"\mu"),
+        Column("tangential_force", "mean tangential stress against the motion along x", "pressure"),
+        Column("friction", "tangential force / normal force", symbol=r"\mu"),
         Column("contact_centre", "centre of pressure along x, from the middle of the punch", "length"),
     )
 

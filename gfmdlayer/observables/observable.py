@@ -7,8 +7,8 @@ costs estimated by these modules, so that they import neither numpy nor a compil
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -60,10 +60,8 @@ class Column:
         Type in the files, as numpy names it.
     along : Bins, optional
         Bins of a distribution; a number without them.
-    in_sweep : bool
-        Whether the sweep file has it, for numbers.
     symbol : str
-        In mathtext; a number of the sweep file with a symbol has a panel among the curves.
+        In mathtext; a number with a symbol has a panel among the curves.
     """
 
     name: str
@@ -71,13 +69,17 @@ class Column:
     units: str = "1"
     dtype: str = "f8"
     along: Bins | None = None
-    in_sweep: bool = False
     symbol: str = ""
 
     @property
     def size(self) -> int:
         """Numbers in a row."""
         return 1 if self.along is None else len(self.along.edges) - 1
+
+    def in_units(self, unit: Callable[[str], str]) -> Column:
+        """Return the column with the label of its unit in place of the words."""
+        along = self.along and replace(self.along, units=unit(self.along.units))
+        return replace(self, units=unit(self.units), along=along)
 
     @property
     def described(self) -> dict[str, str]:

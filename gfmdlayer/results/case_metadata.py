@@ -1,24 +1,32 @@
-"""Metadata of the cases of a sweep: which are complete, and the times and attributes that they share."""
+"""Metadata of the cases of a sweep: which are complete, their columns, common times and shared attributes.
+
+Columns are those that the files hold, with the names and units that they have there: results of an earlier
+version, or of an observable that is no longer declared, are collected like any other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
 
+import h5py
 import numpy as np
-from h5py import h5a, h5f
+from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
-from gfmdlayer.observables import Column, known_columns
-from gfmdlayer.observables.contact_means import ContactMeans
+from gfmdlayer.observables.contact_means import TIME, ContactMeans
 from gfmdlayer.results.reader import attribute, column, opened
+from gfmdlayer.results.schema import FIELDS
 
 INCOMPLETE = "no complete result file"
 
 # Relative to the last time: times that two cases reach by different steps differ by rounding.
 SAME_TIME = 1e-9
 
+_NAMED = 5  # cases in a line of the notes
 OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
 }
@@ -71,6 +79,24 @@ class CommonTimes:
         self._all_steady &= steady
 
 
+class SweepColumn(NamedTuple):
+    """A column of the sweep: its attributes, and its bins if it is a distribution.
+
+    Attributes
+    ----------
+    described : mapping
+        long_name and units.
+    bins : str
+        Name of the dimension of the bins; empty for a number.
+    edges : mapping
+        Coordinate -> its attributes and values: the lower and upper ends of the bins.
+    """
+
+    described: Mapping[str, str]
+    bins: str = ""
+    edges: Mapping[str, tuple[Mapping[str, str], NDArray[np.float64]]] = MappingProxyType({})
+
+
 class CaseMetadata:
     """Metadata that the files of all cases have in common.
 
@@ -80,50 +106,84 @@ class CaseMetadata:
         Number -> reason of the cases without results.
     common_times : ndarray, shape (rows,)
         Times at which all complete cases have a row, see `CommonTimes`.
-    columns : list of Column
-        Columns of the sweep file: those of every case, and those that any complete case has.
+    columns : dict
+        Columns of the sweep file by name: those of every case, and those that any complete case has.
+    lacking : dict
+        Name -> numbers of the complete cases that have no such column, or one over other bins.
     shared : dict
         Attributes that have the same value in all complete cases.
     """
 
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
-        self._common = CommonTimes()
-        self._held: set[str] = set()
+        self.columns: dict[str, SweepColumn] = {}
         self.shared: dict[str, object] = {}
-        self._is_first = True
+        self._is_first, self._common = True, CommonTimes()
+        self._of_first: frozenset[str] = frozenset()
+        self._layouts: dict[tuple[bytes, ...], dict[str, SweepColumn]] = {}
+        self._held: dict[int, frozenset[str]] = {}
         for record in records:
-            if record.index not in self.failed and not self._add(record.path):
+            if record.index not in self.failed and not self._add(record):
                 self.failed[record.index] = INCOMPLETE
+        self.common_times = self._common.times
+        always = {each.name: SweepColumn(each.described) for each in ContactMeans.COLUMNS}
+        self.columns = always | self.columns
+        del self.columns[TIME.name]
+        self.lacking = {
+            name: lacking
+            for name in self.columns
+            if (lacking := frozenset(index for index, held in self._held.items() if name not in held))
+        }
 
-    def _add(self, path: Path) -> bool:
+    def _add(self, record: CaseRecord) -> bool:
         """Read the file of a case; False if it is not complete."""
         try:
-            with opened(path) as file:
+            with opened(record.path) as file:
                 times = column(file, "time")
                 if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
                     return False
                 shared = self._shared_with(file)
                 steady = bool(attribute(file, "settled"))
-                held = {each.name for each in sweep_columns() if each.name.encode() in file}
+                held = self._columns_of(file)
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         self._common.add(times, steady=steady)
+        if self._is_first:
+            self._of_first = frozenset(shared)
         self._is_first = False
-        self._held |= held
+        self._held[record.index] = held
         self.shared = shared
         return True
 
     @property
-    def common_times(self) -> NDArray[np.float64]:
-        """Times at which all complete cases have a row."""
-        return self._common.times
+    def notes(self) -> list[str]:
+        """Lines on the columns that some cases lack, and on cases of other versions of the code."""
+        lines = notes_on(self.lacking, len(self._held))
+        if (self._of_first - self.shared.keys()) & {"gfmdlayer_version", "git_commit"}:
+            lines.append(
+                "the cases are of different versions of gfmdlayer (gfmdlayer_version and git_commit of their "
+                "files); --restart computes all of them anew"
+            )
+        return lines
 
-    @property
-    def columns(self) -> list[Column]:
-        """Columns of the sweep file."""
-        held = self._held.union(each.name for each in ContactMeans.COLUMNS)
-        return [each for each in sweep_columns() if each.name in held]
+    def _columns_of(self, file: h5f.FileID) -> frozenset[str]:
+        """Take note of the columns of a case; return the names of those that fit the ones known so far."""
+        names = tuple(h5g.open(file, b"/"))
+        if names not in self._layouts:
+            self._layouts[names] = dict(_columns_in(h5py.File(file)))
+        held = self._layouts[names]
+        for name, found in held.items():
+            self.columns.setdefault(name, found)
+        return frozenset(name for name, found in held.items() if self._fits(name, found, file))
+
+    def _fits(self, name: str, found: SweepColumn, file: h5f.FileID) -> bool:
+        """Whether a column is along the bins of the cases before."""
+        known = self.columns[name]
+        if not (found.bins or known.bins):
+            return True
+        return found.bins == known.bins and all(
+            np.array_equal(column(file, end), edges) for end, (_, edges) in known.edges.items()
+        )
 
     def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
         if self._is_first:
@@ -132,9 +192,52 @@ class CaseMetadata:
         return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
 
 
-def sweep_columns() -> list[Column]:
-    """Return the columns that sweep files may have."""
-    return [each for each in known_columns().values() if each.in_sweep]
+def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:
+    """Return lines on columns that some of the complete cases lack.
+
+    Parameters
+    ----------
+    lacking : mapping
+        Name of a column -> numbers of the cases that lack it.
+    complete : int
+        Number of complete cases.
+
+    Returns
+    -------
+    list of str
+    """
+    alike: dict[frozenset[int], list[str]] = {}
+    for name, cases in lacking.items():
+        alike.setdefault(cases, []).append(name)
+    return [
+        f"{', '.join(sorted(names))}: NaN in {_numbered(cases)}"
+        for cases, names in alike.items()
+        if len(cases) < complete
+    ]
+
+
+def _columns_in(h5: h5py.File) -> Iterator[tuple[str, SweepColumn]]:
+    """Yield the columns of a case: the variables that grow with time."""
+    for name, dataset in h5.items():
+        if name in {TIME.name, "snapshot", *FIELDS} or dataset.maxshape[:1] != (None,):
+            continue
+        if dataset.ndim == 1:
+            yield name, SweepColumn(_described(dataset))
+        else:
+            bins = dataset.dims[1][0].name.lstrip("/")
+            edges = {end: (_described(h5[end]), h5[end][()]) for end in (bins, f"{bins}_end")}
+            yield name, SweepColumn(_described(dataset), bins, edges)
+
+
+def _described(dataset: h5py.Dataset) -> dict[str, str]:
+    return {key: str(dataset.attrs[key]) for key in ("long_name", "units") if key in dataset.attrs}
+
+
+def _numbered(cases: Collection[int]) -> str:
+    """Name some cases, or the first of many."""
+    first = ", ".join(f"{index:04d}" for index in sorted(cases)[:_NAMED])
+    more = len(cases) - _NAMED
+    return f"case{'s' * (len(cases) > 1)} {first}" + (f" and {more} more" if more > 0 else "")
 
 
 def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool) -> NDArray[np.int64]:

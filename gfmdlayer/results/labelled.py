@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, rows_at, sweep_columns
-from gfmdlayer.results.schema import FIELDS, variable
+from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, notes_on, rows_at
+from gfmdlayer.results.schema import FIELDS, VARIABLES
 from gfmdlayer.results.sweep_file import Layout, described_key, lay_out
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ def labelled(
     keys: Sequence[str],
     attributes: Mapping[str, str | int | float],
     listed: bool = False,
+    unit: Callable[[str], str] = str,
 ) -> xarray.Dataset:
     """Return the cases of a sweep as one dataset.
 
@@ -36,6 +37,8 @@ def labelled(
         Attributes, in addition to those that all cases share.
     listed : bool
         Whether the cases are a list, along the one dimension `case`.
+    unit : callable
+        Label of a unit, from its words.
 
     Returns
     -------
@@ -51,16 +54,20 @@ def labelled(
         times.add(case["time"].to_numpy(), steady=bool(case.attrs.get("settled")))
     layout = lay_out(values, keys, listed)
     numbers = _gathered(layout, np.arange(len(cases)), (), np.int64)
-    held: dict[str, Any] = {}
-    for column in sweep_columns():
-        if any(column.name in case for case in complete):
-            curves = [None if case is None else _curve(case, column.name, times.times) for case in cases]
-            found = _gathered(layout, curves, times.times.shape)
-            held[column.name] = ((*layout.lengths, "time"), found, column.described)
     coords: dict[str, Any] = {"time": ("time", times.times, complete[0]["time"].attrs)}
-    coords["case"] = (tuple(layout.lengths), numbers, _described("case"))
+    coords["case"] = (tuple(layout.lengths), numbers, VARIABLES["case"].described)
     for name, (key, dimension, labels) in layout.labels.items():
-        coords[name] = (dimension, labels, described_key(key))
+        coords[name] = (dimension, labels, described_key(key, unit))
+    held: dict[str, Any] = {}
+    lacking: dict[str, frozenset[int]] = {}
+    for name, example in _columns(complete).items():
+        curves = [None if case is None else _curve(case, name, example, times.times) for case in cases]
+        found = _gathered(layout, curves, (times.times.size, *example.shape[1:]))
+        own = f"{name}_over_time" if name in layout.labels else name
+        held[own] = ((*layout.lengths, *example.dims), found, example.attrs)
+        coords |= {str(end): x.variable for end, x in example.coords.items() if "time" not in x.dims}
+        if without := {i for i, case in enumerate(cases) if case is not None and curves[i] is None}:
+            lacking[name] = frozenset(without)
     same = all(_surface(case) == _surface(complete[0]) for case in complete)
     if same and complete[0].sizes["snapshot"]:
         for name in FIELDS:
@@ -69,7 +76,19 @@ def labelled(
             found = _gathered(layout, fields, example.shape)
             held[name] = ((*layout.lengths, *example.dims), found, example.attrs)
         coords |= {str(name): complete[0][name].variable for name in complete[0][FIELDS[0]].dims}
-    return xarray.Dataset(held, coords, _shared(complete) | {**attributes, "swept": " ".join(keys)})
+    notes = "\n".join(notes_on(lacking, len(complete)))
+    described = {**_shared(complete), **attributes, "swept": " ".join(keys), "notes": notes}
+    return xarray.Dataset(held, coords, described)
+
+
+def _columns(complete: Sequence[xarray.Dataset]) -> dict[str, xarray.DataArray]:
+    """Return an example of each column that any case has."""
+    return {
+        str(name): values
+        for case in reversed(complete)
+        for name, values in case.data_vars.items()
+        if values.dims[:1] == ("time",)
+    }
 
 
 def _gathered(
@@ -85,9 +104,12 @@ def _gathered(
     return found
 
 
-def _curve(case: xarray.Dataset, name: str, times: np.ndarray[Any, Any]) -> Any:
-    """Return a column of a case at the common times; None where the case does not have it."""
+def _curve(case: xarray.Dataset, name: str, example: xarray.DataArray, times: np.ndarray[Any, Any]) -> Any:
+    """Return a column of a case at the common times; None where it has none, or one over other bins."""
     if name not in case:
+        return None
+    bins = [end for end, x in example.coords.items() if "time" not in x.dims]
+    if case[name].dims != example.dims or not all(case[end].equals(example[end]) for end in bins):
         return None
     rows = rows_at(case["time"].to_numpy(), times, steady=bool(case.attrs.get("settled")))
     return case[name].to_numpy()[rows]
@@ -106,8 +128,3 @@ def _shared(complete: Sequence[xarray.Dataset]) -> dict[str, Any]:
         for name, value in first.attrs.items()
         if name not in OF_ONE_CASE and all(case.attrs.get(name) == value for case in others)
     }
-
-
-def _described(name: str) -> dict[str, str]:
-    entry = variable(name)
-    return {"long_name": entry.long_name, "units": entry.units}

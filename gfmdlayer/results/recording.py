@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import FIELDS, variable
+from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
 
 if TYPE_CHECKING:
     import xarray
@@ -46,6 +46,7 @@ class Recording:
         coordinates: Mapping[str, ArrayLike],
         columns: Sequence[Column],
         attributes: Mapping[str, str | float],
+        unit: Callable[[str], str] = str,
     ) -> xarray.Dataset:
         """Return what has been recorded.
 
@@ -57,6 +58,8 @@ class Recording:
             Columns that the rows may have.
         attributes : mapping
             Attributes of the case, in addition to the provenance.
+        unit : callable
+            Label of a unit, from its words.
 
         Returns
         -------
@@ -65,10 +68,14 @@ class Recording:
         """
         import xarray
 
+        columns = [column.in_units(unit) for column in columns]
+        known = {name: each.in_units(unit) for name, each in VARIABLES.items()}
         held: dict[str, Any] = {
-            name: _variable(name, (name,), values) for name, values in coordinates.items()
+            name: ((name,), np.asarray(x, dtype=np.float64), known[name].described)
+            for name, x in coordinates.items()
         }
-        held |= self._columns(columns) | self._snapshots({name: len(x) for name, (_, x, _) in held.items()})
+        held |= self._columns(columns)
+        held |= self._snapshots({name: len(held[name][1]) for name in coordinates}, known)
         ended = {"started": self._started, "finished": now(), "wall_seconds": time.monotonic() - self._begun}
         counts = {"rows": len(self.rows), "snapshots": len(self.fields), "complete": 1}
         described = {**provenance(), **ended, **attributes, **self.noted, **counts}
@@ -98,16 +105,11 @@ class Recording:
                     found[name] = ((bins.name,), np.array(edges), meaning)
         return found
 
-    def _snapshots(self, lengths: Mapping[str, int]) -> dict[str, Any]:
-        found = {"snapshot": _variable("snapshot", ("snapshot",), [time for time, *_ in self.fields])}
+    def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:
+        times = np.array([time for time, *_ in self.fields], dtype=np.float64)
+        found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
         for place, name in enumerate(FIELDS, start=1):
             if self.fields or name != "gap":  # as in a file
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
-                found[name] = _variable(name, ("snapshot", *lengths), values)
+                found[name] = (("snapshot", *lengths), values, known[name].described)
         return found
-
-
-def _variable(name: str, dimensions: tuple[str, ...], values: Any) -> tuple[Any, ...]:
-    entry = variable(name)
-    described = {"long_name": entry.long_name, "units": entry.units}
-    return dimensions, np.array(values, dtype=entry.dtype), described

@@ -1,8 +1,9 @@
 """The sweep file: curves of all cases, labelled by the swept keys.
 
-    contact_area, mean_pressure (swept key, ..., time)      case (swept key, ...)
-    friction, tangential_force of punches that move, and other columns that are declared `in_sweep`
+    contact_area and the other columns of the cases (swept key, ..., time[, bin])      case (swept key, ...)
 
+A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
+trajectory.depth. A case without a column that others have is NaN there, and named in the attribute `notes`.
 A case that ended in a steady state keeps its last row at all later times.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
-from gfmdlayer.observables import Column
 from gfmdlayer.observables.contact_means import TIME
-from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, rows_at, sweep_columns
+from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, SweepColumn, rows_at
 from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import PARAMETERS, VARIABLES
@@ -61,11 +61,13 @@ def collect(
     keys: Sequence[str],
     attributes: Mapping[str, str | int | float] | None = None,
     listed: bool = False,
+    unit: Callable[[str], str] = str,
 ) -> Path:
     """Write DIR/sweep.h5 from the files of the cases, one of which is in memory at a time.
 
     A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`, which has
-    one line per such case: number and reason.
+    one line per such case: number and reason. The attribute `notes` has a line for each column that some of
+    the cases lack.
 
     Parameters
     ----------
@@ -79,6 +81,8 @@ def collect(
         Attributes of the file, in addition to those that all cases share (name, tau, versions).
     listed : bool
         Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
+    unit : callable
+        Label of a unit, from its words.
 
     Returns
     -------
@@ -99,21 +103,24 @@ def collect(
         numbers = np.empty(tuple(layout.lengths.values()), dtype=VARIABLES["case"].dtype)
         for record, place in zip(records, layout.places, strict=True):
             numbers[place] = record.index
-        _add_coordinates(h5, layout, numbers, rows)
+        _add_coordinates(h5, layout, numbers, rows, unit)
         columns = _add_columns(h5, layout, (*numbers.shape, rows.size), cases.columns)
         for record, place in zip(records, layout.places, strict=True):
             if record.index not in failed:
+                held = [name for name in columns if record.index not in cases.lacking.get(name, ())]
                 try:
-                    curves = _read(record.path, rows, columns)
+                    curves = _read(record.path, rows, held)
                 except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
                     failed[record.index] = INCOMPLETE
                     continue
                 for name, values in curves.items():
                     if values.size:
-                        write_at(columns[name].id, (*place, 0), values.reshape(*(1 for _ in place), -1))
+                        start = (*place, *(0 for _ in values.shape))
+                        write_at(columns[name].id, start, values.reshape(*(1 for _ in place), *values.shape))
                 file.check()
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
-        own = {"swept": " ".join(keys), "complete": 1, "failed": report}
+        notes = "\n".join(cases.notes)
+        own = {"swept": " ".join(keys), "complete": 1, "failed": report, "notes": notes}
         h5.attrs.update({**cases.shared, **(attributes or {}), **own})
     return path
 
@@ -121,7 +128,7 @@ def collect(
 def dimension_names(keys: Sequence[str]) -> list[str]:
     """Name the swept keys by their last parts, or by the whole key where that is taken."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *(column.name for column in sweep_columns()), *_ARGUMENTS_OF_SEL])
+    taken = Counter([*last, "time", "case", *VARIABLES, *_ARGUMENTS_OF_SEL])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
@@ -168,14 +175,18 @@ def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | lis
 
 
 def _add_coordinates(
-    h5: h5py.File, layout: Layout, numbers: NDArray[np.generic], rows: NDArray[np.float64]
+    h5: h5py.File,
+    layout: Layout,
+    numbers: NDArray[np.generic],
+    rows: NDArray[np.float64],
+    unit: Callable[[str], str],
 ) -> None:
     """Add time, the labels and the numbers of the cases; a dimension comes before what lies along it."""
-    add_variable(h5, "time", ("time",), TIME.described, data=rows)
+    add_variable(h5, "time", ("time",), TIME.described | {"units": unit(TIME.units)}, data=rows)
     if "case" in layout.lengths:
         add_variable(h5, "case", ("case",), data=numbers)
     for name, (key, dimension, labels) in layout.labels.items():
-        described = described_key(key)
+        described = described_key(key, unit)
         text: dict[str, Any] = {"data": labels.astype(object), "dtype": h5py.string_dtype()}
         add_variable(
             h5, name, (dimension,), described, **text if labels.dtype.kind == "U" else {"data": labels}
@@ -184,29 +195,41 @@ def _add_coordinates(
         add_variable(h5, "case", tuple(layout.lengths), data=numbers)
 
 
-def described_key(key: str) -> dict[str, str]:
-    """Return the attributes of the labels of a swept key."""
-    if (meaning := PARAMETERS.get(key)) is None:
+def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
+    """Return the attributes of the labels of a swept key, with the label of a unit from its words."""
+    if (known := PARAMETERS.get(key)) is None:
         return {"key": key}
-    return {"key": key, "long_name": meaning.long_name, "symbol": meaning.symbol, "units": meaning.units}
+    return {"key": key, "long_name": known.long_name, "symbol": known.symbol, "units": unit(known.units)}
 
 
 def _add_columns(
-    h5: h5py.File, layout: Layout, shape: tuple[int, ...], declared: Sequence[Column]
+    h5: h5py.File, layout: Layout, shape: tuple[int, ...], declared: Mapping[str, SweepColumn]
 ) -> dict[str, h5py.Dataset]:
     """Add the columns, NaN until they are written, in chunks of whole curves of neighbouring cases."""
+    beside = {"case", *layout.labels} - layout.lengths.keys()
+    columns = {}
+    for name, each in declared.items():
+        own = f"{name}_over_time" if name in layout.labels else name
+        along, lengths, others = [*layout.lengths, "time"], shape, beside
+        if each.bins:
+            for end, (described, edges) in each.edges.items():
+                if end not in h5:
+                    add_variable(h5, end, (each.bins,), described, data=edges)
+            along, lengths, others = [*along, each.bins], (*shape, edges.size), beside | {end}
+        columns[name] = add_variable(h5, own, along, each.described, **_options(lengths))
+        columns[name].attrs["coordinates"] = " ".join(sorted(others))
+    return columns
+
+
+def _options(shape: tuple[int, ...]) -> dict[str, Any]:
+    """Options of a column."""
     options: dict[str, Any] = {"shape": shape, "dtype": "f8", "fillvalue": np.nan}
     if math.prod(shape):
         chunks: list[int] = []
         for length in reversed(shape):
             chunks.insert(0, max(1, min(length, CHUNK // math.prod(chunks))))
         options |= {"chunks": tuple(chunks), "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    beside = " ".join(sorted({"case", *layout.labels} - layout.lengths.keys()))
-    columns = {}
-    for each in declared:
-        columns[each.name] = add_variable(h5, each.name, (*layout.lengths, "time"), each.described, **options)
-        columns[each.name].attrs["coordinates"] = beside
-    return columns
+    return options
 
 
 def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
@@ -215,4 +238,4 @@ def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[
         rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
         if np.any(rows < 0):
             raise ValueError(f"{path}: has been changed")
-        return {name: column(case, name)[rows] for name in names if name.encode() in case}
+        return {name: column(case, name)[rows] for name in names}

@@ -19,6 +19,7 @@ from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import Case
+from gfmdlayer.observables import OBSERVABLES
 from gfmdlayer.results import journal
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
@@ -263,6 +264,29 @@ def test_another_version_is_told_and_the_case_begins_anew(
     assert f"{version} " in told
     assert folder.case(7, "checkpoint.aside").exists()
     assert "goes on" not in told
+
+
+@pytest.mark.parametrize("change", ["fewer", "more"])
+def test_a_checkpoint_with_other_columns_is_told_and_the_case_begins_anew(
+    folder: Folder,
+    stop_after: Callable[[int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    change: str,
+) -> None:
+    if change == "fewer":
+        stop_after(4)
+        run(folder)
+        monkeypatch.delitem(OBSERVABLES, "energy")
+    else:
+        with monkeypatch.context() as before:
+            before.delitem(OBSERVABLES, "energy")
+            stop_after(4)
+            run(folder)
+    stop_after(0)
+    assert run(folder) == "complete"
+    told = capsys.readouterr().err
+    assert "its rows have other columns, see dissipated, energy_residual, stored, work" in told
 
 
 def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(

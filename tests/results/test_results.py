@@ -348,7 +348,8 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
     records = write_sweep(tmp_path, [{"grid.period": 1.0}, {"grid.period": 2.0}])
     collect(tmp_path, records, ["grid.period"])
     with open_results(tmp_path) as data:
-        assert set(data.data_vars) == {"contact_area", "mean_pressure"}
+        assert "contact_area" in data
+        assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
     collect(tmp_path, records, ["a.b"])
     with CaseWriter(records[1].path, {"x": X[:8]}) as other:
