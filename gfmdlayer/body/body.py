@@ -56,6 +56,12 @@ class ViscoelasticLayer:
         Thickness, Poisson's ratios and halfspace.
     material : Material
         Shear response of the layer.
+
+    Examples
+    --------
+    >>> body = gfmdlayer.ViscoelasticLayer(gfmdlayer.LayeredHalfspace(0.1, 0.5, 1.0), gfmdlayer.Zener())
+    >>> body.spectrum([1.0, 10.0]).times.shape  # modes, wavenumbers
+    (3, 2)
     """
 
     layer: LayeredHalfspace

@@ -68,6 +68,12 @@ class LayeredHalfspace:
     ------
     ConfigError
         If a parameter is outside of these bounds, or a bare halfspace is rigid or has no stiffness.
+
+    Examples
+    --------
+    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
+    >>> layer.stiffness(np.array([1.0, 100.0]), G=1.0).round(1)
+    array([3054.,  200.])
     """
 
     thickness: float

@@ -5,16 +5,19 @@ from __future__ import annotations
 import html
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
-from gfmdlayer.execution.progress import Display, make_display
+from gfmdlayer.execution.progress import PREPARATION, Display, make_display
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.status import Progress, Running
 
 DELAY = 1.0  # seconds of a run that pass in silence
 INTERVAL = 0.2  # seconds between two updates
+
+_PREPARING = "compiling kernels, planning transforms, once per machine (about 20 s)"
 
 
 class NotebookBar:
@@ -59,17 +62,12 @@ class Delayed:
 
     def note(self, line: str) -> None:
         """Show an event, or keep it for later."""
-        if self._display is None:
-            self._waiting.append(line)
-        else:
-            self._display.note(line)
+        self._waiting.append(line)
+        self._show()
 
     def advance(self, progress: Progress) -> None:
         """Show the progress of a run that takes some time."""
-        if self._display is None and time.monotonic() - self._begun > DELAY:
-            self._display = self._make()
-            for line in self._waiting:
-                self._display.note(line)
+        self._show()
         if self._display is not None:
             self._display.advance(progress)
 
@@ -77,6 +75,12 @@ class Delayed:
         """Stop moving lines."""
         if self._display is not None:
             self._display.close()
+
+    def _show(self) -> None:
+        if self._display is None and time.monotonic() - self._begun > DELAY:
+            self._display = self._make()
+        while self._display is not None and self._waiting:
+            self._display.note(self._waiting.pop(0))
 
 
 def chosen_display(progress: bool | None) -> Display | None:
@@ -114,6 +118,10 @@ class Watch:
         self._display, self._total = display, total
         self._complete = self._failed = 0
         self._begun = self._shown = time.time()
+        self._preparation = threading.Timer(PREPARATION, self._note, [_PREPARING])
+        self._preparation.daemon = True
+        if display is not None:
+            self._preparation.start()
 
     def case(self, index: int, end: float, label: str = "") -> Callable[[float], None]:
         """Return the function that is called with the simulated time after each step of a case."""
@@ -122,8 +130,10 @@ class Watch:
         def advance(reached: float) -> None:
             nonlocal steps
             steps += 1
-            now = time.time()
-            if self._display is not None and now - self._shown > INTERVAL:
+            if self._display is None:
+                return
+            self._preparation.cancel()
+            if (now := time.time()) - self._shown > INTERVAL:
                 times = {"started": begun, "updated": now, "since": begun, "since_time": 0.0}
                 at_work = Running(index, "", os.getpid(), reached, end, label=label, steps=steps, **times)
                 self._show((at_work,), now)
@@ -136,14 +146,20 @@ class Watch:
         self._complete += not failed
         self._failed += failed
         if self._display is not None:
+            self._preparation.cancel()
             if failed:
-                self._display.note(f"case {outcome.index:04d} FAILED: {outcome.reason}")
+                self._note(f"case {outcome.index:04d} FAILED: {outcome.reason}")
             self._show((), time.time())
 
     def close(self) -> None:
         """Stop moving lines."""
+        self._preparation.cancel()
         if self._display is not None:
             self._display.close()
+
+    def _note(self, line: str) -> None:
+        assert self._display is not None
+        self._display.note(line)
 
     def _show(self, at_work: tuple[Running, ...], now: float) -> None:
         self._shown = now

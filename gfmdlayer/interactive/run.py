@@ -120,6 +120,7 @@ def run(
         wisdom = planned(found.grid.points, user_cache(), threads)
         with closing(Watch(chosen_display(progress), 1)) as watch:
             data, said = _compute(every[0], wisdom, threads, watch.case(0, found.time.end))
+            watch.ended(Outcome(0, "complete"))
         _warn(said)
         return data
     with closing(Watch(chosen_display(progress), len(every))) as watch:
