@@ -215,7 +215,7 @@ def _steps(config: Config) -> int:
 
 
 def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
-    """Return the relaxed modulus and the branches of the layer; of a continuous law, what relaxes by the end."""
+    """Return the relaxed modulus and the branches of the layer; for a continuous law, over some decades."""
     law = config.layer.material
     if isinstance(law, Material):
         return law.relaxed, law.maxwell_branches
