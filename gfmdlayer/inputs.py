@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
@@ -25,10 +28,35 @@ def make_grid(config: Config) -> Grid:
     return Grid(config.grid.points, config.grid.period)
 
 
-def make_body(config: Config) -> LayeredHalfspace:
-    """Return the layer on its halfspace."""
-    layer, halfspace = config.layer, config.halfspace
-    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+def make_body(config: Config, materials: Sequence[Material]) -> Body:
+    """Return the layers on their halfspace.
+
+    A stack merges its modes to the tolerance of the solver.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    materials : sequence of Material
+        Of each of `config.laws`.
+    """
+    given, halfspace = config.stacked, config.halfspace
+    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
+    elastic = halfspace.material is None or materials[-1].elastic
+    if len(given) == 1 and elastic:
+        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
+        return ViscoelasticLayer(layer, materials[0])
+    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
+    floating = math.isfinite(layers[-1].thickness)
+    if floating and 0 < modulus < math.inf:
+        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
+    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
+
+
+def _keeps_mean_height(config: Config) -> bool:
+    """Whether a uniform pressure does not change the mean height of the surface: K(q = 0) = 0."""
+    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
+    return not rigid or all(layer.poisson == 0.5 or not layer.thickness for layer in config.stacked)
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -190,7 +218,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     seen = set()
     for config in configs:
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, _keeps_mean_height(config)),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -226,7 +254,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             yield "trajectory.file", message
         return
     deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
+    if _keeps_mean_height(config) and deepest >= mean_height:
         yield (
             "trajectory.depth" if given.file is None else "trajectory.file",
             f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "

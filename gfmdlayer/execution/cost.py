@@ -64,7 +64,7 @@ def estimate(config: Config) -> Cost:
     pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= solver.rough if config.punch.rough else 1
-    law = config.layer.material
+    law = config.surface.material
     branches = len(law.maxwell_branches) if isinstance(law, Material) else CONTINUOUS_BRANCHES
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
