@@ -9,19 +9,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
+    "WLF",
+    "Arrhenius",
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Elastic",
+    "FractionalZener",
+    "HavriliakNegami",
+    "Kohlrausch",
     "LayeredHalfspace",
+    "PowerLaw",
     "Prony",
     "Zener",
     "indent",
@@ -39,6 +49,9 @@ _MODULES = {
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
+    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
+    "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
