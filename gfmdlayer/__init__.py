@@ -9,9 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.indentation.indent import indent
@@ -19,12 +22,19 @@ if TYPE_CHECKING:
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
+    "WLF",
+    "Arrhenius",
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Elastic",
+    "FractionalZener",
+    "HavriliakNegami",
+    "Kohlrausch",
     "Layer",
     "LayerStack",
     "LayeredHalfspace",
+    "PowerLaw",
     "Prony",
     "Zener",
     "indent",
@@ -42,6 +52,9 @@ _MODULES = {
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
+    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
+    "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }

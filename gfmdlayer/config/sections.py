@@ -108,7 +108,7 @@ class Layer(Section):
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
-    """viscoelastic law of the layer: its model, or the file in which fit-material wrote it"""
+    """viscoelastic law: its model, or {file: ...} of fit-material"""
 
 
 class StackedLayer(Layer):
