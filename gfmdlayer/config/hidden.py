@@ -72,7 +72,8 @@ def _set_aside(data: Any, location: Location) -> str:
 
 
 def _rests_on(problem: Problem, key: str) -> bool:
-    own = problem.key if problem.at_key else unswept(problem.key)
+    in_a_list = any(part.isdigit() for part in problem.key.split("."))  # and known only with the list
+    own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
     names = (own, problem.key, *problem.others)
     return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
 

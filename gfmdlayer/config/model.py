@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.temperature import Temperature, temperature_problems
@@ -27,15 +28,7 @@ from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
-from gfmdlayer.validation.problems import (
-    ConfigError,
-    InconsistentError,
-    Location,
-    Problem,
-    dotted_key,
-    location_of_key,
-    not_in_list,
-)
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Location, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
 Name = Annotated[
@@ -276,42 +269,6 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def leaves(config: Config) -> list[str]:
-    """Return the dotted keys of all sections that hold a value of their own, in the order of the model."""
-    return [
-        dotted_key((*at, key))
-        for at, section in sections_in(config)
-        if at
-        for key, value in vars(section).items()
-        if not isinstance(value, Section)
-    ]
-
-
-def sweepable(config: Config) -> list[str]:
-    """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape))]
-    swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
-    return [*swept, *(dotted_key(at) for at in kinds)]
-
-
-def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
-    """Return nested `data` with values at dotted keys; `data` itself is left as it is."""
-    result = dict(data)
-    for key, value in values.items():
-        head, _, tail = key.partition(".")
-        inner = result.get(head)
-        if not tail:
-            result[head] = value
-        elif isinstance(inner, list | tuple):
-            if wrong := not_in_list(location_of_key(tail)[0], len(inner), head):
-                raise ConfigError([f"{key}: {wrong}"])
-            entries = {str(i): entry for i, entry in enumerate(inner)}
-            result[head] = [*assigned(entries, {tail: value}).values()]
-        else:
-            result[head] = assigned(inner if isinstance(inner, Mapping) else {}, {tail: value})
-    return result
 
 
 def problems(data: Mapping[str, Any]) -> list[Problem]:
