@@ -53,7 +53,7 @@ def make_body(config: Config, materials: Sequence[Material]) -> Body:
 
 
 def mean_stiffness(config: Config) -> float:
-    """Return K(q = 0) of the relaxed layers, for the law's own unit of moduli; 0 where the mean height stays."""
+    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
     rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
     compliances = [
         layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
