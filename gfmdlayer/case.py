@@ -143,15 +143,8 @@ class Case:
     @cached_property
     def series(self) -> PronySeries:
         """The material of the layer as a series of Maxwell branches, over the times of the run."""
-        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
-        return self.config.layer.material.prony(*self._reduced(*times))
-
-    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Return a range of times in reduced time, at all temperatures of the run."""
-        if self.reduced_time is None:
-            return shortest, longest
-        least, most = self.reduced_time.extremes
-        return shortest / most, longest / least
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks, self.reduced_time)
+        return self.config.layer.material.prony(*times)
 
     @cached_property
     def reduced_time(self) -> ReducedTime | None:
