@@ -11,6 +11,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
+from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
@@ -115,6 +116,12 @@ class Case:
         If there is no such part.
     TableError
         In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
     """
 
     def __init__(
@@ -215,12 +222,12 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            landings = snapshots, self.kinks, inputs.output_times(self.config)
+            landings = snapshots, self.kinks, output_times(self.config)
             slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
             return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
         instants = steps(time.end, time.step, snapshots, self.kinks)
-        return FixedSteps(instants, inputs.stops(self.config, self.kinks), time.step)
+        return FixedSteps(instants, stops(self.config, self.kinks), time.step)
 
     @cached_property
     def solver(self) -> Solver:

@@ -14,9 +14,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.history import time_points
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.history.time_points import Instant
+from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
@@ -38,9 +37,9 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     Raises
     ------
     TableError
-        If the heights come from a file that cannot be used.
+        If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(config.punch.heights(grid))
+    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -107,36 +106,6 @@ def kinks(
     temperature = None if reduced_time is None else reduced_time.temperature
     every = (trajectory, velocity, temperature)
     return tuple(time for each in every if each is not None for time in each.kinks)
-
-
-def stops(config: Config, kinks: Iterable[float]) -> list[Instant]:
-    """Return the times that the steps of a case land on, with the lengths of fixed steps to each.
-
-    Parameters
-    ----------
-    config : Config
-        The case.
-    kinks : iterable of float
-        Times at which the slope of a prescribed quantity jumps.
-
-    Returns
-    -------
-    list of Instant
-    """
-    time, snapshots = config.time, config.output.snapshots
-    if isinstance(time.step, str):
-        return time_points.stops(time.end, snapshots, kinks, output_times(config))
-    equal = time.integrator == "backward_euler"
-    fixed = time_points.equal_stops if equal else time_points.landing_stops
-    return fixed(time.end, time.step, snapshots, kinks)
-
-
-def output_times(config: Config) -> tuple[float, ...]:
-    """Return the times of the rows that adaptive steps are asked to land on."""
-    times = config.output.times
-    if isinstance(times, float):
-        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
-    return times or ()
 
 
 def times_of_response(
@@ -248,10 +217,26 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
-        yield (
-            "trajectory.depth" if given.file is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {mean_height:.6g}",
-        )
+    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+        yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+
+def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+    """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
+
+    Parameters
+    ----------
+    depth : float
+        The largest depth.
+    heights : ndarray, one value a point
+        Height of the punch above its lowest point.
+    mean_stiffness : float
+        Of the body; see `body.body.Body`.
+    """
+    mean_height = float(heights.mean())
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    return (
+        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
+        f"must be below the mean height of the punch, {mean_height:.6g}"
+    )

@@ -195,6 +195,14 @@ class Zener(Material):
     """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
 
     One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
+
+    Examples
+    --------
+    >>> material = gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0)
+    >>> material.relaxation_modulus([0.0, 2.0])
+    array([10.        ,  4.31091497])
+    >>> gfmdlayer.Config(name="a", layer={"material": material}).layer.material.tau
+    2.0
     """
 
     model: Literal["zener"] = "zener"
@@ -252,6 +260,11 @@ class Prony(Material):
     """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus.
 
     Made alone, it takes its branches as pairs (G, tau). Without any the material is elastic.
+
+    Examples
+    --------
+    >>> gfmdlayer.Prony(1.0, [(2.0, 0.1), (3.0, 10.0)]).glassy
+    6.0
     """
 
     model: Literal["prony"] = "prony"

@@ -52,7 +52,7 @@ def check(options: argparse.Namespace) -> int:
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *_laws([case.config for case in every]),
-        *_time_left(directory, every),
+        _time(directory, every),
         *found,
     ]
     memory = preflight.memory_warnings(options.jobs * cost.memory)
@@ -101,17 +101,16 @@ def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 
-def _time_left(directory: Path, every: Sequence[Case]) -> list[str]:
-    """Estimate the time left, where cases of the same configuration are complete."""
+def _time(directory: Path, every: Sequence[Case]) -> str:
+    """Estimate the seconds of the cases that are not complete."""
     from gfmdlayer.execution.cost import CostModel
     from gfmdlayer.execution.folder import Folder
     from gfmdlayer.execution.status import duration
 
     folder = Folder(directory)
-    complete = folder.numbers()["h5"]
+    complete = folder.numbers()["h5"] if folder.is_results() else set()
     model = CostModel.of_files({folder.case(c.index): c.config for c in every if c.index in complete})
     left = [case for case in every if case.index not in complete]
-    if left and model.fitted:
-        seconds = sum(model.seconds(case.config) for case in left)
-        return [f"time       about {duration(seconds)} on one core for the {len(left)} cases left"]
-    return []
+    seconds = sum(model.seconds(case.config) for case in left)
+    of = "" if len(left) == len(every) else f" for the {count_cases(len(left))} left"
+    return f"time       about {duration(seconds)} on one core{of}"

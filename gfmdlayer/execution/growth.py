@@ -20,6 +20,7 @@ from typing import Any
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
+from gfmdlayer.config.stops import stops
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.sweep import Case, Earlier, cases
 
@@ -145,8 +146,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
             given = inputs.make_trajectory(case.config), inputs.make_velocity(case.config)
             kinks = inputs.kinks(*given, inputs.make_reduced_time(case.config))
-            stops = inputs.stops(case.config, kinks)
-            fit = [earlier for course, earlier in candidates if course.begins(stops)]
+            planned = stops(case.config, kinks)
+            fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
     return found
