@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 Exponent = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from 0.01 to 1")]
 Tolerance = Annotated[float, strict, Field(ge=1e-6, le=0.1), MustBe("a number from 1e-6 to 0.1")]
+
+# A rough series of a law, for estimates of the cost of a run.
+COARSE_BRANCHES, COARSE_DECADES = 15, 4
 
 # Points of the contour integral, whose error falls by a factor of ten with each, down to rounding.
 _POINTS = 32
@@ -51,6 +55,14 @@ class ContinuousLaw(Law):
         from gfmdlayer.body.exponential_sums import prony_series
 
         return prony_series(self, shortest, longest, self.tolerance if tolerance is None else tolerance)
+
+    def coarse_series(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return one branch for each part of the last decades up to a time, in which the modulus falls."""
+        times = [longest * 10 ** (-COARSE_DECADES * i / COARSE_BRANCHES) for i in range(COARSE_BRANCHES + 1)]
+        moduli = self.relaxation_modulus(times).tolist()
+        parts = pairwise(zip(moduli, times, strict=True))
+        branches = ((G - softer, math.sqrt(early * late)) for (softer, late), (G, early) in parts)
+        return moduli[0], tuple(branches)
 
 
 class _RelaxingLaw(ContinuousLaw):
@@ -96,7 +108,7 @@ class HavriliakNegami(_RelaxingLaw):
     >>> law = gfmdlayer.HavriliakNegami(G0=1.0, Ginf=1000.0, tau=1.0, alpha=0.7, gamma=0.5)
     >>> loss = law.complex_modulus([0.01, 1.0, 100.0])
     >>> (loss.imag / loss.real).round(2)  # tan delta
-    array([0.65, 0.42, 0.07])
+    array([1.66, 0.79, 0.12])
     """
 
     model: Literal["havriliak_negami"] = "havriliak_negami"

@@ -109,6 +109,10 @@ class Law(Kind):
             With bounds on its errors; those of a law that is a series are zero.
         """
 
+    @abstractmethod
+    def coarse_series(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return a relaxed modulus and branches (G_k, tau_k) that resemble the law up to a time, at no cost."""
+
     def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
         """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
         import numpy as np
@@ -168,6 +172,10 @@ class Material(Law):
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:  # noqa: ARG002
         """Return the material itself, which is a series."""
         return PronySeries(self, shortest, longest)
+
+    def coarse_series(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:  # noqa: ARG002
+        """Return the branches themselves."""
+        return self.relaxed, self.maxwell_branches
 
 
 @dataclass(frozen=True)

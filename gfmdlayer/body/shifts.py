@@ -83,7 +83,7 @@ class WLF(Shift):
     --------
     >>> shift = gfmdlayer.WLF(C1=17.44, C2=51.6, reference=20.0)
     >>> round(shift.factor(30.0), 6)
-    0.001481
+    0.001475
     >>> shift.refused(-40.0)
     'got -40, where the wlf law has no value; must be above -31.6 degrees Celsius'
     """
@@ -112,7 +112,7 @@ class Arrhenius(Shift):
     Examples
     --------
     >>> round(gfmdlayer.Arrhenius(activation_energy=8e4, reference=20.0).factor(30.0), 6)
-    0.338715
+    0.33868
     """
 
     law: Literal["arrhenius"] = "arrhenius"

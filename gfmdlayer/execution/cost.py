@@ -15,11 +15,9 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import stops
 from gfmdlayer.contact.solvers import SOLVERS
@@ -46,7 +44,6 @@ CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 # Branches of a law with a continuous spectrum, over decades of time up to the end.
-CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -219,18 +216,10 @@ def _steps(config: Config) -> int:
 def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
     """Return the relaxed modulus and the branches of the layer; for a continuous law, over some decades."""
     law = config.layer.material
-    if isinstance(law, Material):
-        degrees = None if config.temperature is None else config.temperature.value
-        slower = 1.0 if degrees is None or law.shift is None else law.shift.factor(degrees)
-        return law.relaxed, tuple((modulus, slower * time) for modulus, time in law.maxwell_branches)
-    times = [
-        config.time.end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)
-    ]
-    moduli = law.relaxation_modulus(times).tolist()
-    return moduli[0], tuple(
-        (stiffer - softer, math.sqrt(early * late))
-        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
-    )
+    degrees = None if config.temperature is None else config.temperature.value
+    slower = 1.0 if degrees is None or law.shift is None else law.shift.factor(degrees)
+    relaxed, branches = law.coarse_series(config.time.end / slower)
+    return relaxed, tuple((modulus, slower * time) for modulus, time in branches)
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:
