@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 Exponent = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from 0.01 to 1")]
 Tolerance = Annotated[float, strict, Field(ge=1e-6, le=0.1), MustBe("a number from 1e-6 to 0.1")]
 
-# A rough series of a law, for estimates of the cost of a run.
-COARSE_BRANCHES, COARSE_DECADES = 15, 4
-
 # Points of the contour integral, whose error falls by a factor of ten with each, down to rounding.
 _POINTS = 32
+
+# Branches of a series to 1e-4, over some decades: measured, for estimates of the cost.
+_BRANCHES, _DECADES = 15, 4
 
 
 class ContinuousLaw(Law):
@@ -42,27 +42,26 @@ class ContinuousLaw(Law):
     tolerance: Tolerance = 1e-4
     """largest relative error of the Prony series that replaces the law"""
 
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return as branches what relaxes in each part of some decades before the time."""
+        times = [longest * 10 ** (-_DECADES * i / _BRANCHES) for i in range(_BRANCHES + 1)]
+        moduli = self.relaxation_modulus(times).tolist()
+        return moduli[0], tuple(
+            (stiffer - softer, math.sqrt(early * late))
+            for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
+        )
+
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
         """Return the Prony series that replaces the law, see `exponential_sums.prony_series`.
 
         Raises
         ------
-        ValueError
-            The range is empty.
-        ArithmeticError
-            No series of a reasonable number of branches keeps to the tolerance.
+        ValueError, ArithmeticError
+            The range is empty; no series of a reasonable number of branches keeps to the tolerance.
         """
         from gfmdlayer.body.exponential_sums import prony_series
 
         return prony_series(self, shortest, longest, self.tolerance if tolerance is None else tolerance)
-
-    def coarse_series(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
-        """Return one branch for each part of the last decades up to a time, in which the modulus falls."""
-        times = [longest * 10 ** (-COARSE_DECADES * i / COARSE_BRANCHES) for i in range(COARSE_BRANCHES + 1)]
-        moduli = self.relaxation_modulus(times).tolist()
-        parts = pairwise(zip(moduli, times, strict=True))
-        branches = ((G - softer, math.sqrt(early * late)) for (softer, late), (G, early) in parts)
-        return moduli[0], tuple(branches)
 
 
 class _RelaxingLaw(ContinuousLaw):

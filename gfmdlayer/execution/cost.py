@@ -43,7 +43,6 @@ STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e
 CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
-# Branches of a law with a continuous spectrum, over decades of time up to the end.
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -84,7 +83,7 @@ def estimate(config: Config) -> Cost:
     pairs *= solver.rough if config.punch.rough else 1
     if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(_branches(config)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
@@ -111,7 +110,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(_branches(config)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -195,7 +194,7 @@ def _steps(config: Config) -> int:
     planned = stops(config, kinks)
     if config.time.step != "adaptive":
         return number_of_steps(planned)
-    relaxed, branches = _branches(config)
+    relaxed, branches = config.layer.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     crossed = (
@@ -211,15 +210,6 @@ def _steps(config: Config) -> int:
         else:
             landings += 1
     return round(steps)
-
-
-def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
-    """Return the relaxed modulus and the branches of the layer; for a continuous law, over some decades."""
-    law = config.layer.material
-    degrees = None if config.temperature is None else config.temperature.value
-    slower = 1.0 if degrees is None or law.shift is None else law.shift.factor(degrees)
-    relaxed, branches = law.coarse_series(config.time.end / slower)
-    return relaxed, tuple((modulus, slower * time) for modulus, time in branches)
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:
