@@ -150,15 +150,8 @@ class Case:
     @cached_property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
-        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
-        return tuple(law.prony(*self._reduced(*times)) for law in self.config.laws)
-
-    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Return a range of times in reduced time, at all temperatures of the run."""
-        if self.reduced_time is None:
-            return shortest, longest
-        least, most = self.reduced_time.extremes
-        return shortest / most, longest / least
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks, self.reduced_time)
+        return tuple(law.prony(*times) for law in self.config.laws)
 
     @cached_property
     def reduced_time(self) -> ReducedTime | None:

@@ -10,7 +10,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.materials import Material, Prony, PronySeries
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
 from gfmdlayer.config.temperature import shifts
@@ -141,14 +141,18 @@ def kinks(
 
 
 def times_of_response(
-    config: Config, grid: Grid, velocity: Constant | Table | None, kinks: Iterable[float]
+    config: Config,
+    grid: Grid,
+    velocity: Constant | Table | None,
+    kinks: Iterable[float],
+    reduced_time: ReducedTime | None,
 ) -> tuple[float, float]:
     """Return the shortest and the longest time over which the body's response matters.
 
     The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part of
     the shortest ramp, between kinks of the trajectory, that their tolerance is: what relaxes within it
     changes the pressure by no more than that. A punch that moves along the surface also drives the grid's
-    shortest waves.
+    shortest waves. With a temperature these are reduced times, at any time of the run.
 
     Parameters
     ----------
@@ -160,6 +164,8 @@ def times_of_response(
         Of the punch along x.
     kinks : iterable of float
         Times at which the slope of a prescribed quantity jumps.
+    reduced_time : ReducedTime, optional
+        In which the body relaxes.
 
     Returns
     -------
@@ -176,7 +182,23 @@ def times_of_response(
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
         fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
-    return min(shortest, 1 / fastest if fastest else shortest), time.end
+    shortest = min(shortest, 1 / fastest) if fastest else shortest
+    least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
+    return shortest / most, time.end / least
+
+
+def make_series(config: Config) -> tuple[PronySeries, ...]:
+    """Return the laws of layers and halfspace as series of Maxwell branches, over the times of a case.
+
+    Raises
+    ------
+    TableError
+        If a file that the times follow from cannot be used.
+    """
+    velocity, reduced_time = make_velocity(config), make_reduced_time(config)
+    every = kinks(make_trajectory(config), velocity, reduced_time)
+    times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
+    return tuple(law.prony(*times) for law in config.laws)
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:

@@ -106,7 +106,6 @@ class Law(Kind):
         Returns
         -------
         PronySeries
-            With bounds on its errors; those of a law that is a series are zero.
         """
 
     @abstractmethod

@@ -189,6 +189,8 @@ def _steps(config: Config) -> int:
     kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
     if given.velocity_file is not None:
         kinks += _kinks(given.velocity_file, "velocity")
+    if config.temperature is not None:
+        kinks += _kinks(config.temperature.file, "temperature")
     planned = stops(config, kinks)
     if config.time.step != "adaptive":
         return number_of_steps(planned)
