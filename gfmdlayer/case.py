@@ -9,6 +9,7 @@ from typing import Protocol, TypedDict, Unpack
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
+from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.attraction import AttractionSolver
@@ -22,6 +23,7 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
@@ -80,6 +82,7 @@ class Parts(TypedDict, total=False):
     grid: Grid
     transforms: Transforms
     body: Body
+    reduced_time: ReducedTime | None
     punch: FloatArray
     trajectory: Trajectory
     velocity: Constant | Table | None
@@ -113,6 +116,12 @@ class Case:
         If there is no such part.
     TableError
         In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
     """
 
     def __init__(
@@ -136,7 +145,31 @@ class Case:
     @cached_property
     def body(self) -> Body:
         """The body under the surface."""
-        return ViscoelasticLayer(inputs.make_body(self.config), self.config.layer.material)
+        return ViscoelasticLayer(inputs.make_body(self.config), self.series.material)
+
+    @cached_property
+    def series(self) -> PronySeries:
+        """The material of the layer as a series of Maxwell branches, over the times of the run."""
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
+        return self.config.layer.material.prony(*self._reduced(*times))
+
+    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
+        """Return a range of times in reduced time, at all temperatures of the run."""
+        if self.reduced_time is None:
+            return shortest, longest
+        least, most = self.reduced_time.extremes
+        return shortest / most, longest / least
+
+    @cached_property
+    def reduced_time(self) -> ReducedTime | None:
+        """The reduced time in which the body relaxes; None without a temperature."""
+        return inputs.make_reduced_time(self.config)
+
+    def elapsed(self, instant: Instant) -> float:
+        """Return the reduced time that elapses in the step to a time point."""
+        if self.reduced_time is None:
+            return instant.step
+        return self.reduced_time.step(instant.time - instant.step, instant.step)
 
     @cached_property
     def punch(self) -> FloatArray:
@@ -161,7 +194,7 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        return inputs.kinks(self.loading.trajectory, self.velocity)
+        return inputs.kinks(self.loading.trajectory, self.velocity, self.reduced_time)
 
     @cached_property
     def loading(self) -> Loading:
@@ -178,13 +211,13 @@ class Case:
         spectrum, sums = self.body.spectrum(self.grid.wavenumbers), self.grid.sums
         adaptive = self.config.time.step == "adaptive"
         if self.velocity is not None:
-            waves = self.grid.wavenumbers_x
+            waves, velocity = self.grid.wavenumbers_x, self.velocity
+            if self.reduced_time is not None:
+                velocity = velocity.in_time(self.reduced_time.factor(0.0))
             if adaptive:
-                return ErrorControlledSlidingModes(
-                    spectrum, sums, wavenumbers_x=waves, velocity=self.velocity
-                )
+                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=waves, velocity=velocity)
             scheme = SCHEMES["exponential"]
-            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=self.velocity)
+            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=velocity)
         if adaptive:
             return ErrorControlledModes(spectrum, sums)
         return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
@@ -196,8 +229,9 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            times = output_times(self.config)
-            return AdaptiveSteps(self.integrator, time.tolerance, time.end, snapshots, self.kinks, times)
+            landings = snapshots, self.kinks, output_times(self.config)
+            slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
+            return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
         instants = steps(time.end, time.step, snapshots, self.kinks)
         return FixedSteps(instants, stops(self.config, self.kinks), time.step)

@@ -143,17 +143,24 @@ def _compute(
 
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
-    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
-    with CaseWriter(path, coordinates, attributes, columns(config), elapsed=checkpoints.elapsed) as writer:
+    described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    elapsed = checkpoints.elapsed
+    with CaseWriter(
+        path, coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
+    ) as writer:
         recorder = checkpoints.recorder(writer)
         warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
     return "; ".join(warnings)
 
 
-def _attributes(config: Config) -> dict[str, str | float]:
+def attributes(config: Config) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
+    found["G0"] = config.layer.material.unit
+    if config.units is not None:
+        found["units"] = str(config.units)
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
     if config.trajectory.moves:

@@ -15,8 +15,10 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import stops
@@ -47,6 +49,8 @@ STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e
 CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
+# Branches of a law with a continuous spectrum, over decades of time up to the end.
+CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -88,7 +92,7 @@ def estimate(config: Config) -> Cost:
     pairs *= solver.rough if config.punch.rough else 1
     if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(config.layer.material.maxwell_branches)
+    branches = len(_branches(config.layer.material, config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
@@ -115,7 +119,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(config.layer.material.maxwell_branches)
+    branches = len(_branches(config.layer.material, config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -203,10 +207,11 @@ def _steps(config: Config) -> tuple[int, int]:
     planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
         return number_of_steps(planned), sum(stop.kink for stop in planned)
-    material = config.layer.material
-    times, spent = _relaxation(material.relaxed, material.maxwell_branches)
+    relaxed, branches = _branches(config.layer.material, config.time.end)
+    times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    crossed = abs(given.velocity or 0.0) * _slowest(config) / max(config.grid.period)
+    slowest = max((tau for _, tau in branches), default=0.0)
+    crossed = abs(given.velocity or 0.0) * slowest / max(config.grid.period)
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
     steps, begin, landings = float(FIRST_STEPS), 0.0, 0
     for stop in planned[1:]:
@@ -221,16 +226,27 @@ def _steps(config: Config) -> tuple[int, int]:
 
 def _settling(config: Config) -> float:
     """Time after the last kink in which a moving punch comes to the steady state that ends its run."""
-    velocity, material = config.trajectory.velocity, config.layer.material
+    velocity = config.trajectory.velocity
     if config.time.steady is None or not velocity:
         return math.inf
-    glassy = material.relaxed + sum(modulus for modulus, _ in material.maxwell_branches)
-    creep = _slowest(config) * glassy / material.relaxed if material.relaxed > 0 else math.inf
+    relaxed, branches = _branches(config.layer.material, config.time.end)
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    slowest = max((tau for _, tau in branches), default=0.0)
+    creep = slowest * glassy / relaxed if relaxed > 0 else math.inf
     return SETTLING * max(max(config.grid.period) / abs(velocity), creep)
 
 
-def _slowest(config: Config) -> float:
-    return max((tau for _, tau in config.layer.material.maxwell_branches), default=0.0)
+@lru_cache(maxsize=64)
+def _branches(law: Any, end: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+    """Return relaxed modulus and branches of a law; of a continuous one, over decades up to the end."""
+    if hasattr(law, "maxwell_branches"):
+        return law.relaxed, law.maxwell_branches
+    times = [end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)]
+    moduli = law.relaxation_modulus(times).tolist()
+    return moduli[0], tuple(
+        (stiffer - softer, math.sqrt(early * late))
+        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
+    )
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:

@@ -266,7 +266,7 @@ def _collect(
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            path = collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
             return str(attributes(path)["notes"]).splitlines()
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error

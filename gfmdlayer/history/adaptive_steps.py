@@ -59,6 +59,8 @@ class AdaptiveSteps:
         Last time.
     snapshots, kinks, times : iterable of float
         Times to land on.
+    slowdown : float
+        Factor by which relaxation times are longer at the start than those of the integrator.
     """
 
     def __init__(
@@ -69,8 +71,9 @@ class AdaptiveSteps:
         snapshots: Iterable[float],
         kinks: Iterable[float],
         times: Iterable[float] = (),
+        slowdown: float = 1.0,
     ) -> None:
-        self._integrator, self._tolerance = integrator, tolerance
+        self._integrator, self._tolerance, self._slowdown = integrator, tolerance, slowdown
         self._stops = stops(end, snapshots, kinks, times)
         self._position = _Position()
 
@@ -116,7 +119,7 @@ class AdaptiveSteps:
             # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
             pressed = depth_scale > 0 and bool(spectrum.any())
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
-            now.next_step = self._integrator.shortest_time * first
+            now.next_step = self._integrator.shortest_time * self._slowdown * first
         else:
             relative, displacement = self._integrator.error(
                 spectrum, moving=depth != now.depth, deep=depth >= _RETRACTED * depth_scale

@@ -139,6 +139,19 @@ def along_axis(values: float | tuple[float, ...], axis: int) -> float:
     return values[axis] if isinstance(values, tuple) else values
 
 
+def single(key: str, values: float | tuple[float, ...]) -> float:
+    """Return the one value of a shape of revolution.
+
+    Raises
+    ------
+    ValueError
+        If there are two, one for each direction.
+    """
+    if not isinstance(values, tuple):
+        return values
+    raise ValueError(f"{key}: got {shown(values)}; must be one number for a body of revolution")
+
+
 def _from_apex(x: FloatArray, length: float, count: int) -> FloatArray:
     """Coordinate from the middle of the nearest of `count` copies in a period around the origin."""
     import numpy as np
