@@ -15,10 +15,8 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import stops
@@ -49,8 +47,6 @@ STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e
 CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
-# Branches of a law with a continuous spectrum, over decades of time up to the end.
-CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -92,7 +88,7 @@ def estimate(config: Config) -> Cost:
     pairs *= solver.rough if config.punch.rough else 1
     if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(_branches(config.layer.material, config.time.end)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
@@ -119,7 +115,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(_branches(config.layer.material, config.time.end)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -207,7 +203,7 @@ def _steps(config: Config) -> tuple[int, int]:
     planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
         return number_of_steps(planned), sum(stop.kink for stop in planned)
-    relaxed, branches = _branches(config.layer.material, config.time.end)
+    relaxed, branches = config.layer.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     slowest = max((tau for _, tau in branches), default=0.0)
@@ -229,24 +225,11 @@ def _settling(config: Config) -> float:
     velocity = config.trajectory.velocity
     if config.time.steady is None or not velocity:
         return math.inf
-    relaxed, branches = _branches(config.layer.material, config.time.end)
+    relaxed, branches = config.layer.material.roughly(config.time.end)
     glassy = relaxed + sum(modulus for modulus, _ in branches)
     slowest = max((tau for _, tau in branches), default=0.0)
     creep = slowest * glassy / relaxed if relaxed > 0 else math.inf
     return SETTLING * max(max(config.grid.period) / abs(velocity), creep)
-
-
-@lru_cache(maxsize=64)
-def _branches(law: Any, end: float) -> tuple[float, tuple[tuple[float, float], ...]]:
-    """Return relaxed modulus and branches of a law; of a continuous one, over decades up to the end."""
-    if hasattr(law, "maxwell_branches"):
-        return law.relaxed, law.maxwell_branches
-    times = [end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)]
-    moduli = law.relaxation_modulus(times).tolist()
-    return moduli[0], tuple(
-        (stiffer - softer, math.sqrt(early * late))
-        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
-    )
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:
