@@ -197,6 +197,8 @@ def _steps(config: Config) -> tuple[int, int]:
     kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
     if given.velocity_file is not None:
         kinks += _kinks(given.velocity_file, "velocity")
+    if config.temperature is not None:
+        kinks += _kinks(config.temperature.file, "temperature")
     planned = stops(config, kinks)
     settled = max(kinks) + _settling(config)
     last = next((stop for stop in planned if stop.time >= settled), planned[-1])
