@@ -252,6 +252,8 @@ def digest(config: Config) -> str:
 def stem(config: Config) -> str:
     """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
 
+    A law with a continuous spectrum becomes a series over the times of the run, to whose end it belongs.
+
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
 
     Raises

@@ -14,7 +14,7 @@ from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
-from gfmdlayer.execution.cost import kind
+from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
@@ -105,7 +105,7 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     config, hashed = case.config, digest(case.config)
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
     with (
-        StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
+        StatusFile(folder, case.index, config.time.end, label(case.values), estimate(config).steps) as status,
         closing(
             Checkpoints(
                 folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
