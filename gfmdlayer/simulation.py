@@ -14,6 +14,7 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.resumable import Resumable
 
@@ -96,7 +97,7 @@ def simulate(
                 finished = finished or observable.finished
             recorder.row(**row)
             if instant.snapshot or finished:
-                fields = surface.displacement, solution.pressure, solution.gap
+                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break
