@@ -100,7 +100,7 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
-        yield from temperature_problems(self)
+        yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         fit = self.punch.misfits(self.grid.cell)
         yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
