@@ -17,6 +17,7 @@ from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.pair_time import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.resumable import CompositeState
 
@@ -156,7 +157,7 @@ def simulate(
                 finished = finished or observable.finished
             recorder.row(**row)
             if instant.snapshot or finished:
-                fields = surface.displacement, solution.pressure, solution.gap
+                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break

@@ -12,6 +12,7 @@ from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
+from gfmdlayer.observables.resolution import Resolution
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ __all__ = ["OBSERVABLES", "AcceptedStep", "Column", "Observable", "columns", "kn
 OBSERVABLES: dict[str, type[Observable]] = {
     "contact": ContactMeans,
     "force": Force,
+    "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
     "energy": EnergyBalance,
