@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.body import ViscoelasticLayer, halfspace, layer
+    from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
@@ -54,9 +54,9 @@ __all__ = [
     "ViscoelasticLayer",
     "Wedge",
     "Zener",
+    "bonded_layer",
     "halfspace",
     "indent",
-    "layer",
     "load",
     "open_case",
     "open_results",
@@ -78,7 +78,7 @@ _MODULES = {
         *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
-    "gfmdlayer.body.body": ("ViscoelasticLayer", "halfspace", "layer"),
+    "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
     "gfmdlayer.body.elastic": ("Elastic",),
