@@ -122,7 +122,7 @@ class Config(Section):
         if output.times is not None and time.step != "adaptive":
             message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
-        for i, snapshot in enumerate(output.snapshots):
+        for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
 

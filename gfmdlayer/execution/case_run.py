@@ -147,7 +147,8 @@ def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.layer.material.relaxed
+    found |= {"G0": config.layer.material.relaxed, "L": config.grid.period[0]}
+    found["control"] = config.trajectory.control
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

@@ -64,7 +64,8 @@ def estimate(config: Config) -> Cost:
     pairs *= solver.rough if config.punch.rough else 1
     branches = len(config.layer.material.maxwell_branches)
     width = sum(column.size for column in columns(config))
-    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
+    rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
+    snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
@@ -141,4 +142,4 @@ def _steps(config: Config) -> int:
     times = output.times or ()
     rows = math.floor(time.end / times + 1e-9) if isinstance(times, float) else len(times)
     free = ADAPTIVE_STEPS * ((time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    return math.ceil(math.hypot(free, rows + len(output.snapshots)))
+    return math.ceil(math.hypot(free, rows + len(output.snapshot_times)))

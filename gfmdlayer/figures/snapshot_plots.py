@@ -160,7 +160,8 @@ def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str
     gap = limits(whole["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
     case, notes = part_of(whole, MOST_MAPS * MOST_ROWS)
     count = case.sizes["snapshot"]
-    columns, rows = min(count, MOST_MAPS), -(-count // MOST_MAPS)
+    rows = -(-count // MOST_MAPS)
+    columns = -(-count // rows)
     height = _height_of_map(columns, seen.view)
     figure = new_figure(2, 14.0 + (2 * height + 74.0) * rows, style)
     ratios = (height, height, 30.0, 30.0) * rows
@@ -180,7 +181,8 @@ def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str
         if place == 0:
             for axes, label in zip(column, (y.label, y.label, f"{u.label}, punch", p.label), strict=True):
                 axes.set_ylabel(label)
-        if place == columns - 1 or i == count - 1:
+        column[3].tick_params(labelbottom=True)
+        if place == columns - 1:
             for axes, mesh, name in zip(column, meshes, ranges, strict=False):
                 draw_bar(axes, mesh, quantity(case[name], case.attrs).label)
     for axes in panels[-4:, (count - 1) % columns + 1 :].flat:
