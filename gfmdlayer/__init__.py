@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.indentation.indent import indent
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
@@ -20,9 +22,12 @@ __all__ = [
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Layer",
+    "LayerStack",
     "LayeredHalfspace",
     "Prony",
     "Zener",
+    "indent",
     "load",
     "open_case",
     "open_results",
@@ -32,11 +37,13 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
+    "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

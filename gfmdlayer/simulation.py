@@ -5,21 +5,60 @@ The numbers in the comments of `simulate` are the lines of their pseudocode.
 
 from __future__ import annotations
 
-import os
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.files.cache import user_cache
+from gfmdlayer.grid.pair_time import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.resumable import Resumable
+from gfmdlayer.resumable import CompositeState
+
+if TYPE_CHECKING:
+    import xarray
+
+    from gfmdlayer.contact.problem import Problem, Solution
 
 
 class ConvergenceError(RuntimeError):
-    """A time step did not reach the solver's tolerance."""
+    """A contact problem was not solved to the solver's tolerance.
+
+    Attributes
+    ----------
+    problem : Problem or None
+        The contact problem.
+    solution : Solution or None
+        The last state of the solver, whose residual is too large.
+    time : float
+        Simulated time of the step.
+    data : xarray.Dataset or None
+        From `gfmdlayer.run`: the steps before.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.run({"grid": {"points": 256}, "solver": {"method": "fire", "max_iterations": 20}})
+    ... except gfmdlayer.ConvergenceError as error:
+    ...     print(error.solution.residual > 1e-6, error.data.sizes["time"])
+    True 1
+    """
+
+    def __init__(
+        self,
+        message: str,
+        problem: Problem | None = None,
+        solution: Solution | None = None,
+        time: float = math.nan,
+    ) -> None:
+        super().__init__(message)
+        self.problem, self.solution, self.time = problem, solution, time
+        self.data: xarray.Dataset | None = None
 
 
 def simulate(
@@ -28,7 +67,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[Resumable], None] | None = None,
+    resume: Callable[[CompositeState], None] | None = None,
 ) -> list[str]:
     """Run one case.
 
@@ -71,7 +110,7 @@ def simulate(
         resume(case.resumable)
 
     for instant in steps:  # 4, 10
-        kappa, b = integrator.terms(instant.step)  # 5, 6
+        kappa, b = integrator.terms(case.elapsed(instant))  # 5, 6
         problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
         before = solver.state()
         solution = solver.solve(problem, guess.at(instant.time))  # 7
@@ -80,7 +119,10 @@ def simulate(
             given = case.config.solver
             raise ConvergenceError(
                 f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}"
+                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
+                problem,
+                solution,
+                instant.time,
             )
         for observable in observables:
             observable.attempt(solution)
@@ -112,7 +154,8 @@ def simulate(
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
     """Compile the kernels that a case needs and plan its transforms.
 
-    Plans are kept in the wisdom folder: runs with the same plans agree in every bit.
+    Plans are kept in the wisdom folder: runs with the same plans agree in every bit. The seconds of an FFT
+    pair are kept beside them.
 
     Parameters
     ----------
@@ -133,7 +176,10 @@ def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1)
     solver = Case(small).solver
     if hasattr(solver, "compile"):
         solver.compile()
-    return planned(config.grid.points, wisdom_folder or user_cache(), threads)
+    points, folder = config.grid.points, wisdom_folder or user_cache()
+    wisdom = planned(points, folder, threads)
+    keep_pair_seconds(points, wisdom, folder, threads)
+    return wisdom
 
 
 def _in_small(config: Config) -> Config:
@@ -164,8 +210,3 @@ class _NoRecorder:
 
     def snapshot(self, *fields: object) -> None:
         """Do nothing."""
-
-
-def user_cache() -> Path:
-    """Return the folder of the user's caches."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gfmdlayer"

@@ -16,16 +16,19 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.continuous import ContinuousLaw
+from gfmdlayer.body.materials import Law
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.temperature import Temperature, temperature_problems
 from gfmdlayer.config.units import Units
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
-from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, sections_in
+from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
 Name = Annotated[
     str,
@@ -60,6 +63,8 @@ class Config(Section):
     """the viscoelastic layer"""
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
     """the elastic base under the layer"""
+    temperature: Annotated[Temperature | None, given] = None
+    """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
@@ -89,6 +94,7 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
+        yield from temperature_problems(self)
         fit = self.punch.misfits(self.grid.cell)
         yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
@@ -130,7 +136,8 @@ class Config(Section):
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
-        if given.file is not None or given.velocity_file is not None or mean_height is None:
+        tables = given.file, given.velocity_file, self.temperature and self.temperature.file
+        if any(table is not None for table in tables) or mean_height is None:
             return False
         return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
 
@@ -156,10 +163,16 @@ class Config(Section):
         ConfigError
             A key does not exist, or a value is not possible.
         """
+        data = assigned(self._given(), plain(values))
         try:
-            return Config.model_validate(assigned(self._given(), values))
+            return Config.model_validate(data)
         except ValidationError as error:
-            raise ConfigError(map(str, explain(error))) from None
+            raise ConfigError(map(str, self.all_problems(plain(data), error))) from None
+
+    @classmethod
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
+        """Return the problems that pydantic found in plain data, and those that they hide."""
+        return with_hidden(data, explain(error), problems)
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
@@ -191,7 +204,33 @@ def digest(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    data = config.model_dump(exclude={"name", "sweep"}, exclude_none=True)
+    return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
+
+
+def stem(config: Config) -> str:
+    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+
+    A run with snapshots after every step begins like no run without them.
+    A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
+
+    Raises
+    ------
+    OSError
+        A file named by the configuration cannot be read any more.
+    """
+    times = (
+        {"keep_state", "times"}
+        if config.output.snapshots == "every"
+        else {"keep_state", "times", "snapshots"}
+    )
+    left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
+    if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
+        left_out["time"] = {"end"}
+    return _hash(config, left_out)
+
+
+def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
@@ -215,7 +254,7 @@ def leaves(config: Config) -> list[str]:
 
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape))]
     swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
     return [*swept, *(dotted(at) for at in kinds)]
 

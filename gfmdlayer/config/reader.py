@@ -1,44 +1,43 @@
 """From a file and the command line's overrides to a `Config`, or to a list of everything that is wrong.
 
-A value that is refused is removed and the rest validated once more, so that errors hidden by the first are in
-the same report; errors that depend on a removed value are left out.
+Python hands over the same data as a mapping; its errors have the same words, without a place.
 """
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from gfmdlayer.config import text
-from gfmdlayer.config.model import Config, explain, problems
+from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
-from gfmdlayer.validation.problems import ConfigError, Location, Problem
-from gfmdlayer.validation.sections import keys_of_files
+from gfmdlayer.validation.problems import ConfigError, Problem, colon_without_space
+from gfmdlayer.validation.sections import keys_of_files, plain
 
 _FILES = frozenset(keys_of_files(Config))
+_PYTHON = Place("")  # objects of Python have no place but their key
 Inspection = Callable[[Config], Iterable[tuple[str, str]]]
 
 
 def load(
     path: str | Path,
-    overrides: Iterable[str] = (),
+    overrides: Iterable[str] | Mapping[str, object] = (),
     inspect: Inspection | None = None,
     content: str | None = None,
 ) -> Config:
-    """Read a configuration.
+    r"""Read a configuration from a file.
 
     Parameters
     ----------
     path : str or Path
         YAML file. File names in it are relative to its folder.
-    overrides : iterable of str
-        ``dotted.key=value`` with the value in YAML, each replacing the value in the file, in this order.
+    overrides : iterable of str, or mapping
+        ``dotted.key=value`` with the value in YAML, or dotted keys and their values in Python, each replacing
+        the value in the file, in this order.
     inspect : callable, optional
         Checks the numbers and files of a sound configuration: yields dotted keys and why they are refused.
     content : str, optional
@@ -53,23 +52,72 @@ def load(
     ------
     ConfigError
         With every problem, each ``file:line:column: key: value found; values allowed``; those of overrides
-        begin with ``--set`` instead.
+        begin with ``--set`` instead, or with the key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("case.yaml").write_text("name: case\nlayer: {thickness: 0.1}\n")
+    >>> gfmdlayer.load("case.yaml", ["time.end=2"]).time.end
+    2.0
     """
     document = _document(path) if content is None else text.read(content, str(path))
     if document.data is None or not isinstance(document.data, dict):
         raise _error(document.problems)
-    for override in overrides:
-        _override(document, override)
+    return _validated(document, overrides, Path(path).absolute().parent, inspect)
+
+
+def from_python(
+    given: Mapping[str, Any] | Config,
+    values: Mapping[str, object] | None = None,
+    inspect: Inspection | None = None,
+) -> Config:
+    """Return the configuration that Python objects describe.
+
+    Parameters
+    ----------
+    given : mapping or Config
+        Keys and values as in YAML; sections, NumPy's numbers and arrays may be among the values. File names
+        are relative to the working directory.
+    values : mapping, optional
+        Dotted keys and values that replace those of `given`.
+    inspect : callable, optional
+        As in `load`.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, each ``key: value found; values allowed``.
+    """
+    if isinstance(given, Config):
+        given = given.model_dump(exclude_unset=True)
+    document = Document(data=plain(given), values={(): _PYTHON})
+    return _validated(document, values or {}, Path.cwd(), inspect)
+
+
+def _validated(
+    document: Document,
+    overrides: Iterable[str] | Mapping[str, object],
+    folder: Path,
+    inspect: Inspection | None,
+) -> Config:
+    """Return the configuration in a document that holds a mapping, or raise all of its problems."""
+    if isinstance(overrides, Mapping):
+        for key, value in overrides.items():
+            _assign(document, key, Document(data=plain(value)), _PYTHON)
+    else:
+        for override in overrides:
+            _override(document, override)
     if document.data.get("sweep") == {}:
         message = "sweep: got an empty mapping; must hold a dotted key with a list of values, or be left out"
-        document.problems.append((document.values["sweep",], message))
-    document.data = _with_absolute_paths(document.data, Path(path).absolute().parent)
+        document.problems.append((document.values.get(("sweep",), _PYTHON), message))
+    document.data = _with_absolute_paths(document.data, folder)
     try:
         config = Config.model_validate(document.data)
     except ValidationError as error:
         # A value that could not be read has been reported as such; do not report it as missing, too.
         unreadable = {place for place, _ in document.problems if place.line}
-        found = [(_place(document, p), str(p)) for p in _all_problems(document.data, error)]
+        found = [(_place(document, p), str(p)) for p in Config.all_problems(document.data, error)]
         raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
     if not document.problems and inspect is not None:
         for key, message in inspect(config):
@@ -82,7 +130,7 @@ def load(
 
 def _error(problems: Iterable[tuple[Place, str]]) -> ConfigError:
     # Keys may hold line breaks, and so may messages of libraries.
-    lines = (f"{place}: {message}" for place, message in sorted(problems))
+    lines = (f"{place}: {message}" if str(place) else message for place, message in sorted(problems))
     return ConfigError(dict.fromkeys(" ".join(map(str.strip, line.splitlines())) for line in lines))
 
 
@@ -98,26 +146,38 @@ def _document(path: str | Path) -> Document:
     if document.data is None and not document.problems:
         document.problems.append((start, f"is empty; {wanted}"))
     elif not isinstance(document.data, dict) and not document.problems:
-        document.problems.append((document.values[()], f"holds no keys; {wanted}"))
+        hint = colon_without_space(document.data) if isinstance(document.data, str) else ""
+        document.problems.append((document.values[()], f"holds no keys; {wanted}{hint}"))
         document.data = None
     return document
 
 
 def _override(document: Document, override: str) -> None:
-    """Put one ``dotted.key=value`` into the document."""
+    """Put one ``dotted.key=value`` of the command line into the document."""
     option = Place("--set")
     key, equals, value = override.partition("=")
+    if not equals or not all(_location(key)):
+        document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
+        return
+    new = text.read(value, "--set", _location(key))
+    if new.problems:
+        document.problems += [(option, m if m.startswith(key) else f"{key}: {m}") for _, m in new.problems]
+    else:
+        _assign(document, key, new, option)
+
+
+def _location(key: str) -> tuple[str, ...]:
+    """Return the location that a dotted key names."""
     location: tuple[str, ...] = tuple(key.strip().split("."))
     if location[0] == "sweep" and len(location) > 1:
         whole = 2 if location[1] in LISTS else 1  # the rest is one key with dots
         location = (*location[:whole], ".".join(location[whole:])) if location[whole:] else location
-    if not equals or not all(location):
-        document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
-        return
-    new = text.read(value, "--set", location)
-    if new.problems:
-        document.problems += [(option, m if m.startswith(key) else f"{key}: {m}") for _, m in new.problems]
-        return
+    return location
+
+
+def _assign(document: Document, key: str, new: Document, option: Place) -> None:
+    """Put a value at a dotted key; its place is that of the option."""
+    location = _location(key)
     inner: Any = document.data
     for i, part in enumerate(location[:-1]):
         inner = inner.setdefault(part, {})
@@ -146,50 +206,6 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
     if isinstance(data, list):
         return [_with_absolute_paths(value, folder, key) for value in data]
     return str(folder / data) if isinstance(data, str) and data and unswept(key) in _FILES else data
-
-
-def _all_problems(data: dict[str, Any], error: ValidationError) -> list[Problem]:
-    """Return the problems that pydantic found first, and those hidden by them."""
-    rest = copy.deepcopy(data)
-    found = new = explain(error)
-    aside: list[str] = []
-    while new:
-        removed = [_set_aside(rest, problem.location) for problem in new]
-        aside += removed + [unswept(key) for key in removed]
-        new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
-        found = found + new
-    return [_as_written(data, problem) for problem in found]
-
-
-def _set_aside(data: Any, location: Location) -> str:
-    """Remove the value at a location, or the section that should hold it; return its dotted key."""
-    keys = [part for part in location if isinstance(part, str)]
-    holder = data
-    for depth, key in enumerate(keys):
-        if key not in holder:
-            return _set_aside(data, location[:depth]) if depth else key
-        if depth == len(keys) - 1 or not isinstance(holder[key], dict):
-            del holder[key]
-            return ".".join(keys[: depth + 1])
-        holder = holder[key]
-    return ""
-
-
-def _rests_on(problem: Problem, key: str) -> bool:
-    own = problem.key if problem.at_key else unswept(problem.key)
-    names = (own, problem.key, *problem.others)
-    return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
-
-
-def _as_written(data: Any, problem: Problem) -> Problem:
-    """Return the problem without the index that pydantic counts where the user wrote a single value."""
-    *path, last = problem.location
-    if isinstance(last, int):
-        for part in path:
-            data = data.get(part) if isinstance(data, dict) else data
-        if not isinstance(data, list):
-            return replace(problem, location=tuple(path))
-    return problem
 
 
 def _place(document: Document, problem: Problem) -> Place:

@@ -20,8 +20,8 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.laws import LAWS
-from gfmdlayer.body.materials import Material, Zener
+from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -40,7 +40,7 @@ from gfmdlayer.validation.fields import (
     strict,
 )
 from gfmdlayer.validation.problems import Problem, shown
-from gfmdlayer.validation.sections import OneOf, Section
+from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
     int,
@@ -107,9 +107,8 @@ class Layer(Section):
     """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
-    material: Annotated[Material, OneOf(LAWS)] = Field(
-        default_factory=Zener, description=f"viscoelastic law of the layer: model {' or '.join(LAWS)}"
-    )
+    material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
+    """viscoelastic law of the layer: its model, or the file in which fit-material wrote it"""
 
 
 class Halfspace(Section):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, UNSWEPT, Axis, Row, axes, count, keys_of
@@ -70,7 +71,10 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
         same = next((other for other in seen if f"{key}.".startswith(f"{other}.")), None) or next(
             (other for other in seen if other.startswith(f"{key}.")), None
         )
-        if key not in keys:
+        values = _value(sweep, location)
+        if isinstance(values, Mapping) and location[1] not in SAMPLED:
+            yield Problem(location, _nested(key, values, keys), at_key=True)
+        elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)
         elif same is not None:
             yield Problem(location, f"swept beside {same}; must be given once", at_key=True)
@@ -78,10 +82,28 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             seen.append(key)
 
 
+def _value(sweep: Mapping[str, Any], location: Location) -> Any:
+    for part in location[1:]:
+        sweep = sweep[str(part)]
+    return sweep
+
+
+def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
+    """Return the message for keys in a mapping, with the dotted keys that are meant."""
+    names, inner = [], [(key, values)]
+    for head, mapping in inner:
+        for name, value in mapping.items():
+            inner += [(f"{head}.{name}", value)] if isinstance(value, Mapping) else []
+            names += [] if isinstance(value, Mapping) else [f"{head}.{name}"]
+    meant = [name if name in keys else next(iter(get_close_matches(name, keys, n=1)), name) for name in names]
+    return f"got a mapping; must be a list under each dotted key; did you mean {' and '.join(meant)}?"
+
+
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
     if key.partition(".")[0] in UNSWEPT:
         return "cannot be swept; allowed: a dotted key such as layer.thickness"
-    siblings = [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
+    below = [name for name in keys if name.startswith(f"{key}.")]
+    siblings = below or [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
     lists = list(LISTS) if len(location) == 2 and "." not in key else []
     return unknown_key(key, siblings or [*keys, *lists], keys)
 

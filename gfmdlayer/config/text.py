@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from gfmdlayer.validation.problems import Location, dotted
+from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
 _TAG = "the tag {} is not used here; must be written without it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
@@ -79,10 +79,7 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
         message = f"the byte 0x{error.object[error.start]:02x} is not UTF-8; must be a text file in UTF-8"
         document.problems.append((place, message))
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = Place(source, mark.line + 1, mark.column + 1) if mark else start
-        wrong = " ".join(filter(None, (error.context, error.problem)))
-        document.problems.append((place, f"not YAML: {wrong}"))
+        document.problems.append(_refusal(error, str(content), source))
     except ReaderError as error:
         place = _place(source, str(content)[: error.position])
         document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
@@ -91,6 +88,23 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
     except Exception as error:  # the parser lets errors of many kinds through on odd escapes and directives
         document.problems.append((start, f"not YAML: {error or type(error).__name__}"))
     return document
+
+
+def _refusal(error: MarkedYAMLError, content: str, source: str) -> tuple[Place, str]:
+    """Return where a text is not YAML, and why: also for two slips that YAML explains badly."""
+    mark = error.problem_mark or error.context_mark
+    if mark is None:
+        return Place(source, 1, 1), f"not YAML: {error.problem}"
+    lines = content.splitlines()
+    for number in range(mark.line, max(mark.line - 3, -1), -1):  # a value may seem to go on over some lines
+        line = lines[number] if number < len(lines) else ""
+        if number == mark.line and line[mark.column : mark.column + 1] == "\t":
+            return Place(source, number + 1, mark.column + 1), "not YAML: a tab; must be spaces"
+        if hint := colon_without_space(line):
+            column = len(line) - len(line.lstrip()) + 1
+            return Place(source, number + 1, column), f"not YAML: no value{hint}"
+    wrong = " ".join(filter(None, (error.context, error.problem)))
+    return Place(source, mark.line + 1, mark.column + 1), f"not YAML: {wrong}"
 
 
 def _place(source: str, before: str) -> Place:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import kind
@@ -105,7 +106,11 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
     with (
         StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
-        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
+        closing(
+            Checkpoints(
+                folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
+            )
+        ) as checkpoints,
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)
         try:
@@ -118,9 +123,14 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
         except ConvergenceError as error:
             if (kept := checkpoints.kept()) is None:
                 raise
-            raise ConvergenceError(f"{error}; state kept at t = {kept:.6g}") from error
+            message = f"{error}; state kept at t = {kept:.6g}"
+            raise ConvergenceError(message, error.problem, error.solution, error.time) from error
         checkpoints.remove()
     return note
+
+
+def _stem(config: Config) -> str:
+    return stem(config) if config.output.keep_state else ""
 
 
 def _compute(
@@ -147,7 +157,7 @@ def _attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
-    found |= {"G0": config.layer.material.relaxed, "L": config.grid.period[0]}
+    found |= {"G0": config.layer.material.unit, "L": config.grid.period[0]}
     found["control"] = config.trajectory.control
     if config.units is not None:
         found["units"] = str(config.units)

@@ -11,6 +11,7 @@ from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.relaxation import SeriesError, Temperature
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "friction": Friction,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
+    "temperature": Temperature,
+    "series_error": SeriesError,
     "steady_state": SteadyState,
 }
 

@@ -16,11 +16,13 @@ from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
     from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
+    from gfmdlayer.history.reduced_time import ReducedTime
     from gfmdlayer.punch.trajectory import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
@@ -150,6 +152,16 @@ class Parts(Protocol):
     @property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where it stays."""
+        ...
+
+    @property
+    def series(self) -> PronySeries:
+        """The material of the layer as a series of Maxwell branches."""
+        ...
+
+    @property
+    def reduced_time(self) -> ReducedTime | None:
+        """The reduced time in which the body relaxes; None without a temperature."""
         ...
 
     @property

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from gfmdlayer.validation.problems import Problem, shown
-from gfmdlayer.validation.sections import Section
+from gfmdlayer.validation.sections import Kind
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
@@ -37,7 +37,7 @@ class Extent(NamedTuple):
     words: str  # "the period over 4 in x, 0.25"
 
 
-class Shape(Section):
+class Shape(Kind):
     """A shape of the punch."""
 
     rough: ClassVar[bool] = False  # touches in many patches
@@ -137,6 +137,19 @@ def distance(axes: Axes) -> FloatArray:
 def along_axis(values: float | tuple[float, ...], axis: int) -> float:
     """Return the value for a direction of one value for both or one for each."""
     return values[axis] if isinstance(values, tuple) else values
+
+
+def single(key: str, values: float | tuple[float, ...]) -> float:
+    """Return the one value of a shape of revolution.
+
+    Raises
+    ------
+    ValueError
+        If there are two, one for each direction.
+    """
+    if not isinstance(values, tuple):
+        return values
+    raise ValueError(f"{key}: got {shown(values)}; must be one number for a body of revolution")
 
 
 def _from_apex(x: FloatArray, length: float, count: int) -> FloatArray:

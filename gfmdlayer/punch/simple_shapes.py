@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from gfmdlayer.punch.shape import Analytic, Axes, Cell, Extent, along_axis, distance
+from gfmdlayer.punch.shape import Analytic, Axes, Cell, Extent, along_axis, distance, single
 from gfmdlayer.validation.fields import Amplitudes, Lengths, MustBe, Positive, Word, strict
 from gfmdlayer.validation.problems import Problem
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.punch.revolution import Revolution
 
 Along = Annotated[str, Word("x", "y")]
 Angle = Annotated[float, strict, Field(gt=0, lt=90), MustBe("a number > 0 and < 90, in degrees")]
@@ -42,6 +43,18 @@ class Parabola(Analytic):
             return None
         return sum(length**2 for length in cell.period) / (24 * self.radius)
 
+    def revolution(self) -> Revolution:
+        """The paraboloid.
+
+        Raises
+        ------
+        ValueError
+            If it has two radii.
+        """
+        from gfmdlayer.punch.revolution import paraboloid
+
+        return paraboloid(single("radius", self.radius))
+
 
 class Sphere(Analytic):
     """Sphere; `radius` >= half the period."""
@@ -58,6 +71,12 @@ class Sphere(Analytic):
     def misfit(self, extent: Extent) -> Problem | None:
         """Refuse a circle that ends inside the cell."""
         return _short(self.radius, extent)
+
+    def revolution(self) -> Revolution:
+        """The sphere."""
+        from gfmdlayer.punch.revolution import sphere
+
+        return sphere(self.radius)
 
 
 class Cylinder(Analytic):
@@ -90,6 +109,12 @@ class Cone(Analytic):
     def height(self, axes: Axes) -> FloatArray:
         """Slope times r."""
         return self.slope * distance(axes)
+
+    def revolution(self) -> Revolution:
+        """The cone."""
+        from gfmdlayer.punch.revolution import cone
+
+        return cone(self.slope)
 
 
 class Wedge(Analytic):
@@ -173,6 +198,19 @@ class Flat(Analytic):
             f"{extent.words}"
         )
         return Problem(("width",), message, ("edge_radius",))
+
+    def revolution(self) -> Revolution:
+        """The flat disc and the parabola outside.
+
+        Raises
+        ------
+        ValueError
+            If it is a rectangle.
+        """
+        from gfmdlayer.punch.revolution import of_pieces
+
+        face, slope = single("width", self.width) / 2, 1 / self.edge_radius
+        return of_pieces([0.0, face], [0.0, -slope * face], [0.0, slope])
 
 
 class Sinusoid(Analytic):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -75,15 +76,22 @@ class MustBe:
             return " (true and false are no numbers)" if numeric else ""
         if not isinstance(value, str):
             return ""
-        if self.words:
+        if not numeric or (self.words and nearest(value, self.words)):
             return nearest(value, self.words)
-        if numeric and value.lower().lstrip("+").startswith("inf"):
+        if with_comma := re.fullmatch(r"([-+]?\d+),(\d+)", value.strip()):
+            return f"; did you mean {with_comma[1]}.{with_comma[2]}, with a point?"
+        if with_unit := re.fullmatch(
+            r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z\u00b5\u03bc]{1,4})", value.strip()
+        ):
+            units = "Lengths share one unit, so do moduli and times"
+            return f"; did you mean {with_unit[1]}, without {with_unit[2]}? {units}"
+        if value.lower().lstrip("+").startswith("inf"):
             return "; infinity is written .inf" if ".inf" in self.allowed else ""
         try:
             float(value)
         except ValueError:
             return ""
-        return f"; did you mean {value.strip()}, without quotes?" if numeric else ""
+        return f"; did you mean {value.strip()}, without quotes?"
 
 
 class Word(MustBe):

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 Location = tuple[str | int, ...]
 
 
-class ConfigError(Exception):
+class ConfigError(ValueError):
     """A configuration that cannot be used, with all of its errors.
 
     Parameters
     ----------
     problems : iterable of str
-        One line each: place, key, value found, values allowed.
+        One line each: place in a file, key, value found, values allowed.
+
+    Examples
+    --------
+    >>> import gfmdlayer
+    >>> try:
+    ...     gfmdlayer.Config(name="a", layer={"thicknes": 1}, grid={"points": 7})
+    ... except gfmdlayer.ConfigError as error:
+    ...     print(error)
+    grid.points: got 7; must be a whole number >= 8 and < 2^31, or two of them, [nx, ny]
+    layer.thicknes: unknown key; allowed: thickness, poisson, material; did you mean 'thickness'?
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
@@ -42,12 +53,15 @@ class Problem:
         Dotted keys whose values the message depends on besides the one at `location`.
     at_key : bool
         Whether the key itself is wrong, not its value.
+    chooses : bool
+        Whether the key chooses the section that holds it, whose other keys have no meaning then.
     """
 
     location: Location
     message: str
     others: tuple[str, ...] = ()
     at_key: bool = False
+    chooses: bool = False
 
     @property
     def key(self) -> str:
@@ -121,6 +135,12 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     return f"; did you mean '{spelt[found[0]]}'?" if found else ""
 
 
+def colon_without_space(text: str) -> str:
+    """Return "; did you mean ...?" for a key and its value that YAML reads as one word, or nothing."""
+    found = re.match(r"\s*(?:- )?([A-Za-z_][\w.]*):(?![\s/\\:])(.+)", text)
+    return f"; did you mean '{found[1]}: {found[2].strip()}', with a space after the colon?" if found else ""
+
+
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
     """Return the message for a key that does not exist, with the nearest key that does.
 
@@ -134,8 +154,10 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
         Dotted keys of the whole configuration, which are searched where no sibling is near.
     """
     siblings = list(siblings)
-    hint = nearest(key, siblings)
-    if not hint:
+    hint = colon_without_space(key) or nearest(key, siblings)
+    if key.isdecimal():
+        hint = "; a decimal comma? Numbers have a point"
+    elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
         found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1)
         hint = f"; did you mean '{same_ending[found[0]]}'?" if found else ""

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.validation.fields import MustBe, Word
-from gfmdlayer.validation.problems import Location, Problem, dotted, nearest, shown, unknown_key
+from gfmdlayer.validation.problems import (
+    ConfigError,
+    Location,
+    Problem,
+    colon_without_space,
+    dotted,
+    nearest,
+    shown,
+    unknown_key,
+)
 
 _SHAPES = {
     "model_type": "a mapping of keys to values",
@@ -22,12 +32,52 @@ _SHAPES = {
 }
 
 
+Init = TypeVar("Init", bound=Callable[..., None])
+
+
+def alone(init: Init) -> Init:
+    """Mark an __init__ that pydantic does not call when it validates a whole configuration."""
+    init.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+    return init
+
+
 class Section(BaseModel):
     """A part of the configuration: immutable, and without any key that is not listed."""
 
     # Built when first used: the whole configuration holds a copy of most of them.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, use_attribute_docstrings=True)
     entries: ClassVar[type[Section] | None] = None  # under keys that the user chooses
+
+    if not TYPE_CHECKING:  # type checkers see the keys themselves
+
+        @alone
+        def __init__(self, **keys: Any) -> None:
+            """Make a section from its keys, by name; numbers and arrays of NumPy are taken as plain ones.
+
+            Raises
+            ------
+            ConfigError
+                With every error, each ``key: value found; values allowed``.
+            """
+            self._take(plain(keys))
+
+    def _take(self, data: dict[str, Any]) -> None:
+        """Validate plain data into this new section.
+
+        Raises
+        ------
+        ConfigError
+            With every error.
+        """
+        try:
+            self.__pydantic_validator__.validate_python(data, self_instance=self)
+        except ValidationError as error:
+            raise ConfigError(map(str, self.all_problems(data, error))) from None
+
+    @classmethod
+    def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:  # noqa: ARG003
+        """Return the errors that pydantic found in plain data, as problems."""
+        return explained(error, cls, cls.fields())
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between the values; locations and keys are relative to this section."""
@@ -37,6 +87,28 @@ class Section(BaseModel):
     def fields(cls) -> dict[str, FieldInfo]:
         """Return the fields by the names that users write."""
         return {field.alias or name: field for name, field in cls.model_fields.items()}
+
+
+class Kind(Section):
+    """One of several sections that a key may hold: its first field has the word that chooses it."""
+
+    def _take(self, data: dict[str, Any]) -> None:
+        """Validate plain data into this new section, the word among them, which belongs to its text."""
+        key, word = next(iter(type(self).model_fields.items()))
+        super()._take({key: word.default} | data)
+
+
+def plain(value: object) -> Any:
+    """Return values of Python, of NumPy and of sections as a YAML file holds them."""
+    if isinstance(value, Section):
+        value = value.model_dump(exclude_unset=True)
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(entry) for entry in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 Member = TypeVar("Member", bound=Section)
@@ -181,12 +253,13 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
                 words = Word(*entry["ctx"]["expected_tags"].replace("'", "").split(", "))
                 word = entry["ctx"]["tag"]
                 message = f"got {shown(word)}; must be {words.allowed}{nearest(word, words.words)}"
-                found.append(Problem((*location, chosen_by), message))
+                found.append(Problem((*location, chosen_by), message, chooses=True))
             case "must_be" | "value_error":
                 found.append(Problem(location, entry["msg"].removeprefix("Value error, ")))
             case kind:
-                allowed = _SHAPES.get(kind, entry["msg"])
-                found.append(Problem(location, f"got {shown(entry['input'])}; must be {allowed}"))
+                allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
+                hint = colon_without_space(value) if isinstance(value, str) else ""
+                found.append(Problem(location, f"got {shown(value)}; must be {allowed}{hint}"))
     return list(dict.fromkeys(found))
 
 

@@ -39,6 +39,7 @@ solver: {method: fire, tolerance: 1.0e-5, inertia: uniform, max_iterations: 100}
 output:
   snapshots: [0.5, 1.0]
   patches: true
+  keep_state: true
   histograms:
     pressure: {max: 1.0, bins: 5, scale: log, min: 0.1}
     gap: {max: 1.0, bins: 5, scale: log, min: 0.1}

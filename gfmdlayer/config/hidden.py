@@ -1,0 +1,111 @@
+"""All errors of a configuration at once, also those that others hide.
+
+A value that is refused is removed and the rest validated once more, so that errors hidden by the first are in
+the same report; errors that depend on a removed value are left out.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from gfmdlayer.config.sweeps import unswept
+from gfmdlayer.validation.problems import Location, Problem
+
+# Young's moduli, as they are often given, and the shear moduli that a configuration has in their place.
+_YOUNGS = {
+    "E0": ("G0",),
+    "Einf": ("Ginf",),
+    "E": ("G", "shear_modulus"),
+    "youngs_modulus": ("shear_modulus",),
+}
+
+
+def with_hidden(
+    data: dict[str, Any], found: list[Problem], validate: Callable[[dict[str, Any]], list[Problem]]
+) -> list[Problem]:
+    """Return the problems of a configuration and those that they hide.
+
+    Parameters
+    ----------
+    data : dict
+        Plain nested data.
+    found : list of Problem
+        Its problems as they were found first.
+    validate : callable
+        Returns the problems of plain nested data.
+
+    Returns
+    -------
+    list of Problem
+        At the places where the user wrote.
+    """
+    rest = copy.deepcopy(data)
+    new = found
+    aside: list[str] = []
+    while new:
+        removed = [_set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in new]
+        aside += removed + [unswept(key) for key in removed]
+        new = [p for p in validate({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
+        found = found + new
+    return [_as_written(data, _in_shear_moduli(data, problem)) for problem in found]
+
+
+def _set_aside(data: Any, location: Location) -> str:
+    """Remove the value at a location, or the section that should hold it; return its dotted key."""
+    keys = [part for part in location if isinstance(part, str)]
+    holder = data
+    for depth, key in enumerate(keys):
+        if key not in holder:
+            return _set_aside(data, location[:depth]) if depth else key
+        if depth == len(keys) - 1 or not isinstance(holder[key], dict):
+            del holder[key]
+            return ".".join(keys[: depth + 1])
+        holder = holder[key]
+    return ""
+
+
+def _rests_on(problem: Problem, key: str) -> bool:
+    own = problem.key if problem.at_key else unswept(problem.key)
+    names = (own, problem.key, *problem.others)
+    return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
+
+
+def _as_written(data: Any, problem: Problem) -> Problem:
+    """Return the problem without the index that pydantic counts where the user wrote a single value."""
+    *path, last = problem.location
+    if isinstance(last, int) and not isinstance(_value(data, path), list):
+        return replace(problem, location=tuple(path))
+    return problem
+
+
+def _value(data: Any, location: Iterable[str | int]) -> Any:
+    """Return the value at a location of plain data; None where there is none."""
+    for part in location:
+        if isinstance(data, dict):
+            data = data.get(part)
+        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+        else:
+            return None
+    return data
+
+
+def _in_shear_moduli(data: Any, problem: Problem) -> Problem:
+    """Answer a Young's modulus with the shear modulus, by the Poisson's ratio of its layer or halfspace."""
+    names = _YOUNGS.get(str(problem.location[-1]))
+    if names is None or not problem.at_key:
+        return problem
+    unknown, allowed = problem.message.split("; ")[:2]
+    shear = next((name for name in names if re.search(rf"\b{name}\b", allowed)), None)
+    hint = "moduli are shear moduli, G = E/(2 (1 + nu))"
+    above = (_value(data, problem.location[:depth]) for depth in range(len(problem.location) - 1, 0, -1))
+    poisson = next((held["poisson"] for held in above if isinstance(held, dict) and "poisson" in held), 0.5)
+    modulus = _value(data, problem.location)
+    known = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (modulus, poisson))
+    if known and poisson > -1 and shear is not None:
+        hint += f"; did you mean {shear}: {modulus / (2 * (1 + poisson)):.6g}, for poisson {poisson:g}?"
+    return replace(problem, message=f"{unknown}; {allowed}; {hint}")

@@ -1,0 +1,1 @@
+"""Isolated axisymmetric indentation: force and contact radius of a rigid indenter, by Abel transforms."""

@@ -1,0 +1,255 @@
+"""The compliance of a body in creep form, for a contact that is isolated.
+
+Where the contact is small against every length of the body, its compliance per wavelength is that of a
+halfspace of the surface's material, D(s) = (1 - nu)/G(s). The rest is
+
+    C(q, s) = q/K(q, s) - D(s),       which decays like (q d)^2 exp(-2 q d) over a layer of thickness d
+
+D and C are sums of retarded modes. They follow from the relaxing modes of any body: a stiffness
+K = K_0 + sum_j w_j s theta_j/(1 + s theta_j) has the compliance 1/K = 1/K_inf + sum_j J_j/(1 + s T_j), with
+one retardation time T_j between each relaxation time and the next longer one, and one beyond the longest:
+
+    sum_k w_k theta_k/(T - theta_k) = K_0
+
+C is integrated over q by Gauss's rule in panels that double in width.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.kernels import kernel
+
+# Wavenumbers, times the size of the contact: where the body is its surface's material; where C is searched.
+_SURFACE = 1e8
+_DECADE = 16
+_SEARCHED = np.geomspace(1e-6, 1e5, 11 * _DECADE + 1)
+_SUDDEN = 1e60  # in place of an infinite Laplace variable
+
+# Part of its maximum below which C is left out; the integrals of it are then exact to some 1e-9.
+_LEFT_OUT = 1e-9
+
+# Change of C, relative to its maximum, from q = 0 to the end of the first panel, and Gauss nodes in each.
+_FIRST_CHANGE = 0.25
+_ORDER = 10
+
+# Half the phase of cos(q x) over a panel at the largest x: ten nodes resolve it to 1e-10.
+_PHASE = 5.0
+
+# Times that differ by less than this part are one.
+_SAME_TIME = 1e-13
+_MOST_ITERATIONS = 100
+_ROUNDING = 4 * np.finfo(float).eps
+
+
+class Compliance(NamedTuple):
+    """D = J0 + sum_k J_k/(1 + s T_k), and C likewise at the nodes in q.
+
+    Attributes
+    ----------
+    local, local_modes, local_times : float, ndarray (nb,), ndarray (nb,)
+        J0, J_k and T_k of D(s), in 1/pressure and time.
+    q, weights : ndarray, shape (nq,)
+        Nodes and weights of the integral over q; none for a halfspace.
+    instant : ndarray, shape (nq,)
+        C against sudden pressures.
+    modes, times : ndarray, shape (nm, nq)
+        Retarded parts of C, of either sign, and their times.
+    """
+
+    local: float
+    local_modes: FloatArray
+    local_times: FloatArray
+    q: FloatArray
+    weights: FloatArray
+    instant: FloatArray
+    modes: FloatArray
+    times: FloatArray
+
+
+class Features(NamedTuple):
+    """The wavenumbers between which C varies.
+
+    Attributes
+    ----------
+    surface : float
+        Wavenumber beyond all others, at which the body is its surface's material.
+    first : float
+        End of the first panel of an integral over q.
+    last : float
+        Wavenumber beyond which C is left out; 0 for a halfspace.
+    """
+
+    surface: float
+    first: float
+    last: float
+
+
+def find_features(body: Body, radius: float) -> Features:
+    """Search the compliance of a body for the wavenumbers between which it varies.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    radius : float
+        The size of the contact; the lengths of the body may be 1e-4 to 1e5 of it.
+
+    Raises
+    ------
+    ValueError
+        If the body does not support an isolated load, or its layers are thinner.
+    """
+    q = np.append(_SEARCHED, _SURFACE) / radius
+    # Against slow and against sudden loads: a time too short for any material.
+    K = np.stack((body.stiffness(q, 0.0), body.stiffness(q, _SUDDEN)))
+    compliances = q / K
+    C = np.abs((compliances / compliances[:, -1:] - 1)[:, :-1])
+    if C.max() <= _LEFT_OUT:
+        return Features(q[-1], 0.0, 0.0)
+    if C[:, -1].max() > _LEFT_OUT:
+        message = f"a contact of radius {radius:.6g} is more than 10,000 times the thickness of a layer"
+        raise ValueError(f"{message} at the surface; must be less")
+    if C[:, 0].max() > 2 * C[:, _DECADE].max() + 1:
+        raise ValueError("the body has no base; must have one, which supports an isolated load")
+    scale = C.max(axis=1, keepdims=True)
+    last = np.flatnonzero((_LEFT_OUT * np.maximum(scale, 1.0) < C).any(axis=0))[-1]
+    changed = (np.abs(C - C[:, :1]) > _FIRST_CHANGE * scale).any(axis=0)
+    return Features(q[-1], q[np.flatnonzero(changed)[0]], q[last + 1])
+
+
+def panels(features: Features, reach: float) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights in q for the integrals of C; none for a halfspace.
+
+    Parameters
+    ----------
+    features : Features
+        Of the body, or of a similar one.
+    reach : float
+        Largest radius of the contact; cosines are resolved up to x = 2 reach.
+    """
+    ends = [0.0]
+    while ends[-1] < features.last:
+        width = min(max(features.first, ends[-1]), _PHASE / reach)
+        ends.append(min(features.last, ends[-1] + width))
+    x, w = np.polynomial.legendre.leggauss(_ORDER)
+    edges = np.array(ends)
+    half = np.diff(edges)[:, np.newaxis] / 2
+    return (half * (x + 1) + edges[:-1, np.newaxis]).ravel(), (half * w).ravel()
+
+
+def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArray) -> Compliance:
+    """Return the compliance of a body at nodes in q.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    features : Features
+        Of the body, or of a similar one.
+    q, weights : ndarray, shape (nq,)
+        Of `panels`.
+    """
+    surface = np.array([features.surface])
+    local, local_modes, local_times = _retarded(body.spectrum(surface), surface)
+    J, T = local_modes[:, 0], local_times[:, 0]
+    if q.size == 0:
+        none = np.zeros((0, 0))
+        return Compliance(float(local[0]), J, T, q, weights, np.zeros(0), none, none)
+    instant, modes, times = _retarded(body.spectrum(q), q)
+    modes = np.concatenate((modes, np.repeat(-local_modes, q.size, axis=1)))
+    times = np.concatenate((times, np.repeat(local_times, q.size, axis=1)))
+    return Compliance(float(local[0]), J, T, q, weights, instant - local[0], modes, times)
+
+
+def _retarded(spectrum: Spectrum, q: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """q/K as an instant part and retarded modes with their times."""
+    q = np.asarray(q, dtype=float)
+    modes, times = retardation(spectrum.weights, spectrum.times, spectrum.relaxed)
+    kept = modes.any(axis=1)
+    return q / spectrum.glassy, q * modes[kept], times[kept]
+
+
+@kernel
+def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Retarded compliances of stiffnesses K_0 + sum_j w_j s theta_j/(1 + s theta_j).
+
+    Parameters
+    ----------
+    weights, times : ndarray, shape (n, m)
+        w_j >= 0 and theta_j > 0 of m stiffnesses.
+    relaxed : ndarray, shape (m,)
+        K_0 > 0.
+
+    Returns
+    -------
+    ndarray, ndarray, shape (n, m)
+        J_j >= 0 and T_j > 0 with 1/K = 1/K_inf + sum_j J_j/(1 + s T_j); J_j = 0 where there is no mode.
+    """
+    compliances, retarded = np.zeros(weights.shape), np.ones(weights.shape)
+    poles, strengths = np.empty(weights.shape[0]), np.empty(weights.shape[0])
+    for m in range(weights.shape[1]):
+        n = 0
+        for j in np.argsort(times[:, m]):
+            strength = weights[j, m] * times[j, m]
+            if strength <= 0:
+                continue
+            if n > 0 and times[j, m] - poles[n - 1] <= _SAME_TIME * times[j, m]:
+                strengths[n - 1] += strength
+                continue
+            poles[n], strengths[n] = times[j, m], strength
+            n += 1
+        for j in range(n):
+            distance, origin = _root(poles[:n], strengths[:n], relaxed[m], j)
+            slope = 0.0
+            for k in range(n):
+                slope += strengths[k] / ((poles[origin] - poles[k]) + distance) ** 2
+            retarded[j, m] = poles[origin] + distance
+            compliances[j, m] = 1 / (retarded[j, m] * slope)
+    return compliances, retarded
+
+
+@kernel(inner=True)
+def _root(poles: FloatArray, strengths: FloatArray, relaxed: float, j: int) -> tuple[float, int]:
+    """Return the root behind pole j as its signed distance from the nearer pole, and which pole that is.
+
+    The sum over either side is replaced by its nearest pole and a constant (Bunch, Nielsen and Sorensen,
+    Numer. Math. 31 (1978) 31-48); behind the last pole stands one of no strength.
+    """
+    n = poles.size
+    gap = poles[j + 1] - poles[j] if j + 1 < n else 4 * strengths.sum() / relaxed
+    value = 0.0
+    for k in range(n):
+        value += strengths[k] / ((poles[j] - poles[k]) + gap / 2)
+    upward = value < relaxed or j + 1 == n
+    origin = j if upward else j + 1
+    sign = 1.0 if upward else -1.0
+    distance = gap / 2
+    for _ in range(_MOST_ITERATIONS):
+        near, far, near_slope, far_slope = 0.0, 0.0, 0.0, 0.0
+        for k in range(n):
+            inverse = 1 / ((poles[origin] - poles[k]) + sign * distance)
+            term = sign * strengths[k] * inverse
+            if (k <= j) == upward:
+                near += term
+                near_slope += strengths[k] * inverse * inverse
+            else:
+                far -= term
+                far_slope += strengths[k] * inverse * inverse
+        residual = sign * relaxed - near + far
+        s, u = near_slope * distance**2, far_slope * (gap - distance) ** 2
+        C = (residual + s / distance - u / (gap - distance)) * gap
+        b, root = C + s + u, math.hypot(C - s + u, 2 * math.sqrt(s * u))
+        new = 2 * s * gap / (b + root) if b > 0 else gap * (root - b) / (2 * abs(C))
+        moved = abs(new - distance)
+        distance = new
+        if moved <= _ROUNDING * distance or abs(residual) <= _ROUNDING * (relaxed + near + far):
+            break
+    return sign * distance, origin

@@ -1,0 +1,156 @@
+"""`gfmdlayer.indent`: an isolated indentation as an xarray.Dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.indentation.balance import work_done
+from gfmdlayer.indentation.profiles import profiles
+from gfmdlayer.indentation.solve import follow
+from gfmdlayer.indentation.space import History, find_space
+from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
+
+if TYPE_CHECKING:
+    import xarray
+
+    from gfmdlayer.body.body import Body
+
+_POINTS, _EXTENT = 201, 2.0
+
+
+def indent(
+    body: Body,
+    indenter: OfRevolution | Revolution | Mapping[str, Any] | tuple[ArrayLike, ArrayLike],
+    time: ArrayLike,
+    *,
+    depth: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    tolerance: float = 1e-4,
+    work_of_adhesion: float = 0.0,
+    snapshots: Sequence[float] = (),
+) -> xarray.Dataset:
+    """Press a rigid indenter of revolution into a body: isolated, frictionless, over any history.
+
+    Parameters
+    ----------
+    body : Body
+        The body, such as a `ViscoelasticLayer`: a halfspace, a layer, or any other that supports a load.
+    indenter : shape, mapping or pair of arrays
+        A shape of the punch that is a convex body of revolution, its keys in a configuration, or radii and
+        heights of a convex profile.
+    time : array_like, shape (nt,)
+        Ascending times. The body is at rest before the first one.
+    depth, force : array_like, shape (nt,)
+        What is prescribed, either; linear between the times. The depth counts from the first touch of the
+        undeformed surface and may be negative.
+    tolerance : float
+        Error of force, depth and contact radius, relative to the largest of each.
+    work_of_adhesion : float
+        Of an elastic body, energy per area (JKR).
+    snapshots : sequence of float
+        Times at which the radial profiles of pressure, displacement and gap are wanted.
+
+    Returns
+    -------
+    xarray.Dataset
+        force, depth, contact_radius, work, stored, dissipated and energy_residual over `time`, the times
+        of the steps; the profiles over `snapshot` and `r`. The attribute `error` is the estimated error.
+
+    Raises
+    ------
+    ValueError
+        If the input is not possible: the message says why and what is allowed.
+    ArithmeticError
+        If the tolerance is not reached.
+    """
+    import xarray
+
+    history = _history(time, depth, force)
+    profile = as_revolution(indenter)
+    if work_of_adhesion and body.spectrum(np.array([1.0])).weights.size:
+        raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
+    if not work_of_adhesion and history.by_force and history.value.min() < 0:
+        raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
+    times = np.unique(np.asarray(snapshots, dtype=float))
+    if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
+        raise ValueError(f"snapshots: got {times}; must be between the first and the last time")
+    space = find_space(body, profile, history, tolerance, work_of_adhesion)
+    found = follow(
+        body,
+        profile,
+        history,
+        tolerance=tolerance,
+        adhesion=work_of_adhesion,
+        stops=times.tolist(),
+        space=space,
+    )
+    if not found.error <= tolerance:
+        raise ArithmeticError(f"estimated error {found.error:.2e}; the tolerance is {tolerance:.2e}")
+    rows = ("time",)
+    work = work_done(found.force, found.depth, found.stored[0] + found.dissipated[0])
+    interface = -work_of_adhesion * np.pi * found.radius**2
+    data: dict[str, Any] = {
+        "force": (rows, found.force),
+        "depth": (rows, found.depth),
+        "contact_radius": (rows, found.radius),
+        "work": (rows, work),
+        "stored": (rows, found.stored),
+        "dissipated": (rows, found.dissipated),
+        "energy_residual": (rows, work - found.stored - found.dissipated - interface),
+    }
+    coordinates = {"time": found.time}
+    if times.size:
+        r = np.linspace(0.0, _EXTENT * found.radius.max(), _POINTS)
+        fields = profiles(found, space, profile, times, r)
+        both = ("snapshot", "r")
+        data |= {name: (both, getattr(fields, name)) for name in ("pressure", "displacement", "gap")}
+        coordinates |= {"snapshot": times, "r": r}
+    return xarray.Dataset(data, coordinates, {"error": found.error, "solutions": found.solutions})
+
+
+def as_revolution(indenter: Any) -> Revolution:
+    """Return the profile of an indenter that is given in any of the ways of `indent`.
+
+    Raises
+    ------
+    ValueError
+        If it is no convex body of revolution.
+    """
+    if isinstance(indenter, Revolution):
+        return indenter
+    if isinstance(indenter, Mapping):
+        from gfmdlayer.punch.shapes import SHAPES
+
+        keys = dict(indenter)
+        shape = SHAPES.get(keys.get("shape", next(iter(SHAPES))))
+        if shape is None:
+            raise ValueError(f"shape: got {keys['shape']!r}; must be one of {', '.join(SHAPES)}")
+        indenter = shape(**keys)
+    if isinstance(indenter, OfRevolution):
+        return indenter.revolution()
+    if isinstance(indenter, tuple) and len(indenter) == 2:
+        return of_table(*indenter)
+    raise ValueError(f"got {indenter!r}; must be a shape of revolution, its keys, or radii and heights")
+
+
+def _history(time: ArrayLike, depth: ArrayLike | None, force: ArrayLike | None) -> History:
+    if (depth is None) == (force is None):
+        raise ValueError("depth, force: must be given one of the two")
+    name = "depth" if force is None else "force"
+    times = np.asarray(time, dtype=float)
+    values: FloatArray = np.asarray(depth if force is None else force, dtype=float)
+    if times.ndim != 1 or times.size < 2 or values.shape != times.shape:
+        raise ValueError(
+            f"{name}: got shape {values.shape} for times of shape {times.shape}; must be equal, two or more"
+        )
+    if not (np.isfinite(times).all() and np.isfinite(values).all()):
+        raise ValueError(f"time, {name}: must be finite")
+    if np.diff(times).min() <= 0:
+        at = int(np.diff(times).argmin())
+        raise ValueError(f"time: got {times[at + 1]:.6g} after {times[at]:.6g}; must ascend")
+    return History(times, values, force is not None)

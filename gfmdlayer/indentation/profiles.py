@@ -1,0 +1,142 @@
+"""Radial profiles of pressure, displacement and gap from the fields of a march.
+
+    p(r) = (2/pi) [chi(a)/(a^2 - r^2)^(1/2) - int_r^a chi'(x) dx/(x^2 - r^2)^(1/2)],       r < a
+    gap(r) = (2/pi) int_a^r [v(x) - depth + H(x)] dx/(r^2 - x^2)^(1/2),                     r > a
+
+with v = D*chi + (2/pi) int cos(qx) C*X dq, the Abel transform of the displacement of the surface. A
+contact with a sharp rim, or with adhesion, has an infinite pressure at its edge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.indentation.march import Marched
+from gfmdlayer.indentation.solve import Indentation
+from gfmdlayer.indentation.space import Space
+from gfmdlayer.punch.revolution import Revolution, abel_transform, heights
+
+_NODES = 48  # of Gauss's rule in each integral
+_CENTRE = 1e-6  # part of the reach at which a pressure at r = 0 is found: that of a cone is infinite there
+_EDGE = 1e-9  # chi(a), relative to its maximum, from which it is not zero
+
+
+class Profiles(NamedTuple):
+    """Radial profiles at the times of the snapshots: fields of shape (times, points).
+
+    Attributes
+    ----------
+    time : ndarray, shape (times,)
+        Their times.
+    r : ndarray, shape (points,)
+        Distances from the axis.
+    pressure, displacement, gap : ndarray
+        Positive where it compresses; positive upward; infinite beyond the end of an indenter.
+    """
+
+    time: FloatArray
+    r: FloatArray
+    pressure: FloatArray
+    displacement: FloatArray
+    gap: FloatArray
+
+
+def profiles(
+    found: Indentation, space: Space, profile: Revolution, times: FloatArray, r: FloatArray
+) -> Profiles:
+    """Return the profiles at the snapshots of an indentation.
+
+    Parameters
+    ----------
+    found : Indentation
+        A run that kept its fields at these times.
+    space : Space
+        Its nodes.
+    profile : Revolution
+        The indenter.
+    times : ndarray, shape (times,)
+        The times, ascending.
+    r : ndarray, shape (points,)
+        Distances from the axis.
+    """
+    assert found.fields is not None
+    pressure, displacement, gap = np.zeros((3, times.size, r.size))
+    for k, at in enumerate(np.searchsorted(found.time, times)):
+        surface = _Surface(found.fields, int(at), k, space, profile)
+        pressure[k] = surface.pressure(r)
+        displacement[k], gap[k] = surface.displacement_and_gap(r)
+    return Profiles(times, r, pressure, displacement, gap)
+
+
+class _Surface:
+    """The surface at one time.
+
+    The radius and the depth are those of the fields, without the extrapolation of the columns.
+    """
+
+    def __init__(self, fields: Marched, at: int, snapshot: int, space: Space, profile: Revolution) -> None:
+        nodes = space.nodes
+        self._space, self._profile = space, profile
+        self._a, self._depth = float(fields.radius[at]), float(fields.depth[at])
+        self._x = nodes.spacing * np.arange(fields.chi.shape[1])
+        self._chi = CubicSpline(self._x, fields.chi[snapshot])
+        self._local = fields.local[snapshot]
+        self._coupled = fields.spectrum[snapshot] * space.weights * (2 / math.pi)
+
+    def pressure(self, r: FloatArray) -> FloatArray:
+        """Pressure at these distances; zero outside the contact."""
+        p = np.zeros(r.size)
+        a = self._a
+        inside = r < a
+        if not inside.any():
+            return p
+        near = np.maximum(r[inside], _CENTRE * self._space.nodes.reach)
+        # x = r cosh t makes the integrand smooth.
+        t, w = _gauss(np.zeros(near.size), np.arccosh(np.maximum(a / near, 1.0)))
+        p[inside] = -(self._chi(near[:, np.newaxis] * np.cosh(t), 1) * w).sum(axis=1)
+        edge = float(self._chi(a))
+        if abs(edge) > _EDGE * float(np.abs(self._chi(self._x[self._x < a])).max()):
+            p[inside] += edge / np.sqrt((a - near) * (a + near))
+        return p * (2 / math.pi)
+
+    def displacement_and_gap(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Upward displacement and gap at these distances; the gap is infinite beyond the indenter's end."""
+        h, a = heights(self._profile, r), self._a
+        gap, outside = np.zeros(r.size), r > a
+        under = outside & np.isfinite(h)
+        t, w = _gauss(np.arcsin(a / r[under]), np.full(int(under.sum()), math.pi / 2))
+        x = r[under][:, np.newaxis] * np.sin(t)
+        gap[under] = ((self._sunk(x) - self._depth + self._H(x)) * w).sum(axis=1) * (2 / math.pi)
+        displacement = np.where(np.isfinite(h), h, 0.0) - self._depth - gap
+        beyond = outside & ~under
+        if beyond.any():
+            t, w = _gauss(np.arcsin(a / r[beyond]), np.full(int(beyond.sum()), math.pi / 2))
+            sunk = (self._sunk(r[beyond][:, np.newaxis] * np.sin(t)) * w).sum(axis=1)
+            t, w = _gauss(np.zeros(int(beyond.sum())), np.arcsin(a / r[beyond]))
+            sunk += ((self._depth - self._H(r[beyond][:, np.newaxis] * np.sin(t))) * w).sum(axis=1)
+            displacement[beyond], gap[beyond] = -sunk * (2 / math.pi), math.inf
+        return displacement, gap
+
+    def _H(self, x: FloatArray) -> FloatArray:
+        """Abel transform of the profile."""
+        found = [abel_transform(self._profile, each) for each in x.ravel().tolist()]
+        return np.array(found).reshape(x.shape)
+
+    def _sunk(self, x: FloatArray) -> FloatArray:
+        """Abel transform of the downward displacement outside the contact."""
+        local = np.interp(x, self._x, self._local, right=0.0)
+        if not self._coupled.size:
+            return np.asarray(local)
+        return np.asarray(local + np.cos(x[..., np.newaxis] * self._space.q) @ self._coupled)
+
+
+def _gauss(begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights between begin and end, each of shape (points, nodes)."""
+    x, w = np.polynomial.legendre.leggauss(_NODES)
+    half = (end - begin)[:, np.newaxis] / 2
+    return begin[:, np.newaxis] + half * (x + 1), half * w

@@ -1,0 +1,250 @@
+"""Force, depth and contact radius of an isolated indentation over time; arrays in, arrays out.
+
+`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts: a `Space` depends on
+lengths alone and serves all bodies that differ in their moduli; `on_steps` follows a history on given times
+in some 50 us a step, and `on_halved_steps` also on their halves, which frees the result of its error of
+second order in the step and tells its size. With space and times fixed the results are smooth functions of
+the moduli, the relaxation times and the history.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body
+from gfmdlayer.indentation.compliance import Compliance
+from gfmdlayer.indentation.march import Marched
+from gfmdlayer.indentation.space import (
+    History,
+    LeftGridError,
+    Space,
+    find_space,
+    make_space,
+    march_on,
+)
+from gfmdlayer.indentation.steps import corners, even_steps, graded_steps
+from gfmdlayer.punch.revolution import Revolution
+
+# Error of interpolation over the tolerance, from which a first mesh follows: measured, mostly enough.
+_FIRST_ERROR = 40.0
+
+_MOST_MESHES, _MOST_STEPS, _MOST_SPACES = 6, 5000, 12
+
+
+class Indentation(NamedTuple):
+    """Columns of an indentation, one value a time.
+
+    Attributes
+    ----------
+    time, force, depth, radius : ndarray, shape (nt,)
+        The radius is that of the contact; 0 without it.
+    stored, dissipated : ndarray, shape (nt,)
+        Energies of the body.
+    rise : ndarray, shape (nt,)
+        0 where pressure and gap are not negative for sure; see `march`.
+    error : float
+        Largest estimated error of force, depth and radius, each relative to its largest value; NaN where it
+        was not estimated.
+    solutions : int
+        Solved integral equations.
+    fields : Marched or None
+        With the fields at the times asked for.
+    """
+
+    time: FloatArray
+    force: FloatArray
+    depth: FloatArray
+    radius: FloatArray
+    stored: FloatArray
+    dissipated: FloatArray
+    rise: FloatArray
+    error: float
+    solutions: int
+    fields: Marched | None = None
+
+
+def on_steps(
+    body: Body | Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    adhesion: float = 0.0,
+    snapshots: FloatArray | None = None,
+) -> Indentation:
+    """Follow a history on given times.
+
+    Parameters
+    ----------
+    body : Body or Compliance
+        The body, or its compliance at the nodes of the space.
+    space : Space
+        Nodes in q and x, of `find_space` or `make_space`.
+    profile : Revolution
+        The indenter.
+    history : History
+        What is prescribed.
+    time : ndarray, shape (nt,)
+        Ends of the steps, among them the kinks of the history.
+    adhesion : float
+        Work of adhesion, of an elastic body.
+    snapshots : ndarray, optional
+        Times, among those of the steps, at which fields are kept.
+
+    Raises
+    ------
+    LeftGridError
+        If the contact grows beyond the space.
+    ArithmeticError
+        If the contact radius of a step is not found.
+    """
+    made = body if isinstance(body, Compliance) else space.compliance(body)
+    found = march_on(made, space, profile, history, time, adhesion, snapshots)
+    return Indentation(
+        time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.rise,
+        math.nan, found.solutions, found,
+    )  # fmt: skip
+
+
+def on_halved_steps(
+    body: Body | Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    snapshots: FloatArray | None = None,
+) -> Indentation:
+    """Follow a history on given times and their middles, without the error of second order in the step.
+
+    Parameters
+    ----------
+    body : Body or Compliance
+        The body, or its compliance at the nodes of the space.
+    space : Space
+        Nodes in q and x.
+    profile : Revolution
+        The indenter.
+    history : History
+        What is prescribed.
+    time : ndarray, shape (nt,)
+        Ends of the steps, among them the kinks of the history.
+    snapshots : ndarray, optional
+        Times, among those of the steps, at which fields are kept.
+
+    Returns
+    -------
+    Indentation
+        At 2 nt - 1 times, with the largest estimated error of the shorter steps.
+    """
+    made = body if isinstance(body, Compliance) else space.compliance(body)
+    both = np.empty(2 * time.size - 1)
+    both[::2], both[1::2] = time, (time[1:] + time[:-1]) / 2
+    fine = on_steps(made, space, profile, history, both, 0.0, snapshots)
+    coarse = on_steps(made, space, profile, history, time)
+    gains = {
+        name: np.interp(both, time, (getattr(fine, name)[::2] - getattr(coarse, name)) / 3)
+        for name in ("force", "depth", "radius", "stored", "dissipated")
+    }
+    touching = (fine.radius > 0) & (np.interp(both, time, coarse.radius) > 0)
+    # Where contact is lost the radius falls like a root of time: its error counts as the force does.
+    share = np.where(touching, np.abs(fine.force) / max(np.abs(fine.force).max(), 1e-300), 0.0)
+    error = max(
+        _relative(gains["force"], fine.force),
+        _relative(gains["depth"], fine.depth),
+        _relative(gains["radius"] * share, fine.radius),
+    )
+    better = {name: getattr(fine, name) + gain for name, gain in gains.items()}
+    for name in ("force", "radius"):
+        better[name] = np.where(touching, np.maximum(better[name], 0.0), getattr(fine, name))
+    return fine._replace(**better, error=error, solutions=fine.solutions + coarse.solutions)
+
+
+def _relative(error: FloatArray, values: FloatArray) -> float:
+    largest = float(np.abs(values).max())
+    return float(np.abs(error).max()) / largest if largest > 0 else 0.0
+
+
+def follow(
+    body: Body,
+    profile: Revolution,
+    history: History,
+    *,
+    tolerance: float = 1e-4,
+    adhesion: float = 0.0,
+    stops: Sequence[float] = (),
+    space: Space | None = None,
+) -> Indentation:
+    """Follow a history to a tolerance, on steps that are chosen for it.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    profile : Revolution
+        The indenter.
+    history : History
+        What is prescribed.
+    tolerance : float
+        Error of force, depth and contact radius, relative to the largest of each.
+    adhesion : float
+        Work of adhesion, of an elastic body.
+    stops : sequence of float
+        Times to land on, at which fields are kept.
+    space : Space, optional
+        Nodes in q and x, in place of those of `find_space`.
+
+    Returns
+    -------
+    Indentation
+        At the times of the steps; `error` is above the tolerance where it was not reached.
+
+    Raises
+    ------
+    ValueError
+        If the body does not support an isolated load.
+    ArithmeticError
+        If a contact radius is not found.
+    """
+    space = space or find_space(body, profile, history, tolerance, adhesion)
+    kept = np.array(sorted(set(stops)))
+    knots = np.unique(np.concatenate((corners(history, 0.1 * tolerance), kept)))
+    for _ in range(_MOST_SPACES):
+        made = space.compliance(body)
+        try:
+            return _to_tolerance(made, space, profile, history, (knots, kept), tolerance, adhesion)
+        except LeftGridError:
+            space = make_space(space.features, min(1.3 * space.nodes.reach, profile.rim), tolerance)
+    raise ArithmeticError("the contact grows without bound")
+
+
+def _to_tolerance(
+    body: Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    landing: tuple[FloatArray, FloatArray],
+    tolerance: float,
+    adhesion: float,
+) -> Indentation:
+    """Choose steps by a coarse run, and more of them until the estimated error is within the tolerance."""
+    knots, kept = landing
+    shortest = min(
+        (float(each.min()) for each in (body.local_times, body.times) if each.size), default=math.inf
+    )
+    first = on_steps(body, space, profile, history, graded_steps(knots, shortest), adhesion)
+    if math.isinf(shortest):
+        time = even_steps(first, knots, 0.1)
+        return on_steps(body, space, profile, history, time, adhesion, kept)._replace(error=0.0)
+    spread, found = math.sqrt(_FIRST_ERROR * tolerance), first
+    for _ in range(_MOST_MESHES):
+        time = even_steps(found, knots, spread)
+        found = on_halved_steps(body, space, profile, history, time, kept)
+        if found.error <= tolerance or time.size > _MOST_STEPS:
+            break
+        spread *= max(0.3, 0.8 * math.sqrt(tolerance / found.error))
+    return found

@@ -1,0 +1,227 @@
+"""Nodes in q and x for the largest contact of a history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body
+from gfmdlayer.indentation.compliance import Compliance, Features, compliance, find_features, panels
+from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
+from gfmdlayer.punch.revolution import Revolution, abel_transform
+
+# Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
+_EDGE = 1e-10
+
+# Change of the rate, relative to the largest, from which a time of the history is a kink.
+_KINK = 1e-3
+
+# The wavenumber, times the contact radius, at which the body is its surface's material.
+_FAR = 1e8
+
+# The nodes reach beyond the largest contact of the two elastic limits; growth of a reach that failed.
+_MARGIN, _GROWTH = 1.06, 1.5
+
+
+class LeftGridError(ArithmeticError):
+    """The contact grew beyond the radius for which the nodes are made."""
+
+
+class Space(NamedTuple):
+    """Nodes in q and x for contacts up to a radius on bodies of the same lengths."""
+
+    features: Features
+    q: FloatArray
+    weights: FloatArray
+    nodes: Nodes
+
+    def compliance(self, body: Body) -> Compliance:
+        """Return the compliance of a body at these nodes."""
+        return compliance(body, self.features, self.q, self.weights)
+
+
+class History(NamedTuple):
+    """What is prescribed over time, linear between the times; before the first the body is at rest.
+
+    Attributes
+    ----------
+    time, value : ndarray, shape (nt,)
+        Ascending times, and depths or forces.
+    by_force : bool
+        Whether the force is prescribed.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    by_force: bool = False
+
+
+def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Space:
+    """Return the nodes for contacts up to a radius.
+
+    Parameters
+    ----------
+    features : Features
+        Of the body.
+    reach : float
+        Largest contact radius.
+    tolerance : float
+        Relative error allowed to the force.
+    """
+    q, weights = panels(features, reach)
+    phase = features.last * reach
+    fineness = max(1.0, math.sqrt(1e-4 / tolerance))
+    n = int(max(160 * fineness, 4 * phase * math.sqrt(fineness))) + 1
+    gauss = 16 + math.ceil(phase / 3)
+    spacing = reach / (n - 1)
+    x, w = np.polynomial.legendre.leggauss(gauss)
+    y, v = np.polynomial.legendre.leggauss(max(8, gauss // 2))
+    cosines = np.cos(np.outer(np.arange(2 * n + 3) * spacing, q))
+    nodes = Nodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
+    return Space(features, q, weights, nodes)
+
+
+def find_space(
+    body: Body, profile: Revolution, history: History, tolerance: float = 1e-4, adhesion: float = 0.0
+) -> Space:
+    """Return the nodes for the largest contact of a history, found from the sudden and the relaxed body.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    profile : Revolution
+        The indenter.
+    history : History
+        What is prescribed.
+    tolerance : float
+        Relative error allowed to the force.
+    adhesion : float
+        Work of adhesion.
+
+    Raises
+    ------
+    ValueError
+        If the body does not support an isolated load.
+    ArithmeticError
+        If no contact radius is found.
+    """
+    if math.isfinite(profile.rim) and abel_transform(profile, profile.rim) == 0:
+        return make_space(find_features(body, profile.rim), profile.rim, tolerance)
+    largest = max(float(history.value.max()), 0.0)
+    reach = min(1.3 * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
+    features = find_features(body, reach)
+    ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
+    for _ in range(60):
+        space = make_space(features, reach)
+        try:
+            limits = [
+                march_on(each, space, profile, ends, ends.time, adhesion)
+                for each in _elastic_limits(space.compliance(body))
+            ]
+        except LeftGridError:
+            reach = _GROWTH * reach
+            continue
+        radius = max(limit.radius[-1] for limit in limits)
+        return make_space(features, min(_MARGIN * max(radius, 0.02 * reach), profile.rim), tolerance)
+    raise ArithmeticError(f"no contact radius found for the largest value of the history, {largest:.6g}")
+
+
+def march_on(
+    body: Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    adhesion: float = 0.0,
+    snapshots: FloatArray | None = None,
+) -> Marched:
+    """Follow a history on given steps.
+
+    Parameters
+    ----------
+    body : Compliance
+        At the nodes of the space.
+    space : Space
+        Nodes in q and x.
+    profile : Revolution
+        The indenter.
+    history : History
+        What is prescribed.
+    time : ndarray, shape (nt,)
+        Ends of the steps; the kinks of the history should be among them.
+    adhesion : float
+        Work of adhesion.
+    snapshots : ndarray, optional
+        Times, among those of the steps, at which fields are kept.
+
+    Raises
+    ------
+    LeftGridError
+        If the contact grows beyond the space.
+    ArithmeticError
+        If the contact radius of a step is not found.
+    """
+    value = np.interp(time, history.time, history.value)
+    kinks = np.isin(time, kinks_of(history))
+    kept = np.isin(time, [] if snapshots is None else snapshots)
+    drive = Drive(time, value, history.by_force, kinks, kept, adhesion, _EDGE)
+    found = march(body, profile, space.nodes, drive)
+    if found.status == COMPLETE:
+        return found
+    when = f"t = {time[found.stopped]:.6g}"
+    if found.status == LEFT_GRID:
+        raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
+    raise ArithmeticError(f"{when}: no contact radius found")
+
+
+def kinks_of(history: History) -> FloatArray:
+    """Return the times between the first and the last at which the rate of a history jumps."""
+    rate = np.diff(history.value) / np.diff(history.time)
+    jumps = np.abs(np.diff(rate)) > _KINK * max(float(np.abs(rate).max()), 1e-300)
+    return np.asarray(history.time[1:-1][jumps])
+
+
+def _elastic_limits(body: Compliance) -> Iterator[Compliance]:
+    """Yield the elastic bodies for sudden and for slow loads."""
+    none, nothing = np.zeros(0), np.zeros((0, body.q.size))
+    sudden = body._replace(local_modes=none, local_times=none, modes=nothing, times=nothing)
+    yield sudden
+    if body.local_modes.size or body.modes.size:
+        local, instant = body.local + body.local_modes.sum(), body.instant + body.modes.sum(axis=0)
+        yield sudden._replace(local=float(local), instant=instant)
+
+
+def _halfspace_radius(
+    body: Body, profile: Revolution, largest: float, by_force: bool, adhesion: float
+) -> float:
+    """Contact radius on a halfspace of the surface's relaxed material, for the largest depth or force."""
+    x, w = np.polynomial.legendre.leggauss(16)
+
+    def excess(a: float, D: float) -> float:
+        H = abel_transform(profile, a)
+        depth = H - math.sqrt(math.pi * a * adhesion * D)
+        if not by_force:
+            return depth - largest
+        below = sum(v * abel_transform(profile, a * (1 + y) / 2) for y, v in zip(x, w, strict=True)) / 2
+        return 4 * a / D * (depth - below) - largest
+
+    radius = 1.0
+    for _ in range(3):  # the surface's material is found at a wavenumber that the radius tells
+        far = _FAR / radius
+        D = far / float(body.stiffness(np.array([far]), 0.0)[0])
+        low, high = 0.0, min(1e-30, profile.rim)
+        while excess(high, D) < 0 or (largest == 0 == adhesion and high < 1e-6):
+            if high >= profile.rim:
+                return float(profile.rim)
+            high = min(2 * high, profile.rim)
+        low = high / 2
+        for _ in range(30):
+            middle = (low + high) / 2
+            low, high = (middle, high) if excess(middle, D) < 0 else (low, middle)
+        radius = high
+    return radius

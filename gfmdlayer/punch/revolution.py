@@ -1,0 +1,186 @@
+"""Rigid indenters of revolution: the Abel transform H(x) of a convex profile h(r).
+
+    H(x) = d/dx int_0^x h(r) r dr/(x^2 - r^2)^(1/2) = x int_0^x h'(r) dr/(x^2 - r^2)^(1/2)
+
+(Sneddon, Int. J. Engng Sci. 3 (1965) 47-57). On an elastic halfspace a frictionless contact of radius a has
+the depth H(a). The slope h' is linear between knots, where H has a closed form: a flat end, a paraboloid, a
+cone, and these one after the other. A sphere has H = x artanh(x/R).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.kernels import kernel
+
+# A contact that comes this near to the equator of a sphere has slopes far beyond the theory's small ones.
+_EQUATOR = 0.999
+
+# Part of the largest slope by which slopes of a table may fall: rounding of the heights, not a concave part.
+_ROUNDING = 1e-6
+
+
+class Revolution(NamedTuple):
+    """A convex profile of revolution that touches at r = 0.
+
+    Attributes
+    ----------
+    rim : float
+        Radius at which the indenter ends; inf where it does not.
+    sphere : float
+        Radius of a sphere; 0 for the profiles that follow from the slopes.
+    knots : ndarray, shape (n,)
+        Radii at which the pieces begin; the first is 0.
+    constant, linear : ndarray, shape (n,)
+        Slope h'(r) = constant + linear r of each piece.
+    """
+
+    rim: float
+    sphere: float
+    knots: FloatArray
+    constant: FloatArray
+    linear: FloatArray
+
+
+@runtime_checkable
+class OfRevolution(Protocol):
+    """A shape of the punch that may be a convex body of revolution."""
+
+    def revolution(self) -> Revolution:
+        """Return its profile."""
+        ...
+
+
+def of_pieces(knots: ArrayLike, constant: ArrayLike, linear: ArrayLike, rim: float = math.inf) -> Revolution:
+    """Return the profile whose slope is linear between knots.
+
+    Parameters
+    ----------
+    knots : array_like, shape (n,)
+        Radii at which the pieces begin, ascending from 0; a length.
+    constant, linear : array_like, shape (n,)
+        h'(r) = constant + linear r in each piece; the last one goes on to the rim.
+    rim : float
+        Radius at which the indenter ends.
+    """
+    arrays = (np.array(each, dtype=float) for each in (knots, constant, linear))
+    return Revolution(float(rim), 0.0, *arrays)
+
+
+def paraboloid(radius: float) -> Revolution:
+    """Return h = r^2/(2 radius)."""
+    return of_pieces([0.0], [0.0], [1 / radius])
+
+
+def sphere(radius: float) -> Revolution:
+    """Return a sphere, which ends at its equator."""
+    return Revolution(_EQUATOR * radius, float(radius), np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+def cone(slope: float) -> Revolution:
+    """Return h = slope r."""
+    return of_pieces([0.0], [slope], [0.0])
+
+
+def flat(radius: float) -> Revolution:
+    """Return the flat end of a cylinder."""
+    return of_pieces([0.0], [0.0], [0.0], rim=radius)
+
+
+def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
+    """Return the convex profile through a table, which ends at its last radius.
+
+    The slope is linear between the middles of the rows, where it is the slope of the table: a paraboloid
+    and a cone are exact, other profiles are so to second order in the spacing.
+
+    Parameters
+    ----------
+    r, h : array_like, shape (rows,)
+        Radii, ascending from 0, and heights above the apex; at least three rows.
+
+    Raises
+    ------
+    ValueError
+        If the radii do not ascend from 0, or the profile is not convex.
+    """
+    r, h = np.asarray(r, dtype=float), np.asarray(h, dtype=float)
+    if r.ndim != 1 or r.shape != h.shape or r.size < 3:
+        raise ValueError(f"got radii of shape {r.shape} and heights of shape {h.shape}; must be equal, >= 3")
+    if r[0] != 0 or (steps := np.diff(r)).min() <= 0:
+        raise ValueError("the radii must ascend from 0, where the indenter touches first")
+    slopes = np.diff(h) / steps
+    concave = np.flatnonzero(np.diff(np.append(0.0, slopes)) < -_ROUNDING * abs(slopes).max())
+    if concave.size:
+        at = concave[0]
+        found = f"falls to {slopes[at]:.6g} behind r = {r[at]:.6g}"
+        raise ValueError(f"the slope {found}; the profile must be convex, its slope >= 0 and never falling")
+    middles, slopes = (r[1:] + r[:-1]) / 2, np.maximum.accumulate(np.maximum(slopes, 0.0))
+    growth = np.diff(slopes) / np.diff(middles)
+    first = max(slopes[0] - growth[0] * middles[0], 0.0)
+    knots = np.concatenate(([0.0], middles[:-1]))
+    linear = np.concatenate(([(slopes[0] - first) / middles[0]], growth))
+    starts = np.concatenate(([first], slopes[:-1]))
+    return of_pieces(knots, starts - linear * knots, linear, rim=float(r[-1]))
+
+
+def read_table(file: Path) -> Revolution:
+    """Return the profile of a file with the columns radius and height.
+
+    Raises
+    ------
+    TableError
+        If the file does not hold a convex profile.
+    """
+    r, h = read_columns(file, ("radius", "height"), increasing=True, at_least=3).T
+    try:
+        return of_table(r, h - h[0])
+    except ValueError as error:
+        raise TableError(f"{file}: {error}") from None
+
+
+@kernel
+def abel_transform(profile: Revolution, x: float) -> float:
+    """Return H(x), a length."""
+    if profile.sphere > 0:
+        return x * math.atanh(min(x / profile.sphere, 1 - 1e-12))
+    knots, total = profile.knots, 0.0
+    for i in range(knots.size):
+        if knots[i] >= x and i > 0:
+            break
+        end = min(knots[i + 1], x) if i + 1 < knots.size else x
+        if profile.constant[i] != 0 and x > 0:
+            total += profile.constant[i] * (math.asin(end / x) - math.asin(knots[i] / x))
+        if profile.linear[i] != 0:
+            start_root = math.sqrt((x - knots[i]) * (x + knots[i]))
+            total += profile.linear[i] * (start_root - math.sqrt((x - end) * (x + end)))
+    return x * total
+
+
+def heights(profile: Revolution, r: ArrayLike) -> FloatArray:
+    """Return h(r); infinite beyond the rim.
+
+    Parameters
+    ----------
+    profile : Revolution
+        The indenter.
+    r : array_like
+        Radii, not negative.
+    """
+    r = np.asarray(r, dtype=float)
+    if profile.sphere:
+        inside = np.minimum(r, profile.sphere)
+        h = inside**2 / (profile.sphere + np.sqrt(profile.sphere**2 - inside**2))
+    else:
+        ends = np.append(profile.knots[1:], np.inf)
+        upper = np.minimum(r[..., np.newaxis], ends)
+        piece = profile.constant * (upper - profile.knots)
+        piece = piece + profile.linear / 2 * (upper**2 - profile.knots**2)
+        h = np.where(r[..., np.newaxis] > profile.knots, piece, 0.0).sum(axis=-1)
+    return np.where(r > profile.rim, np.inf, h)
