@@ -191,12 +191,8 @@ def _places(key: DataArray, wanted: Wanted) -> tuple[list[int], str]:
     if low < high:
         places = np.flatnonzero((values >= low) & (values <= high)).tolist()
     else:
-        distance = np.where(values == low, 0.0, np.abs(values - low))
-        places = (
-            np.flatnonzero(values == values[distance.argmin()]).tolist()
-            if np.isfinite(distance.min())
-            else []
-        )
+        near = low if low in values or not math.isfinite(low) else values[np.abs(values - low).argmin()]
+        places = np.flatnonzero(values == near).tolist()
     if not places:
         known = ", ".join(dict.fromkeys(f"{value:g}" for value in values))
         sought = f"from {low:g} to {high:g}" if low < high else f"{low:g}"
