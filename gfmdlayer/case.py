@@ -116,6 +116,12 @@ class Case:
         If there is no such part.
     TableError
         In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
     """
 
     def __init__(

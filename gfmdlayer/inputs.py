@@ -14,6 +14,7 @@ from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
@@ -35,9 +36,9 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     Raises
     ------
     TableError
-        If the heights come from a file that cannot be used.
+        If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(config.punch.heights(grid))
+    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -193,10 +194,26 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
-        yield (
-            "trajectory.depth" if given.file is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {mean_height:.6g}",
-        )
+    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+        yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+
+def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+    """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
+
+    Parameters
+    ----------
+    depth : float
+        The largest depth.
+    heights : ndarray, one value a point
+        Height of the punch above its lowest point.
+    mean_stiffness : float
+        Of the body; see `body.body.Body`.
+    """
+    mean_height = float(heights.mean())
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    return (
+        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
+        f"must be below the mean height of the punch, {mean_height:.6g}"
+    )

@@ -99,6 +99,24 @@ def simulate(
         If a step does not reach the solver's tolerance; the state to save is then that before the step.
     TableError
         If the file of a punch or a trajectory cannot be used.
+
+    Examples
+    --------
+    A recorder is called with each row:
+
+    >>> class Printer:
+    ...     def row(self, **values):
+    ...         print(values["time"], values["depth"])
+    ...
+    ...     def snapshot(self, time, displacement, pressure, gap): ...
+    ...
+    ...     def note(self, **attributes): ...
+    >>> config = gfmdlayer.Config(name="a", grid={"points": 64}, time={"end": 1.0, "step": 0.5})
+    >>> gfmdlayer.simulate(config, Printer())
+    0.0 0.0
+    0.5 0.005
+    1.0 0.01
+    []
     """
     case = config if isinstance(config, Case) else Case(config, wisdom, threads)
     loading, integrator, steps, solver, guess = (

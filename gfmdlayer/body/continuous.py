@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -29,6 +30,9 @@ Tolerance = Annotated[float, strict, Field(ge=1e-6, le=0.1), MustBe("a number fr
 # Points of the contour integral, whose error falls by a factor of ten with each, down to rounding.
 _POINTS = 32
 
+# Branches of a series to 1e-4, over some decades: measured, for estimates of the cost.
+_BRANCHES, _DECADES = 15, 4
+
 
 class ContinuousLaw(Law):
     """A law with a continuous spectrum of relaxation times, replaced by a Prony series."""
@@ -37,6 +41,15 @@ class ContinuousLaw(Law):
 
     tolerance: Tolerance = 1e-4
     """largest relative error of the Prony series that replaces the law"""
+
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return as branches what relaxes in each part of some decades before the time."""
+        times = [longest * 10 ** (-_DECADES * i / _BRANCHES) for i in range(_BRANCHES + 1)]
+        moduli = self.relaxation_modulus(times).tolist()
+        return moduli[0], tuple(
+            (stiffer - softer, math.sqrt(early * late))
+            for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
+        )
 
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
         """Return the Prony series that replaces the law, see `exponential_sums.prony_series`.

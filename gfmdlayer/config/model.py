@@ -51,6 +51,12 @@ class Config(Section):
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
         with a sweep is sound when its cases are: its own value of a swept key is not run.
+
+    Examples
+    --------
+    >>> config = gfmdlayer.Config(name="thin", layer={"thickness": 0.01}, grid={"points": 512})
+    >>> config.with_values({"layer.thickness": 0.02}).layer.thickness
+    0.02
     """
 
     name: Name
@@ -94,7 +100,7 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
-        yield from temperature_problems(self)
+        yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         fit = self.punch.misfits(self.grid.cell)
         yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()

@@ -72,7 +72,7 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             (other for other in seen if other.startswith(f"{key}.")), None
         )
         values = _value(sweep, location)
-        if isinstance(values, Mapping) and location[1] not in SAMPLED:
+        if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
             yield Problem(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)

@@ -143,17 +143,18 @@ def _compute(
 
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
-    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
     elapsed = checkpoints.elapsed
     with CaseWriter(
-        path, coordinates, attributes, columns(config), elapsed=elapsed, unit=config.unit
+        path, coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
     ) as writer:
         recorder = checkpoints.recorder(writer)
         warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
     return "; ".join(warnings)
 
 
-def _attributes(config: Config) -> dict[str, str | float]:
+def attributes(config: Config) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau

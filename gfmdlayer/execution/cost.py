@@ -15,11 +15,9 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import stops
 from gfmdlayer.contact.solvers import SOLVERS
@@ -45,8 +43,6 @@ STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e
 CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
-# Branches of a law with a continuous spectrum, over decades of time up to the end.
-CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -87,7 +83,7 @@ def estimate(config: Config) -> Cost:
     pairs *= solver.rough if config.punch.rough else 1
     if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(_branches(config)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
@@ -115,7 +111,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(_branches(config)[1])
+    branches = len(config.layer.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -197,7 +193,7 @@ def _steps(config: Config) -> int:
     planned = stops(config, kinks)
     if config.time.step != "adaptive":
         return number_of_steps(planned)
-    relaxed, branches = _branches(config)
+    relaxed, branches = config.layer.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     crossed = (
@@ -213,21 +209,6 @@ def _steps(config: Config) -> int:
         else:
             landings += 1
     return round(steps)
-
-
-def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
-    """Return the relaxed modulus and the branches of the layer; of a continuous law, what relaxes by the end."""
-    law = config.layer.material
-    if isinstance(law, Material):
-        return law.relaxed, law.maxwell_branches
-    times = [
-        config.time.end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)
-    ]
-    moduli = law.relaxation_modulus(times).tolist()
-    return moduli[0], tuple(
-        (stiffer - softer, math.sqrt(early * late))
-        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
-    )
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
+from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.problems import (
     ConfigError,
@@ -106,7 +107,7 @@ def plain(value: object) -> Any:
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
         return [plain(entry) for entry in value]
-    if isinstance(value, os.PathLike):
+    if isinstance(value, os.PathLike) and not isinstance(value, MemoryFile):
         return os.fspath(value)
     return value.tolist() if hasattr(value, "tolist") else value
 
