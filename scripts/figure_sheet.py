@@ -222,7 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run_all(names: set[str], size: dict[str, Any], folder: Path, pool: WorkerPool) -> None:
     for name, values in runs(size, folder).items():
         if name in names:
-            run_sweep(Config.model_validate({"name": name, **values}), folder / name, pool)
+            run_sweep(Config(name=name, **values), folder / name, pool)
 
 
 if __name__ == "__main__":

@@ -105,10 +105,10 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         cases, said = _cases(stack, path, dataset, kind, options)
         title, first = next(iter(cases.items()), ("", dataset))
         if kind == "movie":
-            picture = _beside(path, dataset, kind, default_suffix()) if out is None else Path(out)
+            picture = _beside(path, dataset, kind, default_suffix(), options) if out is None else Path(out)
             write_movie(first, picture, title, look, options.get("fps"))
             return [picture]
-        picture = _beside(path, dataset, kind or "curves", ".png") if out is None else Path(out)
+        picture = _beside(path, dataset, kind or "curves", ".png", options) if out is None else Path(out)
         check_suffix(picture)
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: _curves(dataset, first, options),
@@ -163,9 +163,12 @@ def _map(dataset: Dataset, options: Options) -> Figure:
     )
 
 
-def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str) -> Path:
-    """Return the path of a picture that lies with the results and is named after them."""
-    ending = suffix if kind in ("curves", "movie") else f"-{kind}{suffix}"
+def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str, options: Options) -> Path:
+    """Return the path of a picture that lies with the results and is named after them and what it shows."""
+    columns = [*options.get("y", ()), *(["over", options["x"]] if options.get("x") else [])]
+    ending = suffix if kind == "movie" else f"-{kind}{suffix}"
+    if kind == "curves":
+        ending = "".join(f"-{name}" for name in columns) + suffix
     if path.is_file():
         return path.with_name(path.stem + ending)
     return path / f"{dataset.attrs.get('name') or path.resolve().name}{ending}"

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
 
 MOST_CASES = 6
+MOST_PROFILES = 60  # of a line contact
 MOST_MAPS = 4  # beside each other
 MOST_ROWS = 2  # of maps of a single case
 MAP_POINTS = 1024  # along each axis of a map: more than its dots in print
@@ -73,7 +74,9 @@ def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER, notes: 
     with styled(style):
         first, more = next(iter(cases.values())), list[str]()
         if "y" not in first["pressure"].dims:
-            figure = _profiles(cases, style)
+            parts = {title: part_of(case, MOST_PROFILES) for title, case in cases.items()}
+            figure = _profiles({title: case for title, (case, _) in parts.items()}, style)
+            more = list(dict.fromkeys(note for _, notes in parts.values() for note in notes))
         elif len(cases) == 1 and "gap" in first:
             figure, more = _surface(next(iter(cases)), first, style)
         else:
