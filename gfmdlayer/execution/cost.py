@@ -81,9 +81,9 @@ def estimate(config: Config) -> Cost:
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
     pairs *= solver.rough if config.punch.rough else 1
-    if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
+    if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(config.layer.material.roughly(config.time.end)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
@@ -111,7 +111,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(config.layer.material.roughly(config.time.end)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -193,7 +193,7 @@ def _steps(config: Config) -> int:
     planned = stops(config, kinks)
     if config.time.step != "adaptive":
         return number_of_steps(planned)
-    relaxed, branches = config.layer.material.roughly(config.time.end)
+    relaxed, branches = config.surface.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     crossed = (
