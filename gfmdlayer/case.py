@@ -218,7 +218,7 @@ class Case:
     @cached_property
     def steps(self) -> Steps:
         """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-        time, snapshots = self.config.time, self.config.output.snapshots
+        time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None

@@ -152,7 +152,7 @@ class Config(Section):
         if output.times is not None and time.step != "adaptive":
             message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
-        for i, snapshot in enumerate(output.snapshots):
+        for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
 
@@ -252,8 +252,7 @@ def digest(config: Config) -> str:
 def stem(config: Config) -> str:
     """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
 
-    A law with a continuous spectrum becomes a series over the times of the run, to whose end it belongs.
-
+    A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
 
     Raises
@@ -261,7 +260,12 @@ def stem(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    left_out = {"name": True, "sweep": True, "output": {"keep_state", "snapshots", "times"}}
+    times = (
+        {"keep_state", "times"}
+        if config.output.snapshots == "every"
+        else {"keep_state", "times", "snapshots"}
+    )
+    left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
     if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
         left_out["time"] = {"end"}
     return _hash(config, left_out)

@@ -158,7 +158,8 @@ def attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.surface.material.unit
+    found |= {"G0": config.surface.material.unit, "L": config.grid.period[0]}
+    found["control"] = config.trajectory.control
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

@@ -90,7 +90,8 @@ def estimate(config: Config) -> Cost:
         pairs *= max(thin, THINNEST) ** -0.5
     branches = len(config.surface.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
-    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
+    rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
+    snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
