@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import Indentation
 from gfmdlayer.indentation.space import Space
@@ -137,6 +138,6 @@ class _Surface:
 
 def _gauss(begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights between begin and end, each of shape (points, nodes)."""
-    x, w = np.polynomial.legendre.leggauss(_NODES)
+    x, w = gauss_rule(_NODES)
     half = (end - begin)[:, np.newaxis] / 2
     return begin[:, np.newaxis] + half * (x + 1), half * w

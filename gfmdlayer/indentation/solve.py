@@ -31,7 +31,7 @@ from gfmdlayer.indentation.steps import corners, even_steps, graded_steps
 from gfmdlayer.punch.revolution import Revolution
 
 # Error of interpolation over the tolerance, from which a first mesh follows: measured, mostly enough.
-_FIRST_ERROR = 40.0
+_FIRST_ERROR = 80.0
 
 _MOST_MESHES, _MOST_STEPS, _MOST_SPACES = 6, 5000, 12
 
