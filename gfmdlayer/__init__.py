@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.results.reader import open_case, open_results
@@ -21,6 +22,8 @@ __all__ = [
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Layer",
+    "LayerStack",
     "LayeredHalfspace",
     "Prony",
     "Zener",
@@ -40,6 +43,7 @@ _MODULES = {
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
+    "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

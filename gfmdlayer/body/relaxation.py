@@ -65,11 +65,14 @@ class Spectrum:
         w_j(q) >= 0; zero where a mode is left out.
     times : ndarray, shape (modes, *q.shape)
         theta_j(q) > 0.
+    error : float
+        Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
     """
 
     relaxed: FloatArray
     weights: FloatArray
     times: FloatArray
+    error: float = 0.0
 
     @property
     def glassy(self) -> FloatArray:
@@ -106,7 +109,7 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
     """
     q = np.asarray(q, dtype=float)
     relaxed = layer.stiffness(q, material.relaxed)
-    moduli, times = _distinct_branches(material)
+    moduli, times = distinct_branches(material)
     if layer.thickness == 0 or moduli.size == 0:
         return Spectrum(relaxed, np.empty((0, *q.shape)), np.empty((0, *q.shape)))
 
@@ -168,7 +171,7 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
     return _PartialFractions(replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths)
 
 
-def _distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
+def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
     """Moduli and ascending, distinct relaxation times of the branches that are not negligible."""
     times, position = np.unique(material.branch_times, return_inverse=True)
     moduli = np.bincount(position, weights=material.branch_moduli, minlength=times.size)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,6 +54,7 @@ def collect(
     keys: Sequence[str],
     attributes: Mapping[str, str | int | float] | None = None,
     listed: bool = False,
+    unit: Callable[[str], str] = str,
 ) -> Path:
     """Write DIR/sweep.h5 from the files of the cases, one of which is in memory at a time.
 
@@ -73,6 +74,8 @@ def collect(
         Attributes of the file, in addition to those that all cases share (name, tau, versions).
     listed : bool
         Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
+    unit : callable
+        Label of a unit, from its words.
 
     Returns
     -------
@@ -93,7 +96,7 @@ def collect(
         numbers = np.empty(tuple(layout.lengths.values()), dtype=VARIABLES["case"].dtype)
         for record, place in zip(records, layout.places, strict=True):
             numbers[place] = record.index
-        _add_coordinates(h5, layout, numbers, rows)
+        _add_coordinates(h5, layout, numbers, rows, unit)
         columns = _add_columns(h5, layout, (*numbers.shape, rows.size), cases.columns)
         for record, place in zip(records, layout.places, strict=True):
             if record.index not in failed:
@@ -150,17 +153,22 @@ def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | lis
 
 
 def _add_coordinates(
-    h5: h5py.File, layout: _Layout, numbers: NDArray[np.generic], rows: NDArray[np.float64]
+    h5: h5py.File,
+    layout: _Layout,
+    numbers: NDArray[np.generic],
+    rows: NDArray[np.float64],
+    unit: Callable[[str], str],
 ) -> None:
     """Add time, the labels and the numbers of the cases; a dimension comes before what lies along it."""
-    add_variable(h5, "time", ("time",), TIME.described, data=rows)
+    add_variable(h5, "time", ("time",), TIME.described | {"units": unit(TIME.units)}, data=rows)
     if "case" in layout.lengths:
         add_variable(h5, "case", ("case",), data=numbers)
     for name, (key, dimension, labels) in layout.labels.items():
         described = {"key": key}
         if key in PARAMETERS:
             meaning = PARAMETERS[key]
-            described |= {"long_name": meaning.long_name, "symbol": meaning.symbol, "units": meaning.units}
+            described |= {"long_name": meaning.long_name, "symbol": meaning.symbol}
+            described["units"] = unit(meaning.units)
         text: dict[str, Any] = {"data": labels.astype(object), "dtype": h5py.string_dtype()}
         add_variable(
             h5, name, (dimension,), described, **text if labels.dtype.kind == "U" else {"data": labels}
