@@ -98,7 +98,8 @@ def notes(configs: Iterable[Config]) -> list[str]:
     TableError
         If a file cannot be used.
     """
-    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in configs)
+    periodic = (config for config in configs if not config.grid.axisymmetric)
+    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in periodic)
     return list(dict.fromkeys(note for cell, punch in surfaces for note in punch.notes(cell)))
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import PARAMETERS
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
+    **{column.name: column.symbol for column in INDENTATION if column.symbol},
     "displacement": "u",
     "pressure": "p",
     "x": "x",

@@ -15,7 +15,7 @@ import numpy as np
 
 from gfmdlayer.figures.labels import symbol, value_labels
 from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.validation.problems import nearest
 
@@ -218,6 +218,8 @@ def default_columns(dataset: Dataset) -> list[str]:
     """Return the columns with a symbol, without the one that the trajectory prescribes."""
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
     prescribed = "" if is_swept else PRESCRIBED[str(dataset.attrs.get("control", "depth"))]
+    if "contact_radius" in dataset:
+        return [column.name for column in INDENTATION if column.symbol and column.name in dataset.data_vars]
     names = [name for name, column in known_columns().items() if column.symbol and name != prescribed]
     return [name for name in map(_in_sweep(dataset), names) if name in dataset.data_vars]
 

@@ -33,6 +33,7 @@ _APART = 0.02  # part of a by which they differ
 _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
+_SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 
@@ -193,7 +194,7 @@ def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
 
 @kernel(inner=True)
 def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
-    """int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
+    """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
     yy, yc, cc = _loss_weights(h, T)
     y, c = before - old, after - before
     return yy * y * y + yc * y * c + cc * c * c
@@ -498,7 +499,7 @@ def _find_radius(
             scale = max(abs(depth), abs(rest))
             left = stop < profile.rim and r > drive.tolerance * scale
             return stop, force, depth, n, trial, LEFT_GRID if left else COMPLETE
-        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < 1e-14 * stop:
+        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < _SAME_RADIUS * high:
             return a, force, depth, n, trial, COMPLETE
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
@@ -521,7 +522,7 @@ def _find_radius(
         new = a - r / slope if slope < 0 else -1.0
         if new >= stop and high == stop:
             new = stop
-        elif not low < new < high:
+        elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
     return 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
@@ -729,11 +730,11 @@ def march(  # noqa: C901
             free = work.past[0] + work.far_past[0] + (weights[1] * state.chi[0] if a_old > 0 else 0.0)
             touches = target > 0 if drive.by_force else target > free
             if touches or (drive.adhesion > 0 and a_old > 0):
-                if a_old == 0 and not met and at > 0 and done < 1:
+                if a_old == 0 and not met and at > 0:
                     part = _event(h, now, target, drive.by_force, body, state, False)
                 if part > 1e-9 and part < 1 - 1e-9:
                     touches, met = False, True
-                elif part >= 1 - 1e-9 and a_old == 0 and at > 0:
+                elif part > 0.5 and a_old == 0 and not met and at > 0:  # at the end of the step, to rounding
                     touches, part = False, 1.0
                 else:
                     part = 1.0

@@ -10,7 +10,15 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.indentation.compliance import Compliance, Features, compliance, find_features, gauss_rule, panels
+from gfmdlayer.indentation.compliance import (
+    Compliance,
+    Features,
+    compliance,
+    find_features,
+    gauss_rule,
+    panels,
+)
+from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
@@ -46,22 +54,6 @@ class Space(NamedTuple):
     def compliance(self, body: Body) -> Compliance:
         """Return the compliance of a body at these nodes."""
         return compliance(body, self.features, self.q, self.weights)
-
-
-class History(NamedTuple):
-    """What is prescribed over time, linear between the times; before the first the body is at rest.
-
-    Attributes
-    ----------
-    time, value : ndarray, shape (nt,)
-        Ascending times, and depths or forces.
-    by_force : bool
-        Whether the force is prescribed.
-    """
-
-    time: FloatArray
-    value: FloatArray
-    by_force: bool = False
 
 
 def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Space:

@@ -103,8 +103,8 @@ class CaseMetadata:
             if record.index not in self.failed and not self._add(record):
                 self.failed[record.index] = INCOMPLETE
         always = {each.name: SweepColumn(each.described) for each in ContactMeans.COLUMNS}
-        self.columns = always | self.columns
-        del self.columns[TIME.name]
+        self.columns = self.columns or always  # without a complete case, those of the paper
+        self.columns.pop(TIME.name, None)
         self.lacking = {
             name: lacking
             for name in self.columns
