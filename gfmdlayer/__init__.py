@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.fitting.indentation.curve import ForceCurve
+    from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
@@ -21,9 +23,11 @@ __all__ = [
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "ForceCurve",
     "LayeredHalfspace",
     "Prony",
     "Zener",
+    "fit_indentation",
     "indent",
     "load",
     "open_case",
@@ -34,6 +38,8 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.fitting.indentation.curve": ("ForceCurve",),
+    "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),

@@ -32,6 +32,7 @@ _MARKS = 3  # radii at which chi may have kinks, remembered
 _APART = 0.02  # part of a by which they differ
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
+_SECANTS = 20  # steps for the radius; then bisection, for a residual that jumps at the last radius
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-6  # weight of x beside H in the coordinate of the moving edge, for flat ends
 
@@ -457,7 +458,7 @@ def _find_radius(
     low, high, slope, a = 0.0, stop, 0.0, guess
     last_a, last_r = -1.0, 0.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
-    for _ in range(_MOST_ITERATIONS):
+    for trial in range(_MOST_ITERATIONS):
         edge, rest, unit, other, n = _solve(a, a_old, h, weights, body, profile, nodes, state, step, work)
         if n < 0:
             return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
@@ -491,7 +492,7 @@ def _find_radius(
         new = a - r / slope if slope < 0 else -1.0
         if new >= stop and high == stop:
             new = stop
-        elif not low < new < high:
+        elif not low < new < high or trial >= _SECANTS:
             new = 0.5 * (low + high)
         a = new
     return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
