@@ -21,8 +21,8 @@ from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import OF_A_CURVE, WIDE, Model, Parameter
 
 TRIES = 3  # of the differences, where a contact leaves the nodes on the way
-# Steps of the differences in a logarithm, and in the range of a linear parameter: the error of a derivative is
-# half of it. At the row where contact is lost a force may jump by 1e-4 of the largest one, which a shorter
+# Steps of the differences in a logarithm, and in the range of a linear parameter: a derivative is off by half
+# a step. At the row where contact is lost a force may jump by 1e-4 of the largest one, which a shorter
 # step would turn into a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
 MODULI = {"G0", "Ginf", "G", "shear_modulus"}
