@@ -9,31 +9,55 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.body import ViscoelasticLayer, halfspace, layer
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.stack import Layer, LayerStack
+    from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.run import run
+    from gfmdlayer.interactive.solve import solve
+    from gfmdlayer.punch.self_affine import SelfAffine
+    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
+    "Case",
+    "Cone",
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Cylinder",
+    "Flat",
     "ForceCurve",
+    "Layer",
+    "LayerStack",
     "LayeredHalfspace",
+    "Parabola",
     "Prony",
+    "Pyramid",
+    "SelfAffine",
+    "Sinusoid",
+    "Sphere",
+    "ViscoelasticLayer",
+    "Wedge",
     "Zener",
     "fit_indentation",
+    "halfspace",
     "indent",
+    "layer",
     "load",
     "open_case",
     "open_results",
     "relaxation_spectrum",
+    "run",
     "simulate",
+    "solve",
 ]
 
 _MODULES = {
@@ -42,10 +66,19 @@ _MODULES = {
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
+    "gfmdlayer.interactive.solve": ("solve",),
+    "gfmdlayer.case": ("Case",),
+    "gfmdlayer.punch.simple_shapes": (
+        *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
+    ),
+    "gfmdlayer.punch.self_affine": ("SelfAffine",),
+    "gfmdlayer.body.body": ("ViscoelasticLayer", "halfspace", "layer"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
+    "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Protocol, TypedDict, Unpack
@@ -10,7 +9,9 @@ from typing import Protocol, TypedDict, Unpack
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
+from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
+from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
@@ -22,8 +23,9 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
-from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -69,6 +71,10 @@ class Steps(Resumable, Protocol):
         """
         ...
 
+    def course(self) -> Course | None:
+        """Return the course so far where the next step is the first that may depend on the end of the run."""
+        ...
+
 
 class Parts(TypedDict, total=False):
     """Parts that may be given in place of those of the configuration."""
@@ -76,6 +82,7 @@ class Parts(TypedDict, total=False):
     grid: Grid
     transforms: Transforms
     body: Body
+    reduced_time: ReducedTime | None
     punch: FloatArray
     trajectory: Trajectory
     velocity: Constant | Table | None
@@ -109,6 +116,12 @@ class Case:
         If there is no such part.
     TableError
         In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
     """
 
     def __init__(
@@ -132,7 +145,31 @@ class Case:
     @cached_property
     def body(self) -> Body:
         """The body under the surface."""
-        return ViscoelasticLayer(inputs.make_body(self.config), self.config.layer.material)
+        return ViscoelasticLayer(inputs.make_body(self.config), self.series.material)
+
+    @cached_property
+    def series(self) -> PronySeries:
+        """The material of the layer as a series of Maxwell branches, over the times of the run."""
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
+        return self.config.layer.material.prony(*self._reduced(*times))
+
+    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
+        """Return a range of times in reduced time, at all temperatures of the run."""
+        if self.reduced_time is None:
+            return shortest, longest
+        least, most = self.reduced_time.extremes
+        return shortest / most, longest / least
+
+    @cached_property
+    def reduced_time(self) -> ReducedTime | None:
+        """The reduced time in which the body relaxes; None without a temperature."""
+        return inputs.make_reduced_time(self.config)
+
+    def elapsed(self, instant: Instant) -> float:
+        """Return the reduced time that elapses in the step to a time point."""
+        if self.reduced_time is None:
+            return instant.step
+        return self.reduced_time.step(instant.time - instant.step, instant.step)
 
     @cached_property
     def punch(self) -> FloatArray:
@@ -157,7 +194,7 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        return (*self.loading.trajectory.kinks, *(self.velocity.kinks if self.velocity is not None else ()))
+        return inputs.kinks(self.loading.trajectory, self.velocity, self.reduced_time)
 
     @cached_property
     def loading(self) -> Loading:
@@ -174,13 +211,13 @@ class Case:
         spectrum, sums = self.body.spectrum(self.grid.wavenumbers), self.grid.sums
         adaptive = self.config.time.step == "adaptive"
         if self.velocity is not None:
-            waves = self.grid.wavenumbers_x
+            waves, velocity = self.grid.wavenumbers_x, self.velocity
+            if self.reduced_time is not None:
+                velocity = velocity.in_time(self.reduced_time.factor(0.0))
             if adaptive:
-                return ErrorControlledSlidingModes(
-                    spectrum, sums, wavenumbers_x=waves, velocity=self.velocity
-                )
+                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=waves, velocity=velocity)
             scheme = SCHEMES["exponential"]
-            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=self.velocity)
+            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=velocity)
         if adaptive:
             return ErrorControlledModes(spectrum, sums)
         return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
@@ -192,10 +229,12 @@ class Case:
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None
-            times = output_times(self.config)
-            return AdaptiveSteps(self.integrator, time.tolerance, time.end, snapshots, self.kinks, times)
+            landings = snapshots, self.kinks, output_times(self.config)
+            slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
+            return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
-        return FixedSteps(steps(time.end, time.step, snapshots, self.kinks))
+        instants = steps(time.end, time.step, snapshots, self.kinks)
+        return FixedSteps(instants, stops(self.config, self.kinks), time.step)
 
     @cached_property
     def solver(self) -> Solver:
@@ -237,11 +276,3 @@ class Case:
             guess=self.guess,
             observables=CompositeState(**self.observables),
         )
-
-
-def output_times(config: Config) -> tuple[float, ...]:
-    """Return the times of the rows that adaptive steps are asked to land on."""
-    times = config.output.times
-    if isinstance(times, float):
-        return tuple(times * i for i in range(1, math.floor(config.time.end / times + 1e-9) + 1))
-    return times or ()

@@ -10,8 +10,11 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.config import Config
+from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
@@ -33,13 +36,15 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     Raises
     ------
     TableError
-        If the heights come from a file that cannot be used.
+        If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(config.punch.heights(grid))
+    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:
     """Return the depth or the mean pressure over time, as `trajectory.control` says.
+
+    A force is divided by the area of the cell, or by the length of a line's.
 
     Raises
     ------
@@ -47,11 +52,13 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
     if given.file is not None:
-        return Table.read(given.file, given.control)
-    target = given.depth if given.control == "depth" else given.load
+        table = Table.read(given.file, given.control)
+        return Table(table.times, table.values / unit)
+    target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
-    return RampHold(target, given.ramp_time)
+    return RampHold(target / unit, given.ramp_time)
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -68,6 +75,77 @@ def make_velocity(config: Config) -> Constant | Table | None:
     return None if given.velocity is None else Constant(given.velocity)
 
 
+def make_reduced_time(config: Config) -> ReducedTime | None:
+    """Return the reduced time of the body; None without a temperature.
+
+    Raises
+    ------
+    TableError
+        If the temperature comes from a file that cannot be used: outside of the range of the shift, or ending
+        before the run does.
+    """
+    given = config.temperature
+    shift = next(filter(None, shifts(config).values()), None)
+    if given is None or shift is None:
+        return None
+    if given.file is None:
+        assert given.value is not None
+        return ReducedTime(shift, Constant(given.value))
+    table = Table.read(given.file, "temperature", lambda row: shift.refused(row[1]))
+    last, end = float(table.times[-1]), config.time.end
+    if last < end:
+        raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
+    return ReducedTime(shift, table)
+
+
+def kinks(
+    trajectory: Trajectory, velocity: Constant | Table | None, reduced_time: ReducedTime | None
+) -> tuple[float, ...]:
+    """Return the times at which the slope of a prescribed quantity jumps."""
+    temperature = None if reduced_time is None else reduced_time.temperature
+    every = (trajectory, velocity, temperature)
+    return tuple(time for each in every if each is not None for time in each.kinks)
+
+
+def times_of_response(
+    config: Config, grid: Grid, velocity: Constant | Table | None, kinks: Iterable[float]
+) -> tuple[float, float]:
+    """Return the shortest and the longest time over which the body's response matters.
+
+    The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part of
+    the shortest ramp, between kinks of the trajectory, that their tolerance is: what relaxes within it
+    changes the pressure by no more than that. A punch that moves along the surface also drives the grid's
+    shortest waves.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    grid : Grid
+        Its grid.
+    velocity : Constant or Table, optional
+        Of the punch along x.
+    kinks : iterable of float
+        Times at which the slope of a prescribed quantity jumps.
+
+    Returns
+    -------
+    float, float
+    """
+    time = config.time
+    if isinstance(time.step, str):
+        stops = [0.0, *sorted(kink for kink in set(kinks) if 0 < kink < time.end), time.end]
+        assert time.tolerance is not None
+        shortest = time.tolerance * min(map(float, np.diff(stops)))
+    else:
+        shortest = time.step
+    fastest = 0.0
+    if velocity is not None:
+        values = velocity.values if isinstance(velocity, Table) else velocity.value
+        fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
+    return min(shortest, 1 / fastest if fastest else shortest), time.end
+
+
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """Read the files of the cases and check that the cases are possible.
 
@@ -80,7 +158,10 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """
     seen = set()
     for config in configs:
-        inputs = (config.grid, config.punch, config.trajectory, config.time.steady, make_body(config))
+        inputs = (
+            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
+        )
         if inputs not in seen:
             seen.add(inputs)
             yield from _input_errors(config)
@@ -95,6 +176,8 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         trajectory = make_trajectory(config)
         key = "trajectory.velocity_file"
         velocity = make_velocity(config)
+        key = "temperature.file"
+        make_reduced_time(config)
     except TableError as error:
         yield key, str(error)
         return
@@ -106,15 +189,31 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
-    if given.control == "load":
+    if given.control != "depth":
         if (values < 0).any():
-            message = f"{given.file}: holds a negative load; must be >= 0, there is no adhesion"
+            message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
-        yield (
-            "trajectory.depth" if given.file is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {mean_height:.6g}",
-        )
+    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+        yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+
+def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+    """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
+
+    Parameters
+    ----------
+    depth : float
+        The largest depth.
+    heights : ndarray, one value a point
+        Height of the punch above its lowest point.
+    mean_stiffness : float
+        Of the body; see `body.body.Body`.
+    """
+    mean_height = float(heights.mean())
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    return (
+        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
+        f"must be below the mean height of the punch, {mean_height:.6g}"
+    )

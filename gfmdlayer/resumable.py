@@ -40,6 +40,10 @@ class CompositeState:
     def __init__(self, **parts: Resumable) -> None:
         self._parts = parts
 
+    def __getitem__(self, name: str) -> Any:
+        """Return a part."""
+        return self._parts[name]
+
     def state(self) -> State:
         """Return the states of all parts, as arrays."""
         import numpy as np

@@ -6,7 +6,6 @@ The numbers in the comments of `simulate` are the lines of their pseudocode.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +13,12 @@ from typing import TYPE_CHECKING
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.files.cache import user_cache
+from gfmdlayer.grid.pair_time import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.resumable import Resumable
+from gfmdlayer.resumable import CompositeState
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +67,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[Resumable], None] | None = None,
+    resume: Callable[[CompositeState], None] | None = None,
 ) -> list[str]:
     """Run one case.
 
@@ -98,6 +99,24 @@ def simulate(
         If a step does not reach the solver's tolerance; the state to save is then that before the step.
     TableError
         If the file of a punch or a trajectory cannot be used.
+
+    Examples
+    --------
+    A recorder is called with each row:
+
+    >>> class Printer:
+    ...     def row(self, **values):
+    ...         print(values["time"], values["depth"])
+    ...
+    ...     def snapshot(self, time, displacement, pressure, gap): ...
+    ...
+    ...     def note(self, **attributes): ...
+    >>> config = gfmdlayer.Config(name="a", grid={"points": 64}, time={"end": 1.0, "step": 0.5})
+    >>> gfmdlayer.simulate(config, Printer())
+    0.0 0.0
+    0.5 0.005
+    1.0 0.01
+    []
     """
     case = config if isinstance(config, Case) else Case(config, wisdom, threads)
     loading, integrator, steps, solver, guess = (
@@ -108,7 +127,7 @@ def simulate(
         resume(case.resumable)
 
     for instant in steps:  # 4, 10
-        kappa, b = integrator.terms(instant.step)  # 5, 6
+        kappa, b = integrator.terms(case.elapsed(instant))  # 5, 6
         problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
         before = solver.state()
         solution = solver.solve(problem, guess.at(instant.time))  # 7
@@ -152,7 +171,8 @@ def simulate(
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
     """Compile the kernels that a case needs and plan its transforms.
 
-    Plans are kept in the wisdom folder: runs with the same plans agree in every bit.
+    Plans are kept in the wisdom folder: runs with the same plans agree in every bit. The seconds of an FFT
+    pair are kept beside them.
 
     Parameters
     ----------
@@ -173,7 +193,10 @@ def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1)
     solver = Case(small).solver
     if hasattr(solver, "compile"):
         solver.compile()
-    return planned(config.grid.points, wisdom_folder or user_cache(), threads)
+    points, folder = config.grid.points, wisdom_folder or user_cache()
+    wisdom = planned(points, folder, threads)
+    keep_pair_seconds(points, wisdom, folder, threads)
+    return wisdom
 
 
 def _in_small(config: Config) -> Config:
@@ -204,8 +227,3 @@ class _NoRecorder:
 
     def snapshot(self, *fields: object) -> None:
         """Do nothing."""
-
-
-def user_cache() -> Path:
-    """Return the folder of the user's caches."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gfmdlayer"

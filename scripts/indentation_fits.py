@@ -1,6 +1,6 @@
-"""How well force curves are fitted, and what polynomial corrections get wrong: figures of docs/indentation.md.
+"""How well force curves are fitted, what polynomial corrections get wrong: figures of docs/indentation.md.
 
-python scripts/indentation_fits.py coverage [DRAWS]   synthetic curves: how often 95 % intervals hold the truth
+python scripts/indentation_fits.py coverage [DRAWS]   how often 95 % intervals hold the truth
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
 python scripts/indentation_fits.py thickness          how thick is thick enough
 python scripts/indentation_fits.py histories          which history tells which parameters apart
@@ -36,7 +36,7 @@ FINE = 160  # steps of the curves that stand for the truth
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
 OWN = ("contact_point", "force_offset")
 BRANCHES = tuple(f"layer.material.branches[{k}].{key}" for k in (0, 1) for key in ("G", "tau"))
-# Dimitriadis et al., Biophys. J. 82 (2002) 2798; Garcia & Garcia, Biophys. J. 114 (2018) 2923; bonded, nu = 1/2.
+# Dimitriadis et al., Biophys. J. 82 (2002) 2798; Garcia & Garcia, Biophys. J. 114 (2018) 2923; bonded.
 POLYNOMIALS = {
     "Hertz": (1.0,),
     "Dimitriadis": (1.0, 1.133, 1.283, 0.769, 0.0975),
@@ -106,11 +106,9 @@ def coverage(draws: int = 25) -> None:
                 low, high = fit[key].interval
                 inside[i] += low <= known.get(key, 0.0) <= high
         share = " ".join(f"{100 * each / draws:3.0f}" for each in inside)
-        print(
-            f"{name:26} {noise:5.0%}  {len(free):4d}  {inside.sum():4.0f} of {draws * len(free):4d}    {share:28} "
-            f"{np.median(spent):.2f}, {max(spent):.2f}",
-            flush=True,
-        )
+        count = f"{inside.sum():4.0f} of {draws * len(free):4d}"
+        seen = f"{np.median(spent):.2f}, {max(spent):.2f}"
+        print(f"{name:26} {noise:5.0%}  {len(free):4d}  {count}   {share:28}  {seen}", flush=True)
         total, held, seconds = total + draws * len(free), held + int(inside.sum()), seconds + spent
     print(f"{len(KINDS) * draws} curves: {held} of {total} intervals hold the truth, {held / total:.1%}")
     print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, most {max(seconds):.2f}")
@@ -168,10 +166,6 @@ def peers() -> None:
     for base, thickness in ((math.inf, 1.0), (math.inf, 2.0), (10.0, 1.0), (2.0, 1.0)):
         data = model(thickness, base)
         force = truth(data, motion)
-        scaled = (
-            motion[0],
-            motion[1] / thickness,
-        )  # lengths over the thickness: R -> R/h, d -> d/h, F -> F/h^2
         rows = {}
         for which in POLYNOMIALS:
             for inside in (True, False) if which != "Hertz" else (True,):

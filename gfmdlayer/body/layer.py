@@ -33,9 +33,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.validation.problems import ConfigError
 
 # exp(-2x) is zero in double precision from x = 373 on: a layer as thick as this, or thicker, is a halfspace.
-_HALFSPACE = 400.0
+HALFSPACE_DEPTH = 400.0
 
 # 2 (sinh y - y)/y^3 = sum_k 2 y^2k/(2k + 3)!, whose first term left out is 2e-18 of the sum at y = 2.
 _SINH_TAIL = [2 / math.factorial(2 * k + 3) for k in range(11)]
@@ -65,8 +66,14 @@ class LayeredHalfspace:
 
     Raises
     ------
-    ValueError
+    ConfigError
         If a parameter is outside of these bounds, or a bare halfspace is rigid or has no stiffness.
+
+    Examples
+    --------
+    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
+    >>> layer.stiffness(np.array([1.0, 100.0]), G=1.0).round(1)
+    array([3054.,  200.])
     """
 
     thickness: float
@@ -76,15 +83,15 @@ class LayeredHalfspace:
 
     def __post_init__(self) -> None:
         if not self.thickness >= 0:
-            raise ValueError(f"thickness = {self.thickness!r}: must be 0, positive or inf")
+            raise ConfigError([f"thickness: got {self.thickness!r}; must be 0, positive or inf"])
         if not self.bulk_modulus >= 0:
-            raise ValueError(f"bulk_modulus = {self.bulk_modulus!r}: must be 0, positive or inf")
+            raise ConfigError([f"bulk_modulus: got {self.bulk_modulus!r}; must be 0, positive or inf"])
         for name, ratio in (("poisson", self.poisson), ("bulk_poisson", self.bulk_poisson)):
             if not -1 < ratio <= 0.5:
-                raise ValueError(f"{name} = {ratio!r}: must be above -1 and at most 0.5")
+                raise ConfigError([f"{name}: got {ratio!r}; must be above -1 and at most 0.5"])
         if self.thickness == 0 and self.bulk_modulus in (0, math.inf):
-            raise ValueError(
-                f"thickness = 0 needs a halfspace that deforms, not bulk_modulus = {self.bulk_modulus!r}"
+            raise ConfigError(
+                [f"thickness: got 0 with bulk_modulus {self.bulk_modulus!r}; needs a halfspace that deforms"]
             )
 
     def stiffness(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
@@ -144,20 +151,20 @@ class LayeredHalfspace:
         e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)
         e, c = 1 + e_1, 1 + c_1
         r, rho, r4 = np.exp(-2 * x), -np.expm1(-2 * x), -np.expm1(-4 * x)
-        N2 = c * _sinh_minus(x) * (rho + 2 * x * np.exp(-x))
+        N2 = c * sinh_minus(x) * (rho + 2 * x * np.exp(-x))
         N1 = rho * (1 + e * c + r * (c + e)) + 4 * x * x * r * c_1
         N0 = r * (1 + e) ** 2 + e * rho**2 + 4 * x * x * r
         D2 = c * (r4 + 4 * x * r)
         D1 = 1 + e * c - 4 * x * r * c_1 + r * r * (c + e)
-        D0 = e_1 * r4 + _sinh_minus(2 * x)
+        D0 = e_1 * r4 + sinh_minus(2 * x)
         return Quadratics(np.stack((N0, N1, N2)), np.stack((D0, D1, D2)))
 
     def depths(self, q: ArrayLike) -> FloatArray:
         """Thickness x = q d in units of 1/q, limited where thicker layers are equal in double precision."""
         q = np.asarray(q, dtype=float)
         if math.isinf(self.thickness):
-            return np.full(q.shape, _HALFSPACE)
-        return np.minimum(q * self.thickness, _HALFSPACE)
+            return np.full(q.shape, HALFSPACE_DEPTH)
+        return np.minimum(q * self.thickness, HALFSPACE_DEPTH)
 
     def _numerator_and_denominator(self, q: FloatArray, G: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """N and D at the modulus G, up to a common factor."""
@@ -173,7 +180,7 @@ class LayeredHalfspace:
         return N[0] + g * (N[1] + g * N[2]), D[0] + g * (D[1] + g * D[2])
 
 
-def _sinh_minus(y: FloatArray) -> FloatArray:
+def sinh_minus(y: FloatArray) -> FloatArray:
     """2 exp(-y) (sinh y - y) without cancellation or overflow."""
     thin = np.minimum(y, 2.0)
     series = np.exp(-thin) * thin**3 * np.polynomial.polynomial.polyval(thin * thin, _SINH_TAIL)

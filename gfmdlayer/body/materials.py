@@ -1,6 +1,6 @@
-"""The shear response of the layer's material, G(t), G(omega) and G(s).
+"""The shear response of a material, G(t), G(omega) and G(s).
 
-Every material here is a spring of the relaxed modulus beside Maxwell branches (a spring G_k in series with
+The materials here are a spring of the relaxed modulus beside Maxwell branches (a spring G_k in series with
 a dashpot G_k tau_k), so that
 
     G(t) = G0 + sum_k G_k exp(-t/tau_k)                   Eq. (5) for one branch
@@ -8,7 +8,8 @@ a dashpot G_k tau_k), so that
 
 after Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. G(s) is s times the Laplace transform
 of G(t), Eq. (2): the modulus that takes an elastic solution to the viscoelastic one. Moduli and times may be
-in any units; those of the results follow.
+in any units; those of the results follow. A law with a continuous spectrum (`continuous`) is replaced by such
+a series, with a bound on its error.
 
 A law is a section of the configuration and a Python object at once; `gfmdlayer.body.laws` lists them.
 """
@@ -18,13 +19,15 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
-from gfmdlayer.validation.fields import NotNegative, Positive
+from gfmdlayer.body.shifts import SHIFTS, Shift
+from gfmdlayer.validation.fields import NotNegative, Positive, given
 from gfmdlayer.validation.problems import ConfigError, Problem
-from gfmdlayer.validation.sections import Kind, Section, alone, plain
+from gfmdlayer.validation.sections import Kind, OneOf, Section, alone, plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -32,43 +35,96 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray, FloatArray
 
 
-class Material(Kind):
-    """Shear response of an isotropic solid whose stress relaxes through Maxwell branches."""
+class Law(Kind):
+    """Shear response of an isotropic solid whose stress relaxes."""
+
+    BY_NAME: ClassVar[frozenset[str]] = frozenset({"model", "shift"})  # parameters that have no position
 
     model: str
     """word that chooses the law"""
+    shift: Annotated[Shift | None, OneOf(SHIFTS), given] = Field(
+        default=None, description="change of all relaxation times with the temperature: law wlf or arrhenius"
+    )
 
     @alone
     def __init__(self, *values: Any, **keys: Any) -> None:
-        """Make a material from its parameters, in the order of the fields or by name.
+        """Make a material from its parameters, in the order of the fields or by name; `shift` by name.
 
         Raises
         ------
         ConfigError
             A parameter is outside of its bounds, or parameters contradict each other.
         """
-        names = list(type(self).model_fields)[1:]
-        given = dict(zip(names, values, strict=False)) | keys
-        if len(values) > len(names) or len(given) < len(values) + len(keys):
+        names = [name for name in type(self).model_fields if name not in self.BY_NAME]
+        parameters = dict(zip(names, values, strict=False)) | keys
+        if len(values) > len(names) or len(parameters) < len(values) + len(keys):
             raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once")
-        self._take(plain(given), context="alone")
+        self._take(plain(parameters))
         if problems := list(self.problems()):  # in a configuration a sweep may replace the values
             raise ConfigError(map(str, problems))
 
     @property
     @abstractmethod
     def relaxed(self) -> float:
-        """Modulus at long times and low frequencies, G0 > 0."""
+        """Modulus at long times and low frequencies, G0 >= 0."""
+
+    @property
+    def unit(self) -> float:
+        """Modulus by which dimensionless pressures are divided: the relaxed one, where it is not zero."""
+        return self.relaxed
 
     @property
     @abstractmethod
-    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
-        """Pairs (G_k, tau_k) of the Maxwell branches: modulus G_k >= 0 and relaxation time tau_k > 0."""
+    def glassy(self) -> float:
+        """Modulus at short times and high frequencies, Ginf; may be infinite."""
 
     @property
     def characteristic_time(self) -> float | None:
         """The relaxation time of a law that has a single one, else None."""
         return None
+
+    @abstractmethod
+    def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
+        """Stress after a unit step of strain, over two: G(t), for t >= 0, in the shape of t."""
+
+    @abstractmethod
+    def laplace(self, s: ArrayLike) -> NDArray[Any]:
+        """Modulus G(s) at the Laplace variable s, real or complex with Re s >= 0, in the shape of s."""
+
+    @abstractmethod
+    def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
+        """Return a series of Maxwell branches that responds like this law over a range of times.
+
+        Parameters
+        ----------
+        shortest, longest : float
+            Range of times, and of the reciprocals of angular frequencies.
+        tolerance : float, optional
+            Largest error of G(t) and of G(omega) in the range, relative to their magnitude; by default that
+            of the law.
+
+        Returns
+        -------
+        PronySeries
+            With bounds on its errors; those of a law that is a series are zero.
+        """
+
+    def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
+        """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
+        import numpy as np
+
+        return self.laplace(1j * np.asarray(omega, dtype=float))
+
+
+class Material(Law):
+    """A law of springs and dashpots: a spring beside Maxwell branches."""
+
+    __init__ = Law.__init__
+
+    @property
+    @abstractmethod
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (G_k, tau_k) of the Maxwell branches: modulus G_k >= 0 and relaxation time tau_k > 0."""
 
     @property
     def branch_moduli(self) -> FloatArray:
@@ -102,12 +158,6 @@ class Material(Kind):
         relaxing = self.branch_moduli * np.exp(-elapsed / self.branch_times)
         return np.asarray(self.relaxed + relaxing.sum(axis=-1))
 
-    def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
-        """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
-        import numpy as np
-
-        return self.laplace(1j * np.asarray(omega, dtype=float))
-
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s) at the Laplace variable s, real or complex, in the shape of s."""
         import numpy as np
@@ -115,11 +165,44 @@ class Material(Kind):
         cycles = np.asarray(s)[..., np.newaxis] * self.branch_times
         return np.asarray(self.relaxed + (self.branch_moduli * (cycles / (1 + cycles))).sum(axis=-1))
 
+    def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:  # noqa: ARG002
+        """Return the material itself, which is a series."""
+        return PronySeries(self, shortest, longest)
+
+
+@dataclass(frozen=True)
+class PronySeries:
+    """A series of Maxwell branches in place of a law.
+
+    Parameters
+    ----------
+    material : Material
+        The series.
+    shortest, longest : float
+        Range of times, and of the reciprocals of angular frequencies, in which the bounds hold.
+    error_in_time, error_in_frequency : float
+        Bounds on |error of G(t)|/G(t) and |error of G(omega)|/|G(omega)|.
+    """
+
+    material: Material
+    shortest: float
+    longest: float
+    error_in_time: float = 0.0
+    error_in_frequency: float = 0.0
+
 
 class Zener(Material):
     """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
 
     One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
+
+    Examples
+    --------
+    >>> material = gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0)
+    >>> material.relaxation_modulus([0.0, 2.0])
+    array([10.        ,  4.31091497])
+    >>> gfmdlayer.Config(name="a", layer={"material": material}).layer.material.tau
+    2.0
     """
 
     model: Literal["zener"] = "zener"
@@ -176,7 +259,12 @@ class Branch(Section):
 class Prony(Material):
     """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus.
 
-    Made alone, it takes its branches as pairs (G, tau), or none: then the material is elastic.
+    Made alone, it takes its branches as pairs (G, tau). Without any the material is elastic.
+
+    Examples
+    --------
+    >>> gfmdlayer.Prony(1.0, [(2.0, 0.1), (3.0, 10.0)]).glassy
+    6.0
     """
 
     model: Literal["prony"] = "prony"
@@ -184,7 +272,7 @@ class Prony(Material):
     G0: Positive = 1.0
     """relaxed shear modulus"""
     branches: tuple[Branch, ...] = Field(
-        description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0", json_schema_extra={"minItems": 1}
+        default=(), description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0; without any it is elastic"
     )
 
     @alone
@@ -194,13 +282,6 @@ class Prony(Material):
             for each in branches
         ]
         super().__init__(G0, tuple(made), **keys)
-
-    @field_validator("branches")
-    @classmethod
-    def _at_least_one(cls, branches: tuple[Branch, ...], info: ValidationInfo) -> tuple[Branch, ...]:
-        if not branches and not info.context:
-            raise ValueError("got an empty list; must be at least one {G: ..., tau: ...}")
-        return branches
 
     @property
     def relaxed(self) -> float:

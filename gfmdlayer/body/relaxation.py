@@ -65,11 +65,14 @@ class Spectrum:
         w_j(q) >= 0; zero where a mode is left out.
     times : ndarray, shape (modes, *q.shape)
         theta_j(q) > 0.
+    error : float
+        Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
     """
 
     relaxed: FloatArray
     weights: FloatArray
     times: FloatArray
+    error: float = 0.0
 
     @property
     def glassy(self) -> FloatArray:
@@ -103,10 +106,16 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
         At most three modes for each branch of the material, none for an elastic body. Modes whose weights at
         a wavenumber sum to no more than `NEGLIGIBLE` of the relaxed stiffness have weight zero there, and
         those without weight anywhere are left out.
+
+    Examples
+    --------
+    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
+    >>> gfmdlayer.relaxation_spectrum(layer, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), 1.0).times
+    array([2.])
     """
     q = np.asarray(q, dtype=float)
     relaxed = layer.stiffness(q, material.relaxed)
-    moduli, times = _distinct_branches(material)
+    moduli, times = distinct_branches(material)
     if layer.thickness == 0 or moduli.size == 0:
         return Spectrum(relaxed, np.empty((0, *q.shape)), np.empty((0, *q.shape)))
 
@@ -168,7 +177,7 @@ def _partial_fractions(layer: LayeredHalfspace, q: FloatArray) -> _PartialFracti
     return _PartialFractions(replace(layer, bulk_modulus=0.0).stiffness(q, 1.0), poles, strengths)
 
 
-def _distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
+def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
     """Moduli and ascending, distinct relaxation times of the branches that are not negligible."""
     times, position = np.unique(material.branch_times, return_inverse=True)
     moduli = np.bincount(position, weights=material.branch_moduli, minlength=times.size)

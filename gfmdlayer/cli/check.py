@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,9 +37,10 @@ def check(options: argparse.Namespace) -> int:
     from gfmdlayer.execution.sweep import cases, label, notes
 
     config = read_config(options)
-    every = cases(config)
-    cost = total(estimate(case.config) for case in every)
+    every: Sequence[Case] = cases(config)
     directory = results_folder(options, config)
+    every, found = _in_folder(directory, config, every)
+    cost = total(estimate(case.config) for case in every)
     lines = [f"{config.name}: {count_cases(len(every))}"]
     if config.sweep:
         lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
@@ -49,7 +49,8 @@ def check(options: argparse.Namespace) -> int:
         f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
-        *_time_left(directory, config, every),
+        _time(directory, every),
+        *found,
     ]
     memory = preflight.memory_warnings(options.jobs * cost.memory)
     space = preflight.disk_warnings(directory, cost.storage)
@@ -58,21 +59,35 @@ def check(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
-def _time_left(directory: Path, config: Config, every: Sequence[Case]) -> list[str]:
-    """Estimate the time left, where cases of the same configuration are complete."""
-    from gfmdlayer.execution.folder import Folder, FolderError, changed_keys
+def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[Sequence[Case], list[str]]:
+    """Return the cases as they are in the results folder, and lines on what it holds."""
+    from gfmdlayer.execution.folder import Folder
 
     folder = Folder(directory)
-    present = {path.name for path in folder.cases.glob("[0-9]*.h5")}
-    done = [case for case in every if folder.case(case.index).name in present]
-    with suppress(FolderError):
-        if done and not changed_keys(folder.stored_config(), config):
-            from gfmdlayer.execution.cost import CostModel
-            from gfmdlayer.execution.status import duration
+    if not folder.is_results():
+        return every, []
+    from gfmdlayer.execution import growth
+    from gfmdlayer.execution.folder import FolderError
 
-            left = [case for case in every if folder.case(case.index).name not in present]
-            model = CostModel.of_files({folder.case(case.index): case.config for case in done})
-            if left and model.fitted:
-                seconds = sum(model.seconds(case.config) for case in left)
-                return [f"time       about {duration(seconds)} on one core for the {len(left)} cases left"]
-    return []
+    try:
+        found = growth.compare(folder, config)
+    except FolderError as error:
+        return every, [f"warning: a run would be refused: {error}"]
+    every = growth.with_earlier(folder, found.numbered(every))
+    first, *others = growth.lines(folder, found, every)
+    return every, [f"cases      {first}", *(f"           {line}" for line in others)]
+
+
+def _time(directory: Path, every: Sequence[Case]) -> str:
+    """Estimate the seconds of the cases that are not complete."""
+    from gfmdlayer.execution.cost import CostModel
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.execution.status import duration
+
+    folder = Folder(directory)
+    complete = folder.numbers()["h5"] if folder.is_results() else set()
+    model = CostModel.of_files({folder.case(c.index): c.config for c in every if c.index in complete})
+    left = [case for case in every if case.index not in complete]
+    seconds = sum(model.seconds(case.config) for case in left)
+    of = "" if len(left) == len(every) else f" for the {count_cases(len(left))} left"
+    return f"time       about {duration(seconds)} on one core{of}"

@@ -1,4 +1,4 @@
-"""`gfmdlayer plot`: draw contact area, mean pressure and friction against time, and the snapshots."""
+"""`gfmdlayer plot`: draw columns of results against time, each other or swept keys, and the snapshots."""
 
 from __future__ import annotations
 
@@ -7,17 +7,24 @@ import argparse
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
 KINDS = {
-    "curves": "contact area, mean pressure and, of a moving punch, friction against time",
+    "curves": "contact area and mean pressure (depth, where the load is prescribed; of a moving punch also "
+    "friction) against time, or the columns of --y against that of --x",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
-    "map": "contact area and mean pressure over two swept keys",
+    "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
 # The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.
 KINDS_WITH: dict[str, set[str | None]] = {
     "log_time": {None, "curves"},
     "inset": {None, "curves"},
+    "x": {None, "curves", "map"},
+    "y": {None, "curves", "map"},
+    "z": {"map"},
     "time": {"map"},
+    "fps": {"movie"},
 }
+
+MOST_FRAMES = 100  # in a second; more than a GIF can have
 
 EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time"
 
@@ -53,15 +60,64 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="inset of punch and surface in the curves, at these snapshot times",
     )
-    parser.add_argument("--time", metavar="T", type=float, help="time of the map (default: the last)")
+    parser.add_argument(
+        "--select",
+        metavar="KEY=VALUE",
+        type=_selected,
+        nargs="+",
+        action="extend",
+        default=[],
+        help="draw the cases with this value of a swept key, or the nearest: thickness=0.1; or with values "
+        "in a range: thickness=0.1:0.5",
+    )
+    parser.add_argument(
+        "--x",
+        metavar="NAME",
+        default="",
+        help="time (default), a column, or a swept key; of a map: a swept key",
+    )
+    parser.add_argument(
+        "--y", metavar="NAME", nargs="+", default=[], help="columns, in a panel each; of a map: a swept key"
+    )
+    parser.add_argument("--z", metavar="NAME", nargs="+", default=[], help="columns of the map")
+    parser.add_argument(
+        "--time",
+        metavar="T",
+        type=_time,
+        help="time of the map, or its extremes: a number, end (default), max, min",
+    )
+    parser.add_argument("--fps", metavar="N", type=_rate, help="frames of a movie in a second")
+
+
+def _selected(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not (key.strip() and equals and value.strip()):
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be KEY=VALUE, such as thickness=0.1")
+    return key.strip(), value.strip()
+
+
+def _time(text: str) -> float | str:
+    try:
+        return text if text in ("end", "max", "min") else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be a number, end, max or min") from None
+
+
+def _rate(text: str) -> int:
+    if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be a whole number from 1 to {MOST_FRAMES}")
+    return int(text)
 
 
 def plot(options: argparse.Namespace) -> int:
     """Draw the figures of results."""
     for name, kinds in KINDS_WITH.items():
-        if getattr(options, name) not in (None, False, []) and options.kind not in kinds:
+        if getattr(options, name) not in (None, False, [], "") and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
             return refuse(f"--{name.replace('_', '-')}: has no effect on this figure; must be with {allowed}")
+    selected = dict(options.select)
+    if len(selected) < len(options.select):
+        return refuse("--select: a key is given twice; must be given once, or with a range such as 0.1:0.5")
     from gfmdlayer.figures.plots import plot_results
 
     for picture in plot_results(
@@ -73,6 +129,11 @@ def plot(options: argparse.Namespace) -> int:
         log_time=options.log_time,
         inset=options.inset,
         time=options.time,
+        select=selected,
+        x=options.x,
+        y=options.y,
+        z=options.z,
+        fps=options.fps,
     ):
         print(picture)
     return COMPLETE

@@ -87,18 +87,14 @@ def read_config(options: argparse.Namespace) -> Config:
     ConfigError
         With every error in it.
     """
-    from gfmdlayer.config import load
-    from gfmdlayer.execution.rerun import is_result, stored_config
-    from gfmdlayer.execution.sweep import input_errors
+    from gfmdlayer.execution import folder
 
-    if is_result(options.config):
-        return stored_config(options.config, options.set)
-    return load(options.config, options.set, input_errors)
+    return folder.read_config(options.config, options.set)
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:
     """Return --out, or results/NAME; results/NAME-NNNN for a case that is run again."""
-    from gfmdlayer.execution.rerun import is_result
+    from gfmdlayer.execution.folder import is_result
 
     rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
     return Path(options.out or Path("results") / f"{config.name}{rerun}")

@@ -141,7 +141,7 @@ def _swept(schema: Mapping[str, Any]) -> dict[str, list[Any]]:
     """Return the dotted keys that may be swept, each with the schemas of its values."""
     found: dict[str, list[Any]] = {}
     for head, section in schema["properties"].items():
-        if head not in {"name", "sweep"}:
+        if head not in sweeps.UNSWEPT:
             itself = [(head, section)] if "oneOf" in section else []
             for key, values in [*itself, *_keys(schema, section, head)]:
                 if values not in found.setdefault(key, []):

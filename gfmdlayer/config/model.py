@@ -16,14 +16,17 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.continuous import ContinuousLaw
+from gfmdlayer.body.materials import Law
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.temperature import Temperature, temperature_problems
+from gfmdlayer.config.units import Units
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
-from gfmdlayer.validation.fields import MustBe
+from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
@@ -41,21 +44,33 @@ class Config(Section):
     ----------
     name : str
         Names the folder of the results.
+    units : Units, optional
+        Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
     grid, layer, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
         with a sweep is sound when its cases are: its own value of a swept key is not run.
+
+    Examples
+    --------
+    >>> config = gfmdlayer.Config(name="thin", layer={"thickness": 0.01}, grid={"points": 512})
+    >>> config.with_values({"layer.thickness": 0.02}).layer.thickness
+    0.02
     """
 
     name: Name
     """names the folder of the results"""
+    units: Annotated[Units | None, given] = None
+    """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
     layer: sections.Layer = Field(default_factory=sections.Layer)
     """the viscoelastic layer"""
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
     """the elastic base under the layer"""
+    temperature: Annotated[Temperature | None, given] = None
+    """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
@@ -85,6 +100,7 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
+        yield from temperature_problems(self)
         fit = self.punch.misfits(self.grid.cell)
         yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
@@ -126,9 +142,19 @@ class Config(Section):
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
-        if given.file is not None or given.velocity_file is not None or mean_height is None:
+        tables = given.file, given.velocity_file, self.temperature and self.temperature.file
+        if any(table is not None for table in tables) or mean_height is None:
             return False
-        return given.control == "load" or (given.depth is not None and given.depth < mean_height / 2)
+        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+    def unit(self, words: str) -> str:
+        """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
+
+        Without `units` the words stay: "length", "pressure / time".
+        """
+        if len(self.grid.points) == 1 and words == "force":
+            words = "force / length"
+        return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
         """Return the case in which the dotted keys have these values; it has no sweep.
@@ -184,7 +210,27 @@ def digest(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    data = config.model_dump(exclude={"name", "sweep"}, exclude_none=True)
+    return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
+
+
+def stem(config: Config) -> str:
+    """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
+
+    A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
+
+    Raises
+    ------
+    OSError
+        A file named by the configuration cannot be read any more.
+    """
+    left_out = {"name": True, "sweep": True, "output": {"keep_state", "snapshots", "times"}}
+    if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
+        left_out["time"] = {"end"}
+    return _hash(config, left_out)
+
+
+def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
@@ -208,8 +254,9 @@ def leaves(config: Config) -> list[str]:
 
 def sweepable(config: Config) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Material, Shape))]
-    return leaves(config) + [dotted(at) for at in kinds]
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape))]
+    swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
+    return [*swept, *(dotted(at) for at in kinds)]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

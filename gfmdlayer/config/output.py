@@ -84,6 +84,8 @@ class Output(Section):
     """whether to count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
     """distributions that are kept in each row"""
+    keep_state: Switch = False
+    """whether to keep the state before the end, from which a run to a later end goes on"""
 
     def problems(self) -> Iterator[Problem]:
         """Refuse times that do not increase."""

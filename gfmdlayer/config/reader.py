@@ -80,7 +80,7 @@ def from_python(
         Keys and values as in YAML; sections, NumPy's numbers and arrays may be among the values. File names
         are relative to the working directory.
     values : mapping, optional
-        Dotted keys and values that replace those of `given`.
+        Dotted keys and values that replace those of `given`; None leaves a key out.
     inspect : callable, optional
         As in `load`.
 
@@ -191,6 +191,9 @@ def _assign(document: Document, key: str, new: Document, option: Place) -> None:
     for places in (document.keys, document.values):
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
+    if new.data is None and option == _PYTHON:
+        inner.pop(location[-1], None)
+        return
     inner[location[-1]] = new.data
     document.keys.update(dict.fromkeys([*new.keys, location], option))
     document.values.update(dict.fromkeys([*new.values, location], option))

@@ -20,8 +20,8 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.laws import LAWS
-from gfmdlayer.body.materials import Material, Zener
+from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -40,7 +40,7 @@ from gfmdlayer.validation.fields import (
     strict,
 )
 from gfmdlayer.validation.problems import Problem, shown
-from gfmdlayer.validation.sections import OneOf, Section
+from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
     int,
@@ -107,9 +107,8 @@ class Layer(Section):
     """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
-    material: Annotated[Material, OneOf(LAWS)] = Field(
-        default_factory=Zener, description=f"viscoelastic law of the layer: model {' or '.join(LAWS)}"
-    )
+    material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
+    """viscoelastic law of the layer: its model, or the file in which fit-material wrote it"""
 
 
 class Halfspace(Section):
@@ -122,18 +121,18 @@ class Halfspace(Section):
 
 
 class Trajectory(Section):
-    """What is prescribed over time: the depth of Eq. (30), a mean pressure likewise, or either by a table.
+    """What is prescribed over time: the depth of Eq. (30), likewise a mean pressure or a force, or a table.
 
     Attributes
     ----------
-    depth, load, ramp_time, file
+    depth, load, force, ramp_time, file
         None where `control` and `kind` give them no meaning.
     velocity, velocity_file
         Of the punch along x, constant or from a table; None where it stays.
     """
 
-    control: Annotated[str, Word("depth", "load")] = "depth"
-    """what is prescribed: depth or load"""
+    control: Annotated[str, Word("depth", "load", "force")] = "depth"
+    """what is prescribed: depth, load (mean pressure) or force"""
     kind: Annotated[str, Word("ramp_hold", "table")] = "ramp_hold"
     """ramp_hold, or table: from a file"""
     depth: Annotated[NotNegative | None, given] = Field(
@@ -144,10 +143,12 @@ class Trajectory(Section):
     """depth that is reached and held: length; for control: depth"""
     load: Annotated[NotNegative | None, given] = None
     """mean pressure that is reached and held; for control: load"""
+    force: Annotated[NotNegative | None, given] = None
+    """force over the cell, of a line per length; for control: force"""
     ramp_time: Optional = Field(default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None)
     """duration of the ramp: time"""
     file: Annotated[File | None, given] = None
-    """two columns, time and depth or mean pressure; for kind: table"""
+    """two columns, time and depth, load or force; for kind: table"""
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
@@ -160,8 +161,7 @@ class Trajectory(Section):
 
     def problems(self) -> Iterator[Problem]:
         """Refuse keys without meaning for this control and kind, and the lack of those that are needed."""
-        table, other = self.kind == "table", "load" if self.control == "depth" else "depth"
-        wrong = []
+        table, wrong = self.kind == "table", []
         if table and self.file is None:
             wrong.append(("file", "missing; kind: table must be given the name of a file"))
         if not table and self.file is not None:
@@ -170,11 +170,14 @@ class Trajectory(Section):
             wrong.append(("ramp_time", "given, but the table sets the times; must be left out"))
         if table and getattr(self, self.control) is not None:
             wrong.append((self.control, "given, but the table sets it; must be left out"))
-        if getattr(self, other) is not None:
-            message = f"given, but control is {self.control}; must be left out, or control be {other}"
-            wrong.append((other, message))
-        if not table and self.control == "load" and self.load is None:
-            wrong.append(("load", "missing; control: load must be given a number >= 0, the mean pressure"))
+        for other in ("depth", "load", "force"):
+            if other != self.control and getattr(self, other) is not None:
+                message = f"given, but control is {self.control}; must be left out, or control be {other}"
+                wrong.append((other, message))
+        if not table and self.control != "depth" and getattr(self, self.control) is None:
+            meant = {"load": "the mean pressure", "force": "the force over the cell, of a line per length"}
+            message = f"missing; control: {self.control} must be given a number >= 0, {meant[self.control]}"
+            wrong.append((self.control, message))
         yield from (Problem((key,), message, ("control", "kind")) for key, message in wrong)
         if self.velocity is not None and self.velocity_file is not None:
             message = "given, but velocity is a number; must be left out, or velocity be left out"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from gfmdlayer.config.sweeps import LISTS, SAMPLED, Axis, Row, axes, count, keys_of
+from gfmdlayer.config.sweeps import LISTS, SAMPLED, UNSWEPT, Axis, Row, axes, count, keys_of
 from gfmdlayer.validation.problems import Location, Problem, shown, unknown_key
 
 MAX_CASES = 1_000_000
@@ -100,7 +100,7 @@ def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
 
 
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
-    if key.partition(".")[0] in {"name", "sweep"}:
+    if key.partition(".")[0] in UNSWEPT:
         return "cannot be swept; allowed: a dotted key such as layer.thickness"
     below = [name for name in keys if name.startswith(f"{key}.")]
     siblings = below or [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]

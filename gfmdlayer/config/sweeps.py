@@ -27,6 +27,7 @@ from gfmdlayer.validation.sections import Section
 
 SAMPLED = ("latin_hypercube", "sobol")
 LISTS = ("zip", *SAMPLED)
+UNSWEPT = frozenset({"name", "units", "sweep"})  # keys and sections that are the same in all cases
 
 # Samples are rounded to so many digits: the last ones differ between the mathematical libraries of machines,
 # and a sweep that is taken up elsewhere must find its own cases again.

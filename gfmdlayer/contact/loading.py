@@ -135,7 +135,9 @@ def _without_mean(values: Values) -> Values:
     return rest
 
 
+# The trajectory of a force is that of the mean pressure, force over cell.
 CONTROLS: dict[str, Callable[[FloatArray, Trajectory, InterfaceLaw], Loading]] = {
     "depth": DepthControl,
     "load": LoadControl,
+    "force": LoadControl,
 }

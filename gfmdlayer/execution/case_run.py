@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from gfmdlayer.config import Config, digest
+from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import kind
@@ -105,7 +106,11 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
     with (
         StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
-        closing(Checkpoints(folder, case.index, hashed, checkpoint_every, status.advance)) as checkpoints,
+        closing(
+            Checkpoints(
+                folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
+            )
+        ) as checkpoints,
     ):
         folder.case(case.index, "failed").unlink(missing_ok=True)
         try:
@@ -124,6 +129,10 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     return note
 
 
+def _stem(config: Config) -> str:
+    return stem(config) if config.output.keep_state else ""
+
+
 def _compute(
     config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
 ) -> str:
@@ -134,17 +143,24 @@ def _compute(
 
     axes = Grid(config.grid.points, config.grid.period).coordinates
     coordinates = dict(zip("xy", axes, strict=False))
-    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
-    with CaseWriter(path, coordinates, attributes, columns(config), elapsed=checkpoints.elapsed) as writer:
+    described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    elapsed = checkpoints.elapsed
+    with CaseWriter(
+        path, coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
+    ) as writer:
         recorder = checkpoints.recorder(writer)
         warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
     return "; ".join(warnings)
 
 
-def _attributes(config: Config) -> dict[str, str | float]:
+def attributes(config: Config) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
+    found["G0"] = config.layer.material.unit
+    if config.units is not None:
+        found["units"] = str(config.units)
     if said := notes([config]):
         found["warnings"] = "\n".join(said)
     if config.trajectory.moves:

@@ -2,7 +2,11 @@
 
     DIR/cases/NNNN.checkpoint      the last state
     DIR/cases/NNNN.journal0        the rows and snapshots up to it
+    DIR/cases/NNNN.state           the state of a case before its end, where `output.keep_state` asks for it
     DIR/cases/NNNN.*.aside         files that could not be used: a checkpoint and its journal, a damaged case
+
+A case with a later end than a complete one goes on from the state that this one kept, and gets its rows and
+snapshots up to there.
 
 A checkpoint is written at an interval and when the run is asked to stop. A case that fails leaves its last
 checkpoint, from which the next run resumes; where a step does not converge, that is the state before it.
@@ -14,17 +18,21 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.progress import Log
+from gfmdlayer.execution.sweep import Earlier
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gfmdlayer.results.checkpoint import Checkpoint
     from gfmdlayer.results.journal import Journal
     from gfmdlayer.results.writer import CaseWriter
-    from gfmdlayer.resumable import Resumable
+    from gfmdlayer.resumable import CompositeState
 
 _SHARE = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
 _FORMAT = "3"  # of checkpoint and journal
@@ -47,6 +55,10 @@ class Checkpoints:
         Seconds between two checkpoints, more where writing one takes long; 0 for every step.
     report_time : callable
         Called with the simulated time after each attempt at a step; raises `Stopped` to stop the run.
+    stem : str
+        Stem of the configuration, where the state before the end is to be kept.
+    earlier : Earlier, optional
+        A complete case from whose state this one goes on.
 
     Attributes
     ----------
@@ -57,30 +69,45 @@ class Checkpoints:
     """
 
     def __init__(
-        self, folder: Folder, index: int, digest: str, interval: float, report_time: Callable[[float], None]
+        self,
+        folder: Folder,
+        index: int,
+        digest: str,
+        interval: float,
+        report_time: Callable[[float], None],
+        stem: str = "",
+        earlier: Earlier | None = None,
     ) -> None:
         self._folder, self._index = folder, index
         self._interval, self._report_time = interval, report_time
         self._path = folder.case(index, "checkpoint")
         self._made_by = made_by(digest)
+        self._stem, self._earlier = stem, earlier
         self._begin()
         self._found: Checkpoint | None = None
         self._journal: Journal | None = None
-        self._memory: Resumable | None = None
+        self._memory: CompositeState | None = None
         self._warned = ""
 
     def find(self) -> None:
-        """Read the checkpoint, if there is one.
+        """Read the checkpoint, if there is one, or the state that an earlier case kept.
 
         Raises
         ------
         CheckpointError
             Where it cannot be used.
         """
-        from gfmdlayer.results.checkpoint import read_checkpoint
+        from gfmdlayer.results.checkpoint import CheckpointError, read_checkpoint
 
-        if self._path.exists():
-            self._found = read_checkpoint(self._path, self._made_by)
+        path, made_by = self._path, self._made_by
+        if path.exists():
+            self._earlier = None
+        elif self._earlier is not None:
+            path, made_by = self._folder.case(self._earlier.index, "state"), dict(self._earlier.made_by)
+            if {**made_by, "digest": ""} != {**self._made_by, "digest": ""}:
+                raise CheckpointError("it would not give the same bits")
+        if path.exists():
+            self._found = read_checkpoint(path, made_by)
             self.started, self.elapsed = self._found.about["started"], self._found.about["elapsed"]
             self._time = self._found.about["time"]
 
@@ -103,7 +130,9 @@ class Checkpoints:
 
         self._writer = writer
         self._journal = Journal(self._folder.case(self._index, "journal0"), writer)
-        if self._found is not None:
+        if self._earlier is not None:
+            self._replay(self._folder.case(self._earlier.index), self._earlier)
+        elif self._found is not None:
             position = Position(*self._found.about["journal"])
             if position.columns and (changed := writer.declared ^ set(position.columns)):
                 raise CheckpointError(f"its rows have other columns, see {', '.join(sorted(changed))}")
@@ -113,7 +142,22 @@ class Checkpoints:
                 raise CheckpointError(str(error)) from None
         return self._journal
 
-    def resume(self, memory: Resumable) -> None:
+    def _replay(self, path: Path, earlier: Earlier) -> None:
+        from gfmdlayer.results.checkpoint import CheckpointError
+        from gfmdlayer.results.reader import is_complete, replay
+        from gfmdlayer.results.schema import ResultsError
+
+        assert self._journal is not None
+        if not is_complete(path, earlier.made_by["digest"]):
+            raise CheckpointError(f"{path.name}, which belongs to it, is not complete any more")
+        try:
+            replay(path, earlier.time, self._journal)
+        except ResultsError:
+            raise  # in writing
+        except (OSError, KeyError, ValueError) as error:
+            raise CheckpointError(f"{path.name}, which belongs to it, is damaged ({error})") from None
+
+    def resume(self, memory: CompositeState) -> None:
         """Restore the checkpoint found; called by the simulation before its first step.
 
         Raises
@@ -128,8 +172,11 @@ class Checkpoints:
                 memory.restore(self._found.state)
             except (KeyError, ValueError) as error:
                 raise CheckpointError(f"it would not give the same bits: {error}") from None
-            self.log(f"goes on from time {self._found.about['time']:g}")
+            of = "" if self._earlier is None else f" of case {self._earlier.index:04d}"
+            self.log(f"goes on from time {self._found.about['time']:g}{of}")
             self._found = None
+        else:
+            self._folder.case(self._index, "state").unlink(missing_ok=True)  # of another run of this case
         self._memory = memory
         self._due = time.monotonic() + self._interval
 
@@ -142,6 +189,8 @@ class Checkpoints:
             Where the run is to stop.
         """
         self._time, self._unsaved = simulated_time, True
+        if self._stem:
+            self._keep()
         try:
             self._report_time(simulated_time)
         except Stopped:
@@ -170,7 +219,11 @@ class Checkpoints:
         self._found = self._journal = None
         for kind in _KINDS:
             self._folder.set_aside(self._folder.case(self._index, kind))
-        self.log(f"begins anew, its checkpoint is set aside: {reason}")
+        if self._earlier is None:
+            self.log(f"begins anew, its checkpoint is set aside: {reason}")
+        else:
+            self.log(f"begins anew, not from the state of case {self._earlier.index:04d}: {reason}")
+            self._earlier = None
 
     def close(self) -> None:
         """Close the journal."""
@@ -181,20 +234,29 @@ class Checkpoints:
         """Write a line on the case to standard error, which all processes of a run share."""
         Log(sys.stderr).note(f"case {self._index:04d} {line}")
 
-    def _write(self) -> None:
+    def _keep(self) -> None:
+        """Keep the state where the next step may depend on the end."""
+        assert self._memory is not None
+        if (course := self._memory["steps"].course()) is None:
+            return
+        path = self._folder.case(self._index, "state")
+        try:
+            self._save(path, {"time": course.time, "stem": self._stem, "course": asdict(course)})
+        except OSError as error:
+            self._warn(f"continues, but its state cannot be kept: {error.strerror or error}")
+
+    def _save(self, path: Path, about: dict[str, Any]) -> None:
         from gfmdlayer.results.checkpoint import Checkpoint
 
-        assert self._journal is not None  # set, as the memory, before the first step
         assert self._memory is not None
+        known = {"started": self.started, "elapsed": self._writer.elapsed, **about}
+        Checkpoint(self._made_by, known, self._memory.state()).write(path)
+
+    def _write(self) -> None:
+        assert self._journal is not None  # set, as the memory, before the first step
         begun = time.monotonic()
         try:
-            about = {
-                "time": self._time,
-                "started": self.started,
-                "elapsed": self._writer.elapsed,
-                "journal": self._journal.kept(),
-            }
-            Checkpoint(self._made_by, about, self._memory.state()).write(self._path)
+            self._save(self._path, {"time": self._time, "journal": self._journal.kept()})
             self._unsaved = False
         except OSError as error:
             self._warn(f"continues, but its checkpoint cannot be written: {error.strerror or error}")

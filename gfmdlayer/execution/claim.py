@@ -22,26 +22,30 @@ from pathlib import Path
 from typing import IO
 
 from gfmdlayer.config import Config, sweeps
-from gfmdlayer.execution.folder import ASIDE, MARK, WAYS_OUT, Folder, FolderError, changed_keys
+from gfmdlayer.execution import growth
+from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
 from gfmdlayer.files.locks import exclusive, try_lock
-from gfmdlayer.files.whole import is_unfinished, unfinished_path, write_text
+from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-_RESULTS = ("*.h5", "*.xdmf", "*.failed", "*.checkpoint", "*.journal?", f"*{ASIDE}")
-# Files of dead runs, beside unfinished ones; those of version 0.1 had a simpler unfinished name.
-_IN_FOLDER = re.compile(r"(config\.yaml|sweep\.h5)(\..+)?\.part")
-_OF_A_CASE = re.compile(r"(\d{4,})\.(running|(h5|xdmf|failed|running|checkpoint)(\..+)?\.part)")
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint|journal\d|state)(\.aside)?")
+# Files of dead runs; those of version 0.1 had a simpler unfinished name.
+_PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
+_IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
+_OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint|state){_PART})")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
-_OF_A_RUN = re.compile(r"stop(-\d+-of-\d+)?|probe\.part")
+_OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
+_FOLDERS = ("cases", "inputs")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
 
 
 @contextmanager
 def claimed(
     folder: Folder, config: Config, restart: bool = False, own: Collection[int] | None = None
-) -> Iterator[None]:
+) -> Iterator[Growth]:
     """Hold the folder, or a shard's part of it, for a run of `config`.
 
     Parameters
@@ -53,7 +57,12 @@ def claimed(
     restart : bool
         Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
     own : collection of int, optional
-        The cases of the shard.
+        The places of the shard's cases in the sweep.
+
+    Yields
+    ------
+    Growth
+        How the folder's cases compare with those of the configuration.
 
     Raises
     ------
@@ -62,18 +71,18 @@ def claimed(
         written.
     """
     with _as_folder_error(folder):
-        _refuse_foreign_folder(folder)
+        refuse_foreign_folder(folder)
     if folder.is_results() and not restart:
-        _refuse_other_config(folder, config)
+        growth.compare(folder, config)  # refuses another one before anything is made
     with ExitStack() as claim:
         with _as_folder_error(folder):
             folder.cases.mkdir(parents=True, exist_ok=True)
             with exclusive(folder.cases / ".admission"):
                 alone = claim.enter_context(held(folder))
                 _probe(folder)
-                _prepare(folder, config, restart, None if alone else own)
+                found = _prepare(folder, config, restart, None if alone else own)
         try:
-            yield
+            yield found
         finally:
             with suppress(OSError):
                 folder.stop.unlink(missing_ok=True)
@@ -130,23 +139,31 @@ def leftovers(folder: Folder) -> Iterator[list[Path]]:
     if at_work := running(folder):  # also where a file system has no locks
         raise _in_use(folder, f"another run is writing here, on {at_work[0].host}")
     with held(folder) if folder.cases.is_dir() else nullcontext():
-        locks = (path for path in _files(folder.cases) if _LOCK.fullmatch(path.name))
-        yield sorted([*_leftovers(folder), *locks])
+        below = _files(folder.cases)
+        locks = {path for path in below if _LOCK.fullmatch(path.name)}
+        others = {path for path in (*_files(folder.path), *below) if is_unfinished(path.name)}  # of figures
+        yield sorted({*_leftovers(folder), *locks, *others})
 
 
 def _leftovers(folder: Folder) -> list[Path]:
     complete = folder.numbers()["h5"]
 
     def is_left(name: str) -> bool:
-        state = _STATE.fullmatch(name)
-        of_complete_case = state is not None and int(state[1]) in complete
-        return of_complete_case or any(pattern.fullmatch(name) for pattern in (_OF_A_CASE, _OF_A_RUN))
+        if _OF_A_RUN.fullmatch(name):
+            return True
+        state = _matched(_STATE, name)
+        return _matched(_OF_A_CASE, name) is not None or (state is not None and int(state[1]) in complete)
 
-    here, below = _files(folder.path), _files(folder.cases)
     return [
-        *(path for path in here if _IN_FOLDER.fullmatch(path.name) or is_unfinished(path.name)),
-        *(path for path in below if is_left(path.name) or is_unfinished(path.name)),
+        *(path for path in _files(folder.path) if _IN_FOLDER.fullmatch(path.name)),
+        *(path for path in _files(folder.cases) if is_left(path.name)),
     ]
+
+
+def _matched(pattern: re.Pattern[str], name: str) -> re.Match[str] | None:
+    """Match a name that begins with the number of a case, written as ours are."""
+    match = pattern.fullmatch(name)
+    return match if match is not None and match[1] == f"{int(match[1]):04d}" else None
 
 
 def _files(folder: Path) -> list[Path]:
@@ -155,21 +172,25 @@ def _files(folder: Path) -> list[Path]:
     return []
 
 
-def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> None:
+def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> Growth:
     """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
     if restart:
-        found = [path for pattern in _RESULTS for path in folder.cases.glob(pattern)]
-        for path in (folder.sweep, *found, folder.config):
+        results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
+        for path in (folder.sweep, *results, folder.config):
             path.unlink(missing_ok=True)
+    is_new = not folder.is_results()
+    found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)
+    if found.changed and own is not None:
+        raise _in_use(folder, "other runs are writing here, of another configuration")
     left = _leftovers(folder)
     if own is not None:
-        left = [path for path in left if _case_number(path) in own] + [folder.stop]
+        mine = {found.numbers[place] for place in own}
+        left = [path for path in left if _case_number(path) in mine] + [folder.stop]
     for path in left:
         path.unlink(missing_ok=True)
-    if not folder.is_results():
-        write_text(folder.config, f"{MARK}# Cases: {sweeps.count(config.sweep)}\n{config.dump()}")
-    elif not restart:
-        _refuse_other_config(folder, config)  # another shard may have come first
+    if is_new or found.changed:
+        folder.store(config, found.numbers)
+    return found
 
 
 def _case_number(path: Path) -> int | None:
@@ -211,24 +232,20 @@ def _refuse_other_division(folder: Folder, common: IO[str], shard: Shard) -> Non
         )
 
 
-def _refuse_foreign_folder(folder: Folder) -> None:
+def refuse_foreign_folder(folder: Folder) -> None:
+    """Refuse a folder that holds something else than results.
+
+    Raises
+    ------
+    FolderError
+        Where it does.
+    """
     if folder.path.exists() and not folder.path.is_dir():
         raise FolderError(f"{folder.path}: is a file, not a folder; choose another with --out")
     found = {entry.name for entry in folder.path.iterdir()} if folder.path.is_dir() else set()
-    # A run killed in its first instant leaves the folder `cases` and an unfinished configuration.
-    foreign = [name for name in found if name != "cases" and not _IN_FOLDER.fullmatch(name)]
+    # A run killed in its first instant leaves folders and an unfinished configuration.
+    foreign = [name for name in found if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
     if foreign and not folder.is_results():
         raise FolderError(
             f"{folder.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
-        )
-
-
-def _refuse_other_config(folder: Folder, config: Config) -> None:
-    try:
-        difference = changed_keys(folder.stored_config(), config)
-    except FolderError as error:
-        raise FolderError(f"{error}; {WAYS_OUT}") from None
-    if difference:
-        raise FolderError(
-            f"{folder.path}: holds results of another configuration ({'; '.join(difference)}); {WAYS_OUT}"
         )

@@ -2,29 +2,51 @@
 
 The unit of work is the FFT pair, one forward and one backward transform of the grid, since nearly all of
 the time goes there. The solver declares the pairs of a step and the fields in memory (`contact.solvers`).
-Seconds are work times the median seconds per work of the finished cases of the same kind.
+Seconds follow from those of a pair on this machine (`grid.pair_time`) and the time of a step beside its
+pairs, times the median of actual over expected seconds of the finished cases of the same kind.
 """
 
 from __future__ import annotations
 
 import math
 import random
+from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
+from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config
+from gfmdlayer.config.stops import stops
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.history.time_points import number_of_steps
 from gfmdlayer.observables import columns
 
-# Adaptive steps of a ramp and a hold at a tolerance of 1e-4, and the power of the tolerance; measured on the
-# default case from 1e-3 to 1e-4, with 0 to 400 output times.
-ADAPTIVE_STEPS, ADAPTIVE_POWER = 28, -1 / 3
+# Adaptive steps at a tolerance of 1e-4: the first ones, those of each stretch between kinks, those in which a
+# branch relaxes, those for each doubling of a stretch beyond LONG relaxation times, in which the punch moves
+# or the surface creeps; and the power of the tolerance. Measured on ramps and tables of 5 to 400 rows,
+# tolerances from 1e-3 to 1e-5, relaxation times from 1e-3 to 100 ramps.
+FIRST_STEPS, STRETCH_STEPS, RELAXING_STEPS, DOUBLING_STEPS, LONG = 4, 2, 5, 6, 3
+ADAPTIVE_POWER = -1 / 3
+ADAPTIVE = 2  # pairs of an adaptive step, with attempts that are rejected, over those of a short fixed one
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
+# Adaptive steps under a moving punch over those under a resting one, up to FAST periods in a relaxation time.
+SLIDING_STEPS, FAST = 2, 10
+# Thickness over the period below which contact is harder to find, the pairs growing with its root; the limit.
+THIN, THINNEST = 0.05, 1 / 9
+# Seconds of a step beside its pairs, and in pairs: for all, and for each branch; of a pair with the work of
+# the solver around it; factors where steps are adaptive, and under a moving punch. Measured at 2^8 to 2^18
+# points. Seconds of a case beside its steps.
+STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e-4, 2, 3.5, 1.5, 2.2, 6
+CASE_SECONDS = 0.03
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
+# Branches of a law with a continuous spectrum, over decades of time up to the end.
+CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -61,8 +83,11 @@ def estimate(config: Config) -> Cost:
     solver = SOLVERS[config.solver.method]
     pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
+    pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
     pairs *= solver.rough if config.punch.rough else 1
-    branches = len(config.layer.material.maxwell_branches)
+    if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
+        pairs *= max(thin, THINNEST) ** -0.5
+    branches = len(_branches(config)[1])
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
@@ -86,21 +111,50 @@ def total(costs: Iterable[Cost]) -> Cost:
     )
 
 
+def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
+    """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
+    cost, seconds = estimate(config), pair(config.grid.points)
+    branches = len(_branches(config)[1])
+    step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
+    step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
+    step *= SLIDING_STEP if config.trajectory.moves else 1
+    return CASE_SECONDS + cost.steps * step + AROUND * cost.pairs * seconds
+
+
+def on_this_machine(config: Config) -> float:
+    """Estimate the seconds of a case on one core of this machine."""
+    return expected_seconds(config, _pair_seconds)
+
+
+@lru_cache(maxsize=64)
+def _pair_seconds(shape: tuple[int, ...]) -> float:
+    from gfmdlayer.files.cache import user_cache
+    from gfmdlayer.grid.pair_time import pair_seconds
+
+    return pair_seconds(shape, user_cache())
+
+
 class CostModel:
     """Seconds of a case, from those of finished cases.
 
     Parameters
     ----------
     finished : iterable of (Config, float)
-        Finished cases and their seconds; without any, seconds are in units of the work.
+        Finished cases and their seconds.
+    expected : callable
+        Estimate of the seconds of a case, up to a factor for each kind.
     """
 
-    def __init__(self, finished: Iterable[tuple[Config, float]] = ()) -> None:
+    def __init__(
+        self,
+        finished: Iterable[tuple[Config, float]] = (),
+        expected: Callable[[Config], float] = on_this_machine,
+    ) -> None:
+        self._expected = expected
         rates: defaultdict[Hashable, list[float]] = defaultdict(list)
         for config, seconds in finished:
             if seconds > 0:
-                rates[kind(config)].append(seconds / estimate(config).work)
-        self.fitted = bool(rates)
+                rates[kind(config)].append(seconds / expected(config))
         self._rates = {kind: median(found) for kind, found in rates.items()}
         self._typical = median(self._rates.values()) if rates else 1.0  # for kinds without a finished case
 
@@ -122,7 +176,7 @@ class CostModel:
 
     def seconds(self, config: Config) -> float:
         """Return the expected seconds of a case."""
-        return estimate(config).work * self._rates.get(kind(config), self._typical)
+        return self._expected(config) * self._rates.get(kind(config), self._typical)
 
 
 def kind(config: Config) -> Hashable:
@@ -134,11 +188,76 @@ def kind(config: Config) -> Hashable:
 
 
 def _steps(config: Config) -> int:
-    """Count the steps; adaptive ones by the free steps and the times that they must land on."""
-    time, output = config.time, config.output
-    if not isinstance(time.step, str):
-        return math.ceil(time.end / time.step - 1e-9)
-    times = output.times or ()
-    rows = math.floor(time.end / times + 1e-9) if isinstance(times, float) else len(times)
-    free = ADAPTIVE_STEPS * ((time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    return math.ceil(math.hypot(free, rows + len(output.snapshots)))
+    """Count the steps: fixed ones exactly, adaptive ones by the relaxation between kinks."""
+    given = config.trajectory
+    kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
+    if given.velocity_file is not None:
+        kinks += _kinks(given.velocity_file, "velocity")
+    planned = stops(config, kinks)
+    if config.time.step != "adaptive":
+        return number_of_steps(planned)
+    relaxed, branches = _branches(config)
+    times, spent = _relaxation(relaxed, branches)
+    finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
+    crossed = (
+        abs(given.velocity or 0.0) * max((tau for _, tau in branches), default=0.0) / max(config.grid.period)
+    )
+    finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
+    steps, begin, landings = float(FIRST_STEPS), 0.0, 0
+    for stop in planned[1:]:
+        if stop.kink or stop is planned[-1]:
+            free = finer * spent[min(bisect_left(times, stop.time - begin), len(times) - 1)]
+            steps += math.hypot(STRETCH_STEPS + free, landings)
+            begin, landings = stop.time, 0
+        else:
+            landings += 1
+    return round(steps)
+
+
+def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
+    """Return the relaxed modulus and the branches of the layer; for a continuous law, over some decades."""
+    law = config.layer.material
+    if isinstance(law, Material):
+        return law.relaxed, law.maxwell_branches
+    times = [
+        config.time.end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)
+    ]
+    moduli = law.relaxation_modulus(times).tolist()
+    return moduli[0], tuple(
+        (stiffer - softer, math.sqrt(early * late))
+        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
+    )
+
+
+def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:
+    return () if file is None else _kinks_of(file, quantity, file.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=8)
+def _kinks_of(file: Path, quantity: str, _changed: int) -> tuple[float, ...]:
+    from gfmdlayer.punch.trajectory import Table
+
+    return Table.read(file, quantity).kinks
+
+
+@lru_cache(maxsize=8)
+def _relaxation(relaxed: float, branches: tuple[tuple[float, float], ...]) -> tuple[list[float], list[float]]:
+    """Return times after a kink, and the steps up to them at a tolerance of 1e-4.
+
+    The error of a step is proportional to its third power and to the third derivative of the relaxing
+    modulus: over a time t there are int_0^t (sum_k G_k exp(-s/tau_k)/tau_k^3)^(1/3) ds steps, up to a factor.
+    """
+    times, spent = [0.0], [0.0]
+    if not any(modulus for modulus, _ in branches):
+        return times, spent
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    shortest, longest = (limit(tau for _, tau in branches) for limit in (min, max))
+    time, rate = 0.01 * shortest, sum(modulus / tau**3 for modulus, tau in branches) ** (1 / 3)
+    while times[-1] < 1000 * longest:
+        after = sum(modulus / tau**3 * math.exp(-time / tau) for modulus, tau in branches) ** (1 / 3)
+        relaxing = (time - times[-1]) * (rate + after) / 2 / glassy ** (1 / 3)
+        moving = math.log2(time / max(times[-1], LONG * longest)) if time > LONG * longest else 0.0
+        spent.append(spent[-1] + RELAXING_STEPS * relaxing + DOUBLING_STEPS * moving)
+        times.append(time)
+        time, rate = time * 1.1, after
+    return times, spent

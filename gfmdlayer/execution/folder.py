@@ -1,4 +1,4 @@
-"""The results folder: its files, its stored configuration.
+"""The results folder: its files, its stored configuration; the configuration stored with a case.
 
     DIR/config.yaml        the configuration with every default written out; its first line marks the folder
     DIR/cases/NNNN.h5      a complete case
@@ -6,11 +6,16 @@
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
     DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
+    DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
+    DIR/inputs             punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
+
+A number belongs to one case for ever. The head of config.yaml says how many cases the sweep has, and their
+numbers where these do not run from 0, because the sweep has grown (`gfmdlayer.execution.growth`).
 """
 
 from __future__ import annotations
@@ -18,17 +23,21 @@ from __future__ import annotations
 import json
 import os
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, load, text
-from gfmdlayer.execution.sweep import Shard
+from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
+from gfmdlayer.execution.sweep import Shard, input_errors
+from gfmdlayer.files.whole import write_text
+from gfmdlayer.validation.sections import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 ASIDE = ".aside"
+_CASES, _FILES = "# Cases: ", "# Files: "  # in the head of the configuration
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
@@ -120,6 +129,32 @@ class Folder:
             raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
         return dict(document.data.get("sweep") or {})
 
+    def case_numbers(self) -> Sequence[int]:
+        """Return the numbers of the cases in the order of the sweep, without reading the configuration.
+
+        Raises
+        ------
+        FolderError
+            Where this is not a results folder.
+        """
+        self.must_hold_results()
+        with self.config.open(encoding="utf-8") as file:
+            _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
+        number = cases.removeprefix(_CASES)
+        count = int(number) if number.isdecimal() else sweeps.count(self.stored_sweep())
+        if files.startswith(_FILES):
+            found = list(_numbers(files.removeprefix(_FILES)))
+            if len(found) == count:
+                return found
+        return range(count)
+
+    def store(self, config: Config, numbers: Sequence[int]) -> None:
+        """Write the configuration of the results, with the numbers of its cases."""
+        head = f"{MARK}{_CASES}{len(numbers)}\n"
+        if any(number != place for place, number in enumerate(numbers)):
+            head += f"{_FILES}{', '.join(_ranges(numbers))}\n"
+        write_text(self.config, head + config.dump())
+
     def must_hold_results(self) -> None:
         """Refuse a folder that does not hold results.
 
@@ -143,33 +178,71 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return None
 
 
-def changed_keys(before: Config, after: Config) -> list[str]:
-    """Compare two configurations.
+def _ranges(numbers: Sequence[int]) -> Iterator[str]:
+    """Yield numbers as text: 0-2, 6, 3-5."""
+    first = last = numbers[0]
+    for number in (*numbers[1:], -1):
+        if number != last + 1:
+            yield str(first) if first == last else f"{first}-{last}"
+            first = number
+        last = number
+
+
+def _numbers(ranges: str) -> Iterator[int]:
+    """Yield the numbers in such a text."""
+    for part in ranges.split(","):
+        first, _, last = part.strip().partition("-")
+        yield from range(int(first), int(last or first) + 1)
+
+
+def is_result(path: str | Path) -> bool:
+    """Tell whether a file is one of results, and not a configuration in YAML."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(_SIGNATURE)) == _SIGNATURE
+    except OSError:
+        return False
+
+
+def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+    """Read a configuration, or that of a case's result file, and check its numbers and input files.
 
     Parameters
     ----------
-    before, after : Config
-        The configurations.
+    path : str or Path
+        YAML file, or the file of a case.
+    overrides : iterable of str, or mapping
+        As `config.load` takes them.
 
-    Returns
-    -------
-    list of str
-        The keys that differ, but the name, as ``key: before -> after``.
+    Raises
+    ------
+    ConfigError
+        With every error in it.
     """
-    old, new = _flat(before.model_dump()), _flat(after.model_dump())
-    absent = "(absent)"
-    return [
-        f"{key}: {old.get(key, absent)} -> {new.get(key, absent)}"
-        for key in dict.fromkeys((*old, *new))
-        if key != "name" and old.get(key, absent) != new.get(key, absent)
-    ]
+    return stored_config(path, overrides) if is_result(path) else load(path, overrides, input_errors)
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[prefix + key] = value
-    return flat
+def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+    """Return the configuration from which a case was computed, as `config.load` does.
+
+    Raises
+    ------
+    ConfigError
+        Where the file holds none, or a file that it names holds something else now: the case would not be
+        the same.
+    """
+    from gfmdlayer.results.reader import attributes
+    from gfmdlayer.results.schema import ResultsError
+
+    try:
+        known = attributes(path)
+    except ResultsError as error:
+        raise ConfigError([str(error)]) from None
+    if "config" not in known:
+        raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
+    content = str(known["config"])
+    config = load(path, overrides, input_errors, content)
+    files = [str(file) for file in files_named(config).values()]
+    if files and not overrides and digest(config) != known.get("digest"):
+        raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])
+    return config

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
-from gfmdlayer.execution import CHECKPOINT_EVERY, preflight
+from gfmdlayer.execution import CHECKPOINT_EVERY, growth, preflight
 from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
 from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.cost import CostModel, estimate
@@ -126,17 +126,21 @@ def run_sweep(
     """
     options = options or RunOptions()
     folder = Folder(Path(directory), options.shard)
-    every = cases(config)
+    every: Sequence[Case] = cases(config)
     own = every if options.shard is None else options.shard.share(every)
-    indices = frozenset(case.index for case in own)
-    with claimed(folder, config, options.restart, indices):
+    with claimed(folder, config, options.restart, [case.index for case in own]) as found:
+        own, every = growth.with_earlier(folder, found.numbered(own)), found.numbered(every)
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
+        indices = frozenset(outcomes)
         with Reporter(folder, indices, len(own) - len(work.undone), display or _nothing) as reporter:
             for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
+            if found.changed:
+                for line in growth.lines(folder, found, own):
+                    reporter.note(line)
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
             with reporter.preparing(_preparation(work.todo)):
@@ -151,7 +155,8 @@ def run_sweep(
             for outcome in Schedule(pool, task, folder, reporter.ended).run(_ordered(work, folder, pool)):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
-                    record_failure(folder, every[outcome.index], outcome.reason)
+                    case = next(case for case in own if case.index == outcome.index)
+                    record_failure(folder, case, outcome.reason)
         notes: list[str] | None = None
         if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
             notes = _collect(config, folder, every, outcomes)
@@ -167,6 +172,11 @@ def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:
     undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
     todo = [case for case in undone if not only_failed or case.index in found["failed"]]
     return _Work(own, undone, todo)
+
+
+def _done(work: _Work) -> list[Case]:
+    undone = {case.index for case in work.undone}
+    return [case for case in work.own if case.index not in undone]
 
 
 def _is_done(case: Case, folder: Folder) -> bool:
@@ -222,9 +232,7 @@ def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
     """Put the longest cases first, by the seconds of finished ones; a single process keeps their order."""
     if pool.alone:
         return work.todo
-    undone = {case.index for case in work.undone}
-    done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
-    model = CostModel.of_files(done)
+    model = CostModel.of_files({folder.case(case.index): case.config for case in _done(work)})
     return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
 
 
@@ -249,7 +257,7 @@ def _collect(
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            path = collect(folder.path, records, keys, attributes=drawn, listed=is_listed(config.sweep))
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
             return str(attributes(path)["notes"]).splitlines()
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error

@@ -18,7 +18,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from gfmdlayer.config.sweeps import count
 from gfmdlayer.execution.folder import Folder, read_json
 from gfmdlayer.execution.interrupts import Stopped, stop_requested
 from gfmdlayer.files.whole import write_text
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 WRITE_INTERVAL = 1.0  # seconds between two status files of a case
 SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
 FAILURES_READ = 1000  # records of failures that an overview reads
-_NUMBER = re.compile(r"# Cases: (\d+)\n")  # in the head of the configuration: a long sweep takes long to read
 
 
 class StatusFile:
@@ -248,23 +246,15 @@ def overview(folder: Folder) -> Overview:
     FolderError
         Where this is not a results folder.
     """
-    total = _number_of_cases(folder)
-    found = folder.numbers()
+    numbers, found = folder.case_numbers(), folder.numbers()
+    total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
     at_work = running(folder, found["running"])
     busy = {case.index for case in at_work}
-    complete = found["h5"] - busy
-    failed = found["failed"] - busy - complete
+    complete = {number for number in found["h5"] - busy if number in own}
+    failed = {number for number in found["failed"] - busy - complete if number in own}
     failures = [_failure(folder, index) for index in sorted(failed)[:FAILURES_READ]]
     waiting = max(0, total - len(complete | failed | busy))
     return Overview(total, len(complete), len(failed), waiting, at_work, failures)
-
-
-def _number_of_cases(folder: Folder) -> int:
-    folder.must_hold_results()
-    with folder.config.open(encoding="utf-8") as file:
-        file.readline()
-        number = _NUMBER.fullmatch(file.readline())
-    return int(number[1]) if number else count(folder.stored_sweep())
 
 
 def _failure(folder: Folder, index: int) -> Failure:

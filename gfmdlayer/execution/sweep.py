@@ -8,7 +8,7 @@ from the cases that are complete: shards that start at different times never cla
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
@@ -17,6 +17,25 @@ from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
 
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """A complete case whose kept state a case with a later end goes on from.
+
+    Attributes
+    ----------
+    index : int
+        Its number.
+    time : float
+        The time of the state.
+    made_by : mapping
+        Its digest, versions and processor.
+    """
+
+    index: int
+    time: float
+    made_by: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -31,11 +50,14 @@ class Case:
         Its configuration, without a sweep.
     values : dict
         The swept keys, dotted, and their values in this case.
+    earlier : Earlier, optional
+        A complete case from whose state this one goes on.
     """
 
     index: int
     config: Config
     values: dict[str, object]
+    earlier: Earlier | None = None
 
 
 def cases(config: Config) -> list[Case]:

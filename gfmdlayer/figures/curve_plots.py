@@ -1,48 +1,32 @@
-r"""The paper's figure of a run: contact area and mean pressure against time, one curve for each swept value.
+r"""Curves of a run, a panel for each column, against time, another column or a swept key.
 
-Panel (a) shows $\tilde a$ and panel (b) $\tilde p$ against $t/\tau$, tau being an attribute of the results;
-where the cases do not share one, time stays in the config's units. The friction of a punch that moves along
-the surface is in panel (c). The values of one swept key differ in colour and line style, those of two keys in
-colour (the first key) and line style (the second).
+By default these are the panels of the paper, contact area $\tilde a$ and mean pressure $\tilde p$ against
+$t/\tau$; of a punch under a prescribed load the depth in place of the mean pressure, of a punch that moves
+along the surface also the friction. There is a curve for each case; `curve_family` chooses their looks.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gfmdlayer.figures.curve_family import Family, Scale, family
 from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.labels import case_titles, symbol, time_axis, value_titles
-from gfmdlayer.figures.plot_style import (
-    LINE_STYLES,
-    PAPER,
-    Columns,
-    Dashes,
-    Style,
-    colours,
-    legend_entries,
-    line_style,
-    new_figure,
-    styled,
-)
-from gfmdlayer.observables import known_columns
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
+from gfmdlayer.figures.quantities import Quantity, finish, quantity
+from gfmdlayer.figures.selection import case_dimensions, column_name, default_columns, notes, swept
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from xarray import DataArray, Dataset
+    from xarray import Dataset
 
-LEGEND_ENTRIES = 12
-PANELS = {name: f"${column.symbol}$" for name, column in known_columns().items() if column.symbol}
-
-
-class _Curve(NamedTuple):
-    place: dict[str, int]  # indices along the swept keys
-    colour: str
-    dashes: Dashes
+LABELLED = 40  # most entries of a legend
+BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are below
+SHORT = 20  # letters of mathtext of a short entry, of which three fit below a column
+ROW_MM = 4.5
 
 
 def curves_figure(
@@ -52,8 +36,10 @@ def curves_figure(
     style: Style = PAPER,
     log_time: bool = False,
     inset: Inset | None = None,
+    x: str = "time",
+    y: Sequence[str] = (),
 ) -> Figure:
-    """Draw contact area, mean pressure and any friction against time, in a panel each.
+    """Draw columns of results, in a panel each, against time, another column, or a swept key.
 
     Parameters
     ----------
@@ -67,75 +53,99 @@ def curves_figure(
         Whether the time axis is logarithmic; it then begins at the first row after t = 0.
     inset : Inset, optional
         Punch and surface at chosen times, drawn into the first panel and marked on the curve of their case.
+    x : str
+        Time, a column, or a swept key, against which the last row is drawn.
+    y : sequence of str
+        Columns; by default contact area and mean pressure, or depth under a prescribed load, and friction.
 
     Raises
     ------
     ResultsError
-        If more than two keys are swept.
+        If there is no such column.
     """
+    names = [column_name(dataset, name) for name in y] or default_columns(dataset)
+    along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
+    x = along or column_name(dataset, x)
     with styled(style):
-        curves, entries = _curves(dataset)
-        names = [name for name in PANELS if name in dataset]
-        count = len(names)
-        figure = new_figure(columns, 66.0 if columns == 2 else 62.5 * count, style)
-        panels = figure.subplots(1, count) if columns == 2 else figure.subplots(count, 1, sharex=True)
-        for axes, letter, name in zip(panels, "abc", names, strict=False):
-            _draw_curves(axes, dataset[name], time_axis(dataset)[1], curves, log_time=log_time)
-            axes.set_title(f"({letter})", loc="left")
+        drawn = family(dataset, along if along in case_dimensions(dataset) else "")
+        across = len(names) if len(names) <= 3 else 2 + (len(names) % 2)
+        shape = (-(-len(names) // across), across) if columns == 2 else (len(names), 1)
+        figure = new_figure(columns, (66.0 if columns == 2 else 62.5) * shape[0], style)
+        panels = figure.subplots(*shape, sharex=columns == 1, squeeze=False)
+        for axes in panels.flat[len(names) :]:
+            axes.remove()
+        for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
+            _draw_panel(axes, drawn, x, name, log_time=log_time)
+            axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
+            axes.set_xlabel(
+                quantity(dataset[x], dataset.attrs).label if columns == 2 or i == len(names) - 1 else ""
+            )
             if inset is not None:
-                inset.mark(axes, dataset[name])
-        for axes in panels if columns == 2 else panels[-1:]:
-            axes.set_xlabel(time_axis(dataset)[0])
-        if entries and columns == 2:
-            figure.legend(handles=entries, loc="outside right center")
-        elif entries:
-            figure.legend(handles=entries, loc="outside lower center", ncols=3)
+                inset.mark(axes, drawn.sweep[name])
+        more = _draw_legend(figure, panels, drawn, columns, style)
         if inset is not None:
-            inset.draw(panels[0])
+            inset.draw(panels[0, 0])
+        said = notes(drawn.sweep) if "case" in dataset.coords else []
+        finish(figure, [*said, *drawn.notes, *more])
     return figure
 
 
-def _draw_curves(axes: Axes, column: DataArray, unit: float, curves: list[_Curve], *, log_time: bool) -> None:
-    time = column["time"].to_numpy() / unit
-    shown = time > 0 if log_time else np.ones(time.shape, dtype=bool)
-    for curve in curves:
-        values = column.isel(curve.place).to_numpy()
-        axes.plot(time[shown], values[shown], color=curve.colour, linestyle=curve.dashes)
+def _draw_panel(axes: Axes, drawn: Family, x: str, y: str, *, log_time: bool) -> None:
+    """Draw a column of each case."""
+    sweep, along = drawn.sweep, quantity(drawn.sweep[x], drawn.sweep.attrs)
+    up = quantity(sweep[y], sweep.attrs)
+    if "key" in sweep[x].attrs:
+        _draw_against_key(axes, drawn, x, y, up)
+    else:
+        shown = sweep["time"].to_numpy() > 0 if log_time else np.ones(sweep.sizes["time"], dtype=bool)
+        for curve in drawn.curves:
+            place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
+            across = sweep[x].isel(place).to_numpy()[shown] / along.scale
+            values = sweep[y].isel(curve.place).to_numpy()[shown] / up.scale
+            axes.plot(across, values, color=curve.colour, linestyle=curve.dashes)
     if log_time:
         axes.set_xscale("log")
-    if np.count_nonzero(shown) > 1:
-        axes.set_xlim(time[shown][0], time[-1])
+    if x == "time" and np.count_nonzero(shown) > 1:
+        axes.set_xlim(across[0], across[-1])
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
-    axes.set_ylabel(symbol(column))
+    axes.set_ylabel(up.label)
 
 
-def _curves(dataset: Dataset) -> tuple[list[_Curve], list[Line2D]]:
-    """Choose colour and line style of each curve, and make the entries of the legend."""
-    names = [str(name) for name in dataset["contact_area"].dims if name != "time"]
-    if not names:
-        return [_Curve({}, colours(1)[0], line_style(0))], []
-    if len(names) > 2:
-        raise ResultsError(
-            f"cannot draw a sweep over {len(names)} keys ({', '.join(names)}): at most 2, select some"
-        )
-    first = colours(dataset.sizes[names[0]])
-    if len(names) == 1:
-        curves = [_Curve({names[0]: i}, colour, line_style(i)) for i, colour in enumerate(first)]
-        titles, dashes = list(case_titles(dataset).values()), [curve.dashes for curve in curves]
-        return curves, legend_entries(titles, first, dashes, LEGEND_ENTRIES)
-    count = dataset.sizes[names[1]]
-    if count > len(LINE_STYLES):
-        raise ResultsError(
-            f"cannot draw {count} values of {names[1]} as line styles: at most {len(LINE_STYLES)}"
-        )
-    curves = [
-        _Curve({names[0]: i, names[1]: j}, colour, line_style(j))
-        for i, colour in enumerate(first)
-        for j in range(count)
-    ]
-    coloured, dashed = (value_titles(dataset[name]) for name in names)
-    return curves, [
-        *legend_entries(coloured, first, ["solid"] * len(first), LEGEND_ENTRIES),
-        *legend_entries(dashed, ["black"] * count, LINE_STYLES[:count], count),
-    ]
+def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, up: Quantity) -> None:
+    """Draw the last row of a column against a swept key; a case that failed is a gap in the line."""
+    key = drawn.sweep[x]
+    scale = Scale.of(key.to_numpy().tolist())
+    order = np.argsort(scale.positions, kind="stable")
+    last = drawn.sweep[y].isel(time=-1)
+    if key.dims == ("case",):
+        axes.scatter(scale.positions, last / up.scale, s=12, color=[curve.colour for curve in drawn.curves])
+    else:
+        for curve in drawn.curves:
+            values = last.isel(curve.place).to_numpy()[order] / up.scale
+            look: dict[str, Any] = {
+                "color": curve.colour,
+                "linestyle": curve.dashes,
+                "marker": "o",
+                "markersize": 3,
+            }
+            axes.plot(scale.positions[order], values, **look)
+    scale.apply(axes, "x")
+
+
+def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:
+    """Draw legend and colour bar; return a note on entries for which there is no room."""
+    if drawn.bar is not None:
+        drawn.bar.draw(figure, panels)
+    kept = spread(len(drawn.legend), LABELLED)
+    entries = legend_entries([drawn.legend[i] for i in kept])
+    letters = max((len(str(entry.get_label())) for entry in entries), default=0)
+    if entries and columns == 2 and len(entries) <= BESIDE and letters <= LETTERS:
+        figure.legend(handles=entries, loc="outside right center")
+    elif entries:
+        across = max(1, (3 if columns == 1 else 6) * SHORT // max(letters, SHORT))
+        rows = -(-len(entries) // across)
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + max(rows - 2, 0) * ROW_MM * style.scale / 25.4)
+        figure.legend(handles=entries, loc="outside lower center", ncols=across)
+    return [f"{len(kept)} of {len(drawn.legend)} curves labelled"] * (len(kept) < len(drawn.legend))

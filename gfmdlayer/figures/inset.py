@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.figures.labels import time_axis
+from gfmdlayer.figures.quantities import quantity
 from gfmdlayer.figures.snapshot_plots import heights
-from gfmdlayer.figures.snapshot_selection import at_times, extent, section
+from gfmdlayer.figures.snapshot_selection import Extremes, at_times, section, snapshot_titles
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import DataArray, Dataset
 
-WIDTH, HEIGHT, MARGIN = 0.42, 0.36, 0.04  # fractions of the panel
+# Fractions of the panel: the inset, the ticks and labels at its left and below, a line of text above it.
+WIDTH, HEIGHT, MARGIN = 0.4, 0.3, 0.03
+LEFT, BELOW, LINE = 0.13, 0.13, 0.075
 
 
 class Inset(NamedTuple):
@@ -53,23 +55,34 @@ class Inset(NamedTuple):
         if "case" in curves.coords:
             index = np.argwhere(curves["case"].to_numpy() == int(self.profile["case"]))[0]
             curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
-        tau = time_axis(self.profile)[1]
+        tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
         for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
             value = float(curves.sel(time=time, method="nearest"))
-            axes.plot(time / tau, value, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False)
+            axes.plot(
+                time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
+            )
 
     def draw(self, panel: Axes) -> None:
         """Draw the inset where it covers the least of the panel's curves."""
-        left, bottom = _emptiest_corner(panel)
-        axes = panel.inset_axes((left, bottom, WIDTH, HEIGHT))
-        x = self.profile["x"].to_numpy()
+        titles = snapshot_titles(self.profile)
+        left, bottom = _emptiest_corner(panel, LEFT + WIDTH, BELOW + HEIGHT + LINE * len(titles))
+        axes = panel.inset_axes((left + LEFT, bottom + BELOW, WIDTH, HEIGHT))
+        along, up = (quantity(self.profile[name], self.profile.attrs) for name in ("x", "displacement"))
+        x = self.profile["x"].to_numpy() / along.scale
         for i, colour in enumerate(self._colours()):
             one = self.profile.isel(snapshot=i)
-            surface = one["displacement"].to_numpy()
+            surface, gap = (one[name].to_numpy() / up.scale for name in ("displacement", "gap"))
             axes.plot(x, surface, color=colour)
-            axes.plot(x, surface + one["gap"].to_numpy(), color=colour, linestyle=(0, (3, 1.5)), alpha=0.7)
-        ylim = heights(self.profile["displacement"])
-        axes.set(xlim=extent([self.profile], "x"), ylim=ylim, xticks=[], yticks=[])
+            axes.plot(x, surface + gap, color=colour, linestyle=(0, (3, 1.5)), alpha=0.7)
+            above = 1.02 + (len(titles) - 1 - i) * LINE / HEIGHT
+            look: dict[str, Any] = {"color": colour, "ha": "center", "va": "bottom", "fontsize": "x-small"}
+            axes.text(0.5, above, titles[i], transform=axes.transAxes, **look)
+        ends = np.divide(Extremes.of([self.profile]).view["x"], along.scale)
+        axes.set(xlim=ends, ylim=np.divide(heights(self.profile["displacement"]), up.scale))
+        axes.set_xlabel(along.label, fontsize="x-small", labelpad=0)
+        axes.set_ylabel(up.label, fontsize="x-small", labelpad=0)
+        axes.tick_params(which="both", labelsize="x-small")
+        axes.locator_params(nbins=3)
 
     def _colours(self) -> list[tuple[float, ...]]:
         from matplotlib import colormaps
@@ -78,16 +91,16 @@ class Inset(NamedTuple):
         return [tuple(colour) for colour in colormaps["inferno"](np.linspace(0.25, 0.8, count))]
 
 
-def _emptiest_corner(panel: Axes) -> tuple[float, float]:
-    """Return the lower left corner of the inset, in fractions of the panel, that covers the fewest points."""
+def _emptiest_corner(panel: Axes, width: float, height: float) -> tuple[float, float]:
+    """Return the lower left corner of a box, in fractions of the panel, that covers the fewest points."""
     to_panel = panel.transData + panel.transAxes.inverted()
     points = [to_panel.transform(np.column_stack(line.get_data())) for line in panel.lines]
     x, y = np.concatenate(points).T
 
     def covered(corner: tuple[float, float]) -> int:
         left, bottom = corner
-        in_width = np.abs(x - left - WIDTH / 2) < 0.5 * WIDTH + MARGIN
-        return int(np.count_nonzero(in_width & (np.abs(y - bottom - HEIGHT / 2) < 0.5 * HEIGHT + MARGIN)))
+        in_width = np.abs(x - left - width / 2) < 0.5 * width + MARGIN
+        return int(np.count_nonzero(in_width & (np.abs(y - bottom - height / 2) < 0.5 * height + MARGIN)))
 
-    across, up = (np.linspace(MARGIN, 1 - MARGIN - size, 7).tolist() for size in (WIDTH, HEIGHT))
+    across, up = (np.linspace(MARGIN, 1 - MARGIN - size, 7).tolist() for size in (width, height))
     return min(product(reversed(across), up), key=covered)

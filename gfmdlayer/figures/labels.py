@@ -1,4 +1,4 @@
-"""Labels of the figures: symbols of variables and swept keys, swept values and times.
+"""Labels of the figures: symbols of variables and swept keys, and values.
 
 Symbols of swept keys come from the attribute `symbol` of the results, those of other variables from there or
 from the paper.
@@ -7,16 +7,16 @@ from the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gfmdlayer.observables import known_columns
+from gfmdlayer.results.schema import PARAMETERS
 
 if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
+    from xarray import DataArray
 
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
@@ -24,7 +24,15 @@ PAPER_SYMBOLS = {
     "pressure": "p",
     "x": "x",
     "y": "y",
+    "time": "t",
+    "snapshot": "t",
 }
+# Symbols of keys inside of a section that is swept as a whole; values of keys that name its kind stand alone.
+SYMBOLS_OF_KEYS = {key.rpartition(".")[2]: f"${PARAMETERS[key].mathtext}$" for key in reversed(PARAMETERS)}
+KINDS = ("shape", "model", "kind", "law", "method")
+MOST_LETTERS = 24
+
+_ENTRIES = re.compile(r", (?![^\[]*\])")  # between entries, not inside of a list
 
 
 def symbol(array: DataArray) -> str:
@@ -47,44 +55,46 @@ def mathtext(plain: str) -> str:
     return f"{letter}_{index}" if index else letter
 
 
-def time_axis(dataset: Dataset) -> tuple[str, float]:
-    """Return label and unit of the time axis: tau if the results have one, else the config's unit of time."""
-    tau = dataset.attrs.get("tau")
-    return (r"$t$", 1.0) if tau is None else (r"$t/\tau$", float(tau))
-
-
-def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
-    """Return a title, made of the swept values, for the case at each index of a sweep."""
-    numbers = sweep["case"]
-    order = str(sweep.attrs.get("swept", "")).split()
-    swept = [coordinate for coordinate in sweep.coords.values() if "key" in coordinate.attrs]
-    swept.sort(key=lambda coordinate: order.index(coordinate.attrs["key"]))
-    titled = [(value_titles(coordinate), numbers.get_axis_num(coordinate.dims[0])) for coordinate in swept]
-    return {
-        index: ", ".join(titles[index[axis]] for titles, axis in titled)
-        for index in np.ndindex(numbers.shape)
-    }
-
-
-def value_titles(coordinate: DataArray) -> list[str]:
-    """Return the values of a swept key, each with the symbol."""
-    return [f"{symbol(coordinate)} = {label}" for label in value_labels(coordinate.to_numpy().tolist())]
-
-
 def value_labels(values: Sequence[object]) -> list[str]:
     """Write values for a legend, all in the same way.
 
     If all values are whole numbers or plain fractions they are written as 1/32, or 1/3 where the value has
-    all digits of it. Infinity is written as its sign, large numbers with powers of ten, text as it is.
+    all digits of it. Infinity is written as its sign, large numbers with powers of ten. Text stays as it is;
+    a mapping, such as "shape=parabola, radius=0.25", is shortened.
     """
-    numbers = [float(str(value)) for value in values if not isinstance(value, str)]
-    if len(numbers) < len(values):
-        return [str(value) for value in values]
+    if any(isinstance(value, str) for value in values):
+        return _short([str(value) for value in values])
+    numbers = [float(str(value)) for value in values]
     fractions = [_fraction(number) for number in numbers if math.isfinite(number)]
     is_fractional = None not in fractions and any(
         fraction is not None and fraction.denominator not in (1, 2, 4) for fraction in fractions
     )
     return [_number_label(number, is_fractional) for number in numbers]
+
+
+def _short(texts: Sequence[str]) -> list[str]:
+    """Write mappings as "parabola $R$ = 0.25", without entries that are the same in all of them."""
+    mappings = [dict(entry.partition("=")[::2] for entry in _ENTRIES.split(text)) for text in texts]
+    in_all = set.intersection(*(set(mapping.items()) for mapping in mappings)) if len(texts) > 1 else set()
+    return [
+        " ".join(_short_entries(mapping, in_all)) if "=" in text else text
+        for text, mapping in zip(texts, mappings, strict=True)
+    ]
+
+
+def _short_entries(mapping: dict[str, str], in_all: set[tuple[str, str]]) -> Iterator[str]:
+    yield from (value for key, value in mapping.items() if key in KINDS)
+    entries = [(key, value) for key, value in mapping.items() if key not in KINDS]
+    kept = [entry for entry in entries if entry not in in_all] or entries
+    yield ", ".join(f"{SYMBOLS_OF_KEYS.get(key, key)} = {_short_value(value)}" for key, value in kept)
+
+
+def _short_value(value: str) -> str:
+    """Write a number as `value_labels` does, and the first letters of a long list."""
+    try:
+        return value_labels([float(value)])[0]
+    except ValueError:
+        return value if len(value) <= MOST_LETTERS else f"{value[: MOST_LETTERS - 1]}…"
 
 
 def _fraction(number: float) -> Fraction | None:

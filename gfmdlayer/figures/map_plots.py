@@ -1,13 +1,25 @@
-"""Maps of contact area and mean pressure over two swept keys: a colour for each pair of values."""
+"""Maps of columns over two swept keys: a colour for each pair of values, or a dot for each case of a list."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol, time_axis, value_labels
+from gfmdlayer.figures.curve_family import Scale
+from gfmdlayer.figures.labels import symbol, value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
+from gfmdlayer.figures.quantities import Quantity, finish, quantity
+from gfmdlayer.figures.selection import (
+    case_dimensions,
+    chosen,
+    column_name,
+    default_columns,
+    find_key,
+    notes,
+    swept,
+)
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -15,61 +27,126 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import DataArray, Dataset
 
+Time = float | Literal["end", "max", "min"]
 MOST_TICKS = 10
 MOST_NUMBERS = 8  # along each axis for which the cells can hold a readable number
 
 
-def map_figure(sweep: Dataset, time: float | None = None, style: Style = PAPER) -> Figure:
-    """Draw contact area and mean pressure over two swept keys, at one time.
+def map_figure(
+    sweep: Dataset,
+    time: Time | None = None,
+    style: Style = PAPER,
+    *,
+    x: str = "",
+    y: str = "",
+    z: Sequence[str] = (),
+) -> Figure:
+    """Draw columns over two swept keys, at one time or at their extremes over time.
 
     Parameters
     ----------
     sweep : Dataset
-        A sweep over two keys, as the reader opens it.
-    time : float, optional
-        In the units of the config; the row nearest to it is drawn, by default the last one.
+        A sweep over two keys or more, as the reader opens it.
+    time : float or str, optional
+        In the units of the config, where the row nearest to it is drawn; "max" and "min", the extremes over
+        all rows; by default "end", the last row.
     style : Style
         Fonts and lines, and the size of a column.
+    x, y : str
+        Swept keys along the axes, by default the first two; further ones are held at their middle values.
+    z : sequence of str
+        Columns, by default those of the curves.
 
     Raises
     ------
     ResultsError
-        If not exactly two keys are swept.
+        If fewer than two keys are swept, or there is no such key or column.
     """
-    keys = [str(name) for name in sweep["contact_area"].dims if name != "time"]
-    if len(keys) != 2:
-        raise ResultsError(
-            f"a map needs a sweep over 2 keys, this is one over {len(keys)} ({', '.join(keys) or 'none'})"
-        )
-    last = sweep["time"][-1] if time is None else time
-    row = sweep[["contact_area", "mean_pressure"]].sel(time=last, method="nearest")
-    label, tau = time_axis(sweep)
+    x, y = _axes(sweep, x, y)
+    held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
+    for name in held:
+        sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
+    said = notes(sweep)
+    if sweep[x].dims == ("case",) and (others := [key for key in swept(sweep) if key.name not in (x, y)]):
+        said.append(f"also varied: {', '.join(map(symbol, others))}")
+    columns = [column_name(sweep, name) for name in z] or default_columns(sweep)[:2]
     with styled(style):
-        figure = new_figure(2, 72.0, style)
-        panels = figure.subplots(1, 2, sharey=True)
-        for axes, letter, quantity in zip(panels, "ab", row.data_vars.values(), strict=True):
-            draw_quantity(axes, quantity, symbol(quantity))
-            axes.set_title(f"({letter})  {label} = {float(row['time']) / tau:.4g}", loc="left")
-        panels[1].set_ylabel("")
+        across = min(len(columns), 2)
+        rows = -(-len(columns) // across)
+        figure = new_figure(2 if across == 2 else 1, 72.0 * rows, style)
+        panels = figure.subplots(rows, across, sharey="row", squeeze=False)
+        for i, name in enumerate(columns):
+            axes, up = panels.flat[i], quantity(sweep[name], sweep.attrs)
+            values, when = _at(sweep[name], time, quantity(sweep["time"], sweep.attrs))
+            if values.dims == ("case",):
+                _draw_dots(axes, values / up.scale, x, y, up.label)
+            else:
+                draw_quantity(axes, (values / up.scale).transpose(x, y), up.label)
+            axes.set_title(f"({chr(ord('a') + i % 26)})  {when}", loc="left")
+            if i % across:
+                axes.set_ylabel("")
+        for axes in panels.flat[len(columns) :]:
+            axes.remove()
+        finish(figure, said)
     return figure
 
 
-def draw_quantity(axes: Axes, quantity: DataArray, label: str) -> None:
+def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
+    """Return the swept keys along the axes: those asked for, else the first that are left."""
+    keys = [str(key.name) for key in swept(sweep) if key.ndim]
+    if len(keys) < 2:
+        names = ", ".join(keys) or "none"
+        raise ResultsError(f"a map needs a sweep over 2 keys, this is one over {len(keys)} ({names})")
+    asked = [str(find_key(sweep, name).name) if name else "" for name in (x, y)]
+    free = iter([key for key in keys if key not in asked])
+    x, y = (name or next(free) for name in asked)
+    if x == y:
+        raise ResultsError(f"{x} is along both axes of the map; must be two swept keys")
+    if missing := {x, y} - set(keys):
+        raise ResultsError(f"{missing.pop()} has one value, which is no axis of a map")
+    return x, y
+
+
+def _at(column: DataArray, time: Time | None, clock: Quantity) -> tuple[DataArray, str]:
+    """Return a column at a time or at its extreme over time, and when that is."""
+    if time in ("max", "min"):
+        return getattr(column, str(time))("time"), f"{time}. over {clock.symbol}"
+    row = (
+        column.isel(time=-1) if time in (None, "end") else column.sel(time=float(time or 0), method="nearest")
+    )
+    return row, clock.equals(f"{float(row['time']) / clock.scale:.4g}")
+
+
+def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> None:
+    """Draw a dot for each case of a list; one that failed is an open circle."""
+    across, up = (Scale.of(values[name].to_numpy().tolist()) for name in (x, y))
+    lost = np.isnan(values.to_numpy())
+    dots = axes.scatter(
+        across.positions[~lost], up.positions[~lost], c=values.to_numpy()[~lost], cmap="viridis", s=18
+    )
+    axes.scatter(across.positions[lost], up.positions[lost], s=18, facecolors="none", edgecolors="0.6")
+    axes.figure.colorbar(dots, ax=axes, label=label)
+    across.apply(axes, "x")
+    up.apply(axes, "y")
+    axes.set(xlabel=quantity(values[x]).label, ylabel=quantity(values[y]).label)
+
+
+def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
     """Draw a quantity over two swept keys, the first along x; cases without a value are hatched.
 
     Parameters
     ----------
     axes : Axes
         The panel; the colour bar is put beside it.
-    quantity : DataArray
-        Values along the two swept keys, with the coordinates of a sweep.
+    values : DataArray
+        Along the two swept keys, with the coordinates of a sweep.
     label : str
         Label of the colour bar.
     """
-    across, up = (quantity[name] for name in quantity.dims)
-    values = quantity.to_numpy().T
+    across, up = (values[name] for name in values.dims)
+    cells = values.to_numpy().T
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")
-    mesh = axes.imshow(values, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis")
+    mesh = axes.imshow(cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis")
     axes.figure.colorbar(mesh, ax=axes, label=label)
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
@@ -77,9 +154,9 @@ def draw_quantity(axes: Axes, quantity: DataArray, label: str) -> None:
         ticks = spread(coordinate.size, MOST_TICKS)
         labels = value_labels(coordinate.to_numpy().tolist())
         axis.set_ticks(ticks, [labels[i] for i in ticks])
-        axis.set_label_text(symbol(coordinate))
-    if max(values.shape) <= MOST_NUMBERS:
-        _write_numbers(axes, values)
+        axis.set_label_text(quantity(coordinate).label)
+    if max(cells.shape) <= MOST_NUMBERS:
+        _write_numbers(axes, cells)
 
 
 def _write_numbers(axes: Axes, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:

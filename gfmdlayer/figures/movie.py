@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol, time_axis
 from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
-from gfmdlayer.figures.snapshot_plots import PRESSURE_COLOURS, PUNCH, draw_map, heights
-from gfmdlayer.figures.snapshot_selection import extent, limits, window
+from gfmdlayer.figures.quantities import finish, quantity
+from gfmdlayer.figures.snapshot_plots import PUNCH, draw_bar, draw_map, heights, map_values
+from gfmdlayer.figures.snapshot_selection import Extremes, limits
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
@@ -40,7 +40,9 @@ def check_movie(path: Path) -> None:
         raise ResultsError(f"{path}: needs ffmpeg, which is not found; use .gif")
 
 
-def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREEN) -> None:
+def write_movie(
+    case: Dataset, path: Path, title: str = "", style: Style = SCREEN, fps: int | None = None
+) -> None:
     """Write a movie of a case; one snapshot at a time is in memory.
 
     Parameters
@@ -53,6 +55,8 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
         Title of the case.
     style : Style
         Fonts and lines.
+    fps : int, optional
+        Frames in a second; by default as many as make SECONDS, within RATES.
 
     Raises
     ------
@@ -63,7 +67,7 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
 
     check_movie(path)
     frames = case.sizes["snapshot"]
-    rate = int(np.clip(frames / SECONDS, *RATES))
+    rate = int(np.clip(frames / SECONDS, *RATES)) if fps is None else fps
     writer = PillowWriter(fps=rate) if path.suffix.lower() == ".gif" else FFMpegWriter(fps=rate)
     with styled(style):
         figure, show = animated(case, title, style)
@@ -84,22 +88,24 @@ def write_movie(case: Dataset, path: Path, title: str = "", style: Style = SCREE
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:
     """Return a figure of displacement and pressure, and a function that shows snapshot i in it."""
+    seen = Extremes.of([case])
     if "y" in case["pressure"].dims:
-        draw, (across, up) = _draw_surface, (np.ptp(ends) for ends in window([case]).values())
+        draw, (across, up) = _draw_surface, (np.ptp(ends) for ends in seen.view.values())
         height = 25.0 + 62.0 * min(up / across, 2.0)
     else:
         draw, height = _draw_line, 85.0
     figure = new_figure(2, height, style)
     panels = figure.subplots(1, 2)
     updates = [
-        draw(axes, case, name) for axes, name in zip(panels, ("displacement", "pressure"), strict=True)
+        draw(axes, case, name, seen) for axes, name in zip(panels, ("displacement", "pressure"), strict=True)
     ]
-    label, unit = time_axis(case)
-    times = case["snapshot"].to_numpy() / unit
+    finish(figure)
+    time = quantity(case["snapshot"], case.attrs)
+    times = case["snapshot"].to_numpy() / time.scale
     heading = figure.suptitle("")
 
     def show(i: int) -> None:
-        heading.set_text(f"{title}    {label} = {times[i]:.4g}".strip())
+        heading.set_text(f"{title}    {time.equals(f'{times[i]:.4g}')}".strip())
         for update in updates:
             update(i)
 
@@ -109,32 +115,34 @@ def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Fig
     return figure, show
 
 
-def _draw_line(axes: Axes, case: Dataset, name: str) -> Callable[[int], None]:
+def _draw_line(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callable[[int], None]:
     """Draw a field of a line contact and, with the displacement, the punch."""
-    x, (low, high) = case["x"].to_numpy(), limits(case[name])
+    along, up = (quantity(case[each], case.attrs) for each in ("x", name))
+    x = case["x"].to_numpy() / along.scale
     (field,) = axes.plot(x, np.full(x.shape, np.nan), color=colours(1)[0])
     (punch,) = axes.plot(x, np.full(x.shape, np.nan), **PUNCH)
-    ylim = heights([low, high]) if name == "displacement" else (0.0, 1.05 * high or 1.0)
-    axes.set(xlabel=symbol(case["x"]), ylabel=symbol(case[name]), xlim=extent([case], "x"), ylim=ylim)
+    ends = (0.0, 1.05 * seen.peak) if name == "pressure" else heights(limits(case[name]))
+    axes.set(xlabel=along.label, ylabel=up.label)
+    axes.set(xlim=np.divide(seen.view["x"], along.scale), ylim=np.divide(ends, up.scale))
 
     def update(i: int) -> None:
         one = case.isel(snapshot=i)
-        field.set_ydata(one[name].to_numpy())
+        field.set_ydata(one[name].to_numpy() / up.scale)
         if name == "displacement" and "gap" in case:
-            punch.set_ydata(one["displacement"].to_numpy() + one["gap"].to_numpy())
+            punch.set_ydata((one["displacement"].to_numpy() + one["gap"].to_numpy()) / up.scale)
 
     return update
 
 
-def _draw_surface(axes: Axes, case: Dataset, name: str) -> Callable[[int], None]:
+def _draw_surface(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callable[[int], None]:
     """Draw a field of a surface in two dimensions as a map."""
-    field, (low, high) = case[name], limits(case[name])
-    low, cmap = (0.0, PRESSURE_COLOURS) if name == "pressure" else (low, "viridis")
-    mesh = draw_map(axes, field.isel(snapshot=0), window([case]), vmin=low, vmax=high, cmap=cmap)
-    axes.set(xlabel=symbol(case["x"]), ylabel=symbol(case["y"]))
-    axes.figure.colorbar(mesh, ax=axes, label=symbol(field), shrink=0.85)
+    field = case[name]
+    ends = (0.0, seen.peak) if name == "pressure" else limits(field)
+    mesh = draw_map(axes, case, field.isel(snapshot=0), seen.view, ends)
+    axes.set(xlabel=quantity(case["x"], case.attrs).label, ylabel=quantity(case["y"], case.attrs).label)
+    draw_bar(axes, mesh, quantity(field, case.attrs).label)
 
     def update(i: int) -> None:
-        mesh.set_data(field.isel(snapshot=i).transpose("y", "x").to_numpy())
+        mesh.set_data(map_values(case, field.isel(snapshot=i)))
 
     return update

@@ -7,7 +7,7 @@ yellow, so that they keep their order when printed grey; line styles distinguish
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,6 +64,8 @@ _COMMON = {
     "ytick.minor.visible": True,
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-99, 99),  # powers of ten are written with the unit
 }
 PAPER = Style(
     _COMMON
@@ -167,14 +169,11 @@ def line_style(i: int) -> Dashes:
     return LINE_STYLES[i % len(LINE_STYLES)]
 
 
-def legend_entries(
-    titles: Sequence[str], colours: Sequence[str], dashes: Sequence[Dashes], most: int
-) -> list[Line2D]:
-    """Return the first, the last and some entries between, at most `most`, of a legend of lines."""
+def legend_entries(entries: Iterable[tuple[str, str, Dashes]]) -> list[Line2D]:
+    """Return the entries of a legend of lines, each given by title, colour and line style."""
     from matplotlib.lines import Line2D
 
-    kept = spread(len(titles), most)
-    return [Line2D([], [], color=colours[i], linestyle=dashes[i], label=titles[i]) for i in kept]
+    return [Line2D([], [], color=colour, linestyle=dashes, label=title) for title, colour, dashes in entries]
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.map_plots import Time, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
+from gfmdlayer.figures.selection import Wanted, notes, select
 from gfmdlayer.figures.snapshot_plots import MOST_CASES, snapshots_figure
 from gfmdlayer.figures.snapshot_selection import cases_with_snapshots
 from gfmdlayer.figures.waterfall import waterfall_figure
@@ -25,17 +26,52 @@ if TYPE_CHECKING:
 Kind = Literal["curves", "snapshots", "waterfall", "map", "movie"]
 
 
-def plot_results(
-    path: str | Path,
-    out: str | Path | None = None,
-    *,
-    kind: Kind | None = None,
-    case: int | None = None,
-    style: Literal["paper", "screen"] = "paper",
-    log_time: bool = False,
-    inset: Sequence[float] = (),
-    time: float | None = None,
-) -> list[Path]:
+class Options(TypedDict, total=False):
+    """What is drawn, and how.
+
+    Attributes
+    ----------
+    kind : str
+        curves: columns against time. snapshots: the surface at the snapshot times. waterfall: pressure
+        profiles through time. map: columns over two swept keys. movie: displacement and pressure. By default
+        the curves and, as NAME-snapshots, the snapshots if there are any; with x or y the curves alone.
+    select : mapping
+        Swept key -> the value of the cases that are drawn, of which the nearest is taken, or a range.
+    x : str
+        Of curves: time, a column, or a swept key, against which the last row is drawn. Of a map: a swept key.
+    y : sequence of str
+        Of curves: columns, in a panel each; by default contact area and mean pressure, or depth where the
+        load is prescribed, and any friction. Of a map: a swept key.
+    z : sequence of str
+        Of a map: columns.
+    time : float or str
+        Of a map: in the units of the config, or end (the default), max or min.
+    case : int
+        Number of the case whose snapshots are drawn; by default all of a few, or some, or the first.
+    inset : sequence of float
+        Times of snapshots, in the units of the config, at which the curves' inset shows punch and surface.
+    log_time : bool
+        Whether the curves' time axis is logarithmic.
+    fps : int
+        Frames of a movie in a second.
+    style : str
+        paper, for the columns of a journal, or screen, for a talk.
+    """
+
+    kind: Kind | None
+    select: Mapping[str, Wanted]
+    x: str
+    y: Sequence[str]
+    z: Sequence[str]
+    time: Time | None
+    case: int | None
+    inset: Sequence[float]
+    log_time: bool
+    fps: int | None
+    style: Literal["paper", "screen"]
+
+
+def plot_results(path: str | Path, out: str | Path | None = None, **options: Unpack[Options]) -> list[Path]:
     """Draw results.
 
     Parameters
@@ -45,21 +81,8 @@ def plot_results(
     out : str or Path, optional
         The picture, .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named
         after the results and lies with them.
-    kind : str, optional
-        curves: contact area, mean pressure and any friction against time. snapshots: the surface at the
-        snapshot times. waterfall: pressure profiles through time. map: contact area and mean pressure over
-        two swept keys. movie: displacement and pressure. By default the curves and, as NAME-snapshots, the
-        snapshots if there are any.
-    case : int, optional
-        Number of the case whose snapshots are drawn; by default all of a few, or the first.
-    style : str
-        paper, for the columns of a journal, or screen, for a talk.
-    log_time : bool
-        Whether the curves' time axis is logarithmic.
-    inset : sequence of float
-        Times of snapshots, in the units of the config, at which the curves' inset shows punch and surface.
-    time : float, optional
-        Time of the map, in the units of the config; by default the last row.
+    **options
+        See `Options`.
 
     Returns
     -------
@@ -71,28 +94,26 @@ def plot_results(
     ResultsError
         If there are no results, or none of this kind, or the picture cannot be written.
     """
-    path, look = Path(path), STYLES[style]
+    if unknown := options.keys() - Options.__annotations__.keys():
+        raise TypeError(f"plot_results has no options {', '.join(sorted(unknown))}")
+    path, look = Path(path), STYLES[options.get("style", "paper")]
+    kind: Kind | None = options.get("kind") or ("curves" if options.get("x") or options.get("y") else None)
     with ExitStack() as stack:
-        dataset = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
-        cases: dict[str, Dataset] = {}
-        if inset or kind not in ("curves", "map"):
-            most = MOST_CASES if kind in (None, "snapshots") else 1
-            cases = stack.enter_context(cases_with_snapshots(path, dataset, case, most))
-            if not cases and (inset or kind is not None):
-                raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+        opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
+        dataset = select(opened, options.get("select", {}))
+        cases, said = _cases(stack, path, dataset, kind, options)
         title, first = next(iter(cases.items()), ("", dataset))
         if kind == "movie":
             picture = _beside(path, dataset, kind, default_suffix()) if out is None else Path(out)
-            write_movie(first, picture, title, look)
+            write_movie(first, picture, title, look, options.get("fps"))
             return [picture]
         picture = _beside(path, dataset, kind or "curves", ".png") if out is None else Path(out)
         check_suffix(picture)
-        marked = Inset.of(first, inset) if inset else None
         draw: dict[Kind, Callable[[], Figure]] = {
-            "curves": lambda: curves_figure(dataset, style=look, log_time=log_time, inset=marked),
-            "snapshots": lambda: snapshots_figure(cases, look),
-            "waterfall": lambda: waterfall_figure(first, title, look),
-            "map": lambda: map_figure(dataset, time, look),
+            "curves": lambda: _curves(dataset, first, options),
+            "snapshots": lambda: snapshots_figure(cases, look, said),
+            "waterfall": lambda: waterfall_figure(first, title, look, said),
+            "map": lambda: _map(dataset, options),
         }
         pictures = {picture: draw[kind or "curves"]}
         if kind is None and cases:
@@ -100,6 +121,45 @@ def plot_results(
         for picture, figure in pictures.items():
             save(figure(), picture, look)
         return list(pictures)
+
+
+def _cases(
+    stack: ExitStack, path: Path, dataset: Dataset, kind: Kind | None, options: Options
+) -> tuple[dict[str, Dataset], list[str]]:
+    """Open the cases whose snapshots are drawn; say how many of the sweep they are."""
+    inset = options.get("inset", ())
+    if not inset and kind in ("curves", "map"):
+        return {}, []
+    most = MOST_CASES if kind in (None, "snapshots") else 1
+    cases = stack.enter_context(cases_with_snapshots(path, dataset, options.get("case"), most))
+    if not cases and (inset or kind is not None):
+        raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
+    if "case" not in dataset.coords:
+        return cases, []
+    part = f"{len(cases)} of {dataset['case'].size} cases"
+    return cases, [*notes(dataset), *[part] * (len(cases) < dataset["case"].size)]
+
+
+def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
+    inset = options.get("inset", ())
+    return curves_figure(
+        dataset,
+        style=STYLES[options.get("style", "paper")],
+        log_time=options.get("log_time", False),
+        inset=Inset.of(first, inset) if inset else None,
+        x=options.get("x") or "time",
+        y=options.get("y", ()),
+    )
+
+
+def _map(dataset: Dataset, options: Options) -> Figure:
+    y = options.get("y", ())
+    if len(y) > 1:
+        raise ResultsError(f"a map has one key along y, not {len(y)}")
+    look = STYLES[options.get("style", "paper")]
+    return map_figure(
+        dataset, options.get("time"), look, x=options.get("x", ""), y="".join(y), z=options.get("z", ())
+    )
 
 
 def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str) -> Path:

@@ -1,47 +1,65 @@
 """Pictures of the surface at the snapshot times, zoomed to the contact.
 
 A line contact is drawn as profiles of displacement and pressure, a surface in two dimensions as maps of
-pressure and gap with a cut through both.
+pressure and gap with a cut through both. Colours cover all snapshots, those without room included; maps are
+read one at a time, and thinned to what a picture can show.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol
+from gfmdlayer.figures.curve_family import LEGEND_MOST, ColourBar
+from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import (
     PAPER,
+    Dashes,
     Style,
     colours,
     legend_entries,
     line_style,
     new_figure,
-    spread,
     styled,
 )
-from gfmdlayer.figures.snapshot_selection import Window, extent, limits, section, snapshot_titles, window
+from gfmdlayer.figures.quantities import finish, quantity
+from gfmdlayer.figures.snapshot_selection import (
+    Extremes,
+    Window,
+    each_snapshot,
+    limits,
+    part_of,
+    section,
+    snapshot_times,
+    snapshot_titles,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
+    from numpy.typing import ArrayLike
     from xarray import DataArray, Dataset
 
+    from gfmdlayer.arrays import FloatArray
+
 MOST_CASES = 6
-MOST_MAPS = 4
+MOST_MAPS = 4  # beside each other
+MOST_ROWS = 2  # of maps of a single case
+MAP_POINTS = 1024  # along each axis of a map: more than its dots in print
+MAPS_MM = 138.0  # width of a row of maps
 PRESSURE_COLOURS, GAP_COLOURS, CONTACT = "magma_r", "cividis_r", "black"
 PUNCH: dict[str, Any] = {"color": "0.4", "linestyle": (0, (4, 2))}
 
 
-def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER) -> Figure:
+def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = ()) -> Figure:
     """Draw the snapshots of cases.
 
     Line contacts have a row of two panels for each case, displacement and pressure, with a curve for each
-    snapshot. A single case in two dimensions is drawn as maps of pressure and gap at up to MOST_MAPS of the
-    times, with punch, surface and pressure along a cut; several cases as a row of pressure maps each.
+    snapshot. A single case in two dimensions is drawn as maps of pressure and gap, with punch, surface and
+    pressure along a cut; several cases as a row of pressure maps each.
 
     Parameters
     ----------
@@ -49,144 +67,212 @@ def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER) -> Figu
         Title -> case as the reader opens it; all have snapshots, and grids of one dimensionality.
     style : Style
         Fonts and lines, and the size of a column.
+    notes : sequence of str
+        What the figure says of other cases.
     """
     with styled(style):
-        first = next(iter(cases.values()))
+        first, more = next(iter(cases.values())), list[str]()
         if "y" not in first["pressure"].dims:
-            return _profiles(cases, style)
-        if len(cases) == 1 and "gap" in first:
-            return _surface(next(iter(cases)), first, style)
-        return _maps(cases, style)
+            figure = _profiles(cases, style)
+        elif len(cases) == 1 and "gap" in first:
+            figure, more = _surface(next(iter(cases)), first, style)
+        else:
+            figure, more = _maps(cases, style)
+        finish(figure, [*notes, *more])
+    return figure
 
 
 def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
+    """Draw displacement and pressure of line contacts; a time has the same look in all of them."""
     figure = new_figure(2, 22.0 + 38.0 * len(cases), style)
     panels = figure.subplots(len(cases), 2, sharex=True, sharey="col", squeeze=False)
-    left, right = extent(cases.values(), "x")
+    times = sorted({time for case in cases.values() for time in snapshot_times(case)[1]})
+    clock = snapshot_times(next(iter(cases.values())))[0]
+    bar = ColourBar.of(times, clock.label) if len(times) > LEGEND_MOST else None
+    shades = bar.colours if bar else colours(len(times))
+    looks = {
+        time: (shade, line_style(0 if bar else i))
+        for i, (time, shade) in enumerate(zip(times, shades, strict=True))
+    }
+    left, right = Extremes.of(cases.values()).view["x"]
     for row, (title, case) in zip(panels, cases.items(), strict=True):
         for axes, name in zip(row, ("displacement", "pressure"), strict=True):
-            _draw_profiles(axes, case[name], left, right)
+            _draw_profiles(axes, case, name, (left, right), looks)
         row[0].set_title(title, loc="left")
+    x = quantity(case["x"], case.attrs)
     for axes in panels[-1]:
-        axes.set_xlabel(symbol(case["x"]))
-        axes.set_xlim(left, right)
+        axes.set(xlabel=x.label, xlim=(left / x.scale, right / x.scale))
     panels[0, 1].set_ylim(bottom=0)
-    titles = snapshot_titles(max(cases.values(), key=lambda case: case.sizes["snapshot"]))
-    kept = legend_entries(titles, colours(len(titles)), [line_style(i) for i in range(len(titles))], 10)
-    figure.legend(handles=kept, loc="outside upper center", ncols=-(-len(kept) // -(-len(kept) // 5)))
+    if bar is not None:
+        bar.draw(figure, panels)
+    else:
+        titles = map(clock.equals, value_labels(times))
+        entries = legend_entries((title, *look) for title, look in zip(titles, looks.values(), strict=True))
+        rows = -(-len(times) // 5)
+        figure.legend(handles=entries, loc="outside upper center", ncols=-(-len(times) // rows))
     return figure
 
 
-def _draw_profiles(axes: Axes, field: DataArray, left: float, right: float) -> None:
-    x = field["x"].to_numpy()
-    shown = (x >= left) & (x <= right)
-    for i, colour in enumerate(colours(field.sizes["snapshot"])):
-        axes.plot(x[shown], field.isel(snapshot=i).to_numpy()[shown], color=colour, linestyle=line_style(i))
-    axes.set_ylabel(symbol(field))
+def _draw_profiles(
+    axes: Axes,
+    case: Dataset,
+    name: str,
+    shown: tuple[float, float],
+    looks: Mapping[float, tuple[str, Dashes]],
+) -> None:
+    """Draw a field at every snapshot, in the look of its time."""
+    along, up = (quantity(case[each], case.attrs) for each in ("x", name))
+    x = case["x"].to_numpy()
+    inside = (x >= shown[0]) & (x <= shown[1])
+    for field, time in zip(each_snapshot(case[name]), snapshot_times(case)[1], strict=True):
+        shade, dashes = looks[time]
+        axes.plot(x[inside] / along.scale, field.to_numpy()[inside] / up.scale, color=shade, linestyle=dashes)
+    axes.set_ylabel(up.label)
 
 
-def _maps(cases: Mapping[str, Dataset], style: Style) -> Figure:
-    columns = min(max(case.sizes["snapshot"] for case in cases.values()), MOST_MAPS)
-    figure = new_figure(2, 14.0 + 150.0 / max(columns, 2) * len(cases), style)
+def _maps(cases: Mapping[str, Dataset], style: Style) -> tuple[Figure, list[str]]:
+    """Draw a row of pressure maps for each case."""
+    most = max(case.sizes["snapshot"] for case in cases.values())
+    columns, seen = min(most, MOST_MAPS), Extremes.of(cases.values())
+    height = _height_of_map(columns, seen.view)
+    figure = new_figure(2, 14.0 + (9.0 + height) * len(cases), style)
     panels = figure.subplots(len(cases), columns, sharex=True, sharey=True, squeeze=False)
-    view = window(cases.values())
-    peak = max(limits(case["pressure"])[1] for case in cases.values())
-    look = {"vmin": 0.0, "vmax": peak or 1.0, "cmap": PRESSURE_COLOURS}
-    for row, (title, case) in zip(panels, cases.items(), strict=True):
-        titles, pressure = snapshot_titles(case), case["pressure"]
-        kept = spread(len(titles), columns)
-        for axes, i in zip(row, kept, strict=False):
-            mesh = draw_map(axes, pressure.isel(snapshot=i), view, **look)
-            axes.set_title(titles[i], loc="right")
-        for axes in row[len(kept) :]:
+    for row, (title, whole) in zip(panels, cases.items(), strict=True):
+        case, _ = part_of(whole, columns)
+        for axes, field, time in zip(
+            row, each_snapshot(case["pressure"]), snapshot_titles(case), strict=False
+        ):
+            mesh = draw_map(axes, case, field, seen.view, (0.0, seen.peak))
+            axes.set_title(time, loc="right")
+        for axes in row[case.sizes["snapshot"] :]:
             axes.set_axis_off()
-        row[0].set_title(title, loc="left")
-        row[0].set_ylabel(symbol(case["y"]))
+        draw_bar(row[case.sizes["snapshot"] - 1], mesh, quantity(case["pressure"], case.attrs).label)
+        row[0].set_title(f"{title}\n", loc="left")
+        row[0].set_ylabel(quantity(case["y"], case.attrs).label)
     for axes in panels[-1]:
-        axes.set_xlabel(symbol(case["x"]))
-    figure.colorbar(mesh, ax=panels, label=symbol(pressure), shrink=0.8)
-    return figure
+        axes.set_xlabel(quantity(case["x"], case.attrs).label)
+    return figure, [f"{columns} of {most} snapshots"] * (most > columns)
 
 
-def _surface(title: str, case: Dataset, style: Style) -> Figure:
-    """Draw maps of pressure and gap of one case, with a cut below."""
-    case = case.isel(snapshot=spread(case.sizes["snapshot"], MOST_MAPS)).load()
-    count, cut, view = case.sizes["snapshot"], section(case), window([case])
-    (left, right), (low, high) = view["x"], view["y"]
-    width = 145.0 / max(count, 2)
-    height = width * min((high - low) / (right - left), 1.5)
-    figure = new_figure(2, 26.0 + 2 * height + 60.0, style)
+def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str]]:
+    """Draw maps of pressure and gap of one case, with cuts below, in up to MOST_ROWS rows."""
+    seen, cut = Extremes.of([whole]), section(whole)
+    gap = limits(whole["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
+    case, notes = part_of(whole, MOST_MAPS * MOST_ROWS)
+    count = case.sizes["snapshot"]
+    columns, rows = min(count, MOST_MAPS), -(-count // MOST_MAPS)
+    height = _height_of_map(columns, seen.view)
+    figure = new_figure(2, 14.0 + (2 * height + 74.0) * rows, style)
+    ratios = (height, height, 30.0, 30.0) * rows
     panels = figure.subplots(
-        4, count, sharex=True, sharey="row", squeeze=False, height_ratios=(height, height, 30.0, 30.0)
+        4 * rows, columns, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
     )
-    gap_in_view = case["gap"].sel({name: slice(*view[name]) for name in "xy"})
-    looks: dict[str, dict[str, Any]] = {
-        "pressure": {"vmax": float(case["pressure"].max()) or 1.0, "cmap": PRESSURE_COLOURS},
-        "gap": {"vmax": float(gap_in_view.max()) or 1.0, "cmap": GAP_COLOURS},
-    }
-    fields = {"pressure": case["pressure"], "gap": _open_gap(case)}
-    for i, (column, time) in enumerate(zip(panels.T, snapshot_titles(case), strict=True)):
-        for axes, (name, field), line in zip(column, fields.items(), ("0.4", "white"), strict=False):
-            mesh = draw_map(axes, field.isel(snapshot=i), view, vmin=0.0, **looks[name])
-            axes.axhline(float(cut["y"]), color=line, linewidth=0.6, linestyle=(0, (4, 3)))
-            if i == count - 1:
-                figure.colorbar(mesh, ax=panels[list(fields).index(name)], label=symbol(field), aspect=12)
-        _draw_cut(column[2], cut.isel(snapshot=i))
-        column[3].plot(cut["x"], cut["pressure"].isel(snapshot=i), color=colours(1)[0])
+    x, y, u, p = (quantity(case[name], case.attrs) for name in ("x", "y", "displacement", "pressure"))
+    ranges = {"pressure": (0.0, seen.peak), "gap": (0.0, gap)}
+    surface = np.array(heights(limits(cut["displacement"]))) / u.scale
+    for i, time in enumerate(snapshot_titles(case)):
+        row, place = divmod(i, columns)
+        column = panels[4 * row : 4 * row + 4, place]
+        meshes = _draw_column(column, case.isel(snapshot=i), float(cut["y"]), seen.view, ranges)
         column[0].set_title(time, loc="right")
-        column[3].set_xlabel(symbol(case["x"]))
-    y, u, p = (symbol(case[name]) for name in ("y", "displacement", "pressure"))
-    for axes, label in zip(panels[:, 0], (y, y, f"{u}, punch", p), strict=True):
-        axes.set_ylabel(label)
-    panels[0, 0].set_title(title, loc="left")
-    panels[2, 0].set_ylim(*heights(cut["displacement"]))
-    panels[3, 0].set_ylim(bottom=0)
-    return figure
+        column[2].set_ylim(surface)
+        column[3].set(xlabel=x.label, ylim=(0, 1.05 * seen.peak / p.scale))
+        if place == 0:
+            for axes, label in zip(column, (y.label, y.label, f"{u.label}, punch", p.label), strict=True):
+                axes.set_ylabel(label)
+        if place == columns - 1 or i == count - 1:
+            for axes, mesh, name in zip(column, meshes, ranges, strict=False):
+                draw_bar(axes, mesh, quantity(case[name], case.attrs).label)
+    for axes in panels[-4:, (count - 1) % columns + 1 :].flat:
+        axes.remove()
+    panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
+    return figure, notes
 
 
-def draw_map(axes: Axes, field: DataArray, view: Window, **look: Any) -> AxesImage:
+def _draw_column(
+    column: Any, one: Dataset, middle: float, view: Window, ranges: Mapping[str, tuple[float, float]]
+) -> list[AxesImage]:
+    """Draw pressure, gap, and the cut along x at y = middle, of one snapshot; return the two maps."""
+    x, y, u, p = (quantity(one[name], one.attrs) for name in ("x", "y", "displacement", "pressure"))
+    pressure, gap = one["pressure"].load(), one["gap"].load()
+    cut = one.sel(y=middle)
+    across = cut["x"] / x.scale
+    meshes = []
+    fields = (pressure, _open_gap(gap, pressure))
+    for axes, field, line in zip(column, fields, ("0.4", "white"), strict=False):
+        meshes.append(draw_map(axes, one, field, view, ranges[str(field.name)]))
+        axes.axhline(middle / y.scale, color=line, linewidth=0.6, linestyle=(0, (4, 3)))
+    column[2].plot(across, cut["displacement"] / u.scale, color=colours(1)[0])
+    column[2].plot(across, (cut["displacement"] + cut["gap"]) / u.scale, **PUNCH)
+    column[3].plot(across, cut["pressure"] / p.scale, color=colours(1)[0])
+    return meshes
+
+
+def _height_of_map(columns: int, view: Window) -> float:
+    (left, right), (low, high) = view["x"], view["y"]
+    return MAPS_MM / max(columns, 2) * min((high - low) / (right - left), 1.5)
+
+
+def draw_map(
+    axes: Axes, case: Dataset, field: DataArray, view: Window, ends: tuple[float, float]
+) -> AxesImage:
     """Draw one field over the surface.
 
     Parameters
     ----------
     axes : Axes
         The panel.
+    case : Dataset
+        The case, whose attributes are the scales.
     field : DataArray
         The field along x and y; NaN is drawn in the colour of the contact.
     view : Window
         The part of x and y that is shown.
-    **look
-        Options of matplotlib's imshow.
+    ends : (float, float)
+        Least and largest value of the colours.
     """
-    x, y = (field[name].to_numpy() for name in "xy")
-    dx, dy = (float(axis[1] - axis[0]) / 2 for axis in (x, y))
+    x, y = (quantity(case[name], case.attrs) for name in "xy")
+    scale = quantity(field, case.attrs).scale
     axes.set_facecolor(CONTACT)
     mesh = axes.imshow(
-        field.transpose("y", "x").to_numpy(),
+        map_values(case, field),
         origin="lower",
-        extent=(x[0] - dx, x[-1] + dx, y[0] - dy, y[-1] + dy),
+        extent=(*_edges(case["x"], x.scale), *_edges(case["y"], y.scale)),
         interpolation="nearest",
-        **look,
+        vmin=ends[0] / scale,
+        vmax=ends[1] / scale,
+        cmap={"pressure": PRESSURE_COLOURS, "gap": GAP_COLOURS}.get(str(field.name), "viridis"),
     )
-    axes.set(aspect="equal", xlim=view["x"], ylim=view["y"])
+    axes.set(aspect="equal", xlim=np.divide(view["x"], x.scale), ylim=np.divide(view["y"], y.scale))
     return mesh
 
 
-def _draw_cut(axes: Axes, cut: Dataset) -> None:
-    """Draw the surface and, dashed, the punch along a cut."""
-    axes.plot(cut["x"], cut["displacement"], color=colours(1)[0])
-    axes.plot(cut["x"], cut["displacement"] + cut["gap"], **PUNCH)
+def map_values(case: Dataset, field: DataArray) -> FloatArray:
+    """Return the values of a map, rows along y, without points that no picture can show."""
+    thinned = {name: slice(None, None, -(-field.sizes[name] // MAP_POINTS)) for name in "xy"}
+    values: FloatArray = field.isel(thinned).transpose("y", "x").to_numpy()
+    return values / quantity(field, case.attrs).scale
 
 
-def heights(surface: Any) -> tuple[float, float]:
+def _edges(coordinate: DataArray, scale: float) -> tuple[float, float]:
+    """Return the ends of the grid along one axis, half a cell beyond its outer points."""
+    values = coordinate.to_numpy()
+    half = (values[1] - values[0]) / 2
+    return float((values[0] - half) / scale), float((values[-1] + half) / scale)
+
+
+def draw_bar(axes: Axes, mesh: AxesImage, label: str) -> None:
+    """Draw a colour bar beside a map, as high as the map."""
+    axes.figure.colorbar(mesh, cax=axes.inset_axes((1.05, 0.0, 0.06, 1.0)), label=label)
+
+
+def heights(ends: ArrayLike) -> tuple[float, float]:
     """Return the range of heights to show: the surface, and 0.6 of its range above it, for the punch."""
-    low, high = float(np.min(surface)), float(np.max(surface))
+    low, high = float(np.min(ends)), float(np.max(ends))
     size = (high - low) or 1e-12
     return low - 0.15 * size, high + 0.6 * size
 
 
-def _open_gap(case: Dataset) -> DataArray:
+def _open_gap(gap: DataArray, pressure: DataArray) -> DataArray:
     """Return the gap, or NaN in contact: where the pressure, relative to its maximum, is the larger."""
-    gap, pressure = case["gap"], case["pressure"]
-    space = [name for name in gap.dims if name != "snapshot"]
-    return gap.where(pressure * gap.max(space) <= gap * pressure.max(space))
+    return gap.where(pressure * gap.max() <= gap * pressure.max())

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gfmdlayer.figures.labels import symbol
+from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, spread, styled
-from gfmdlayer.figures.snapshot_selection import extent, section, snapshot_times
+from gfmdlayer.figures.quantities import finish, quantity
+from gfmdlayer.figures.snapshot_selection import Extremes, section, snapshot_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
+    from gfmdlayer.figures.quantities import Quantity
+
 OVERLAP = 2.5  # height of the largest profile relative to the distance between profiles
 MOST_TICKS = 12
 
 
-def waterfall_figure(case: Dataset, title: str = "", style: Style = PAPER) -> Figure:
+def waterfall_figure(
+    case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = ()
+) -> Figure:
     """Draw the contact pressure at the times of the snapshots; a surface in two dimensions is cut along x.
 
     Parameters
@@ -29,11 +35,16 @@ def waterfall_figure(case: Dataset, title: str = "", style: Style = PAPER) -> Fi
         Title of the case.
     style : Style
         Fonts and lines, and the size of a column.
+    notes : sequence of str
+        What the figure says of other cases.
     """
     cut = section(case)
-    time_label, times = snapshot_times(case)
-    count = len(times)
-    x, pressure = cut["x"].to_numpy(), cut["pressure"].transpose("snapshot", "x").to_numpy()
+    clock, seconds = snapshot_times(case)
+    times, count = value_labels(seconds), len(seconds)
+    along, up = (quantity(cut[name], case.attrs) for name in ("x", "pressure"))
+    x = cut["x"].to_numpy() / along.scale
+    pressure = cut["pressure"].transpose("snapshot", "x").to_numpy() / up.scale
+    left, right = Extremes.of([cut]).view["x"]
     scale = OVERLAP / (pressure.max() or 1.0)
     with styled(style):
         figure = new_figure(1, 35.0 + min(6.0 * count, 85.0), style)
@@ -48,14 +59,15 @@ def waterfall_figure(case: Dataset, title: str = "", style: Style = PAPER) -> Fi
         axes.minorticks_off()
         axes.tick_params(right=False, top=False)
         axes.spines[["right", "top"]].set_visible(False)
-        ylim = (-0.3, count - 0.8 + OVERLAP)
-        axes.set(xlabel=symbol(cut["x"]), ylabel=time_label, xlim=extent([cut], "x"), ylim=ylim)
+        axes.set(xlabel=along.label, xlim=(left / along.scale, right / along.scale))
+        axes.set(ylabel=clock.label, ylim=(-0.3, count - 0.8 + OVERLAP))
         axes.set_title(title, loc="left")
-        _draw_scale(axes, pressure.max(), scale, count - 1)
+        _draw_scale(axes, up, pressure.max(), scale, count - 1)
+        finish(figure, notes)
     return figure
 
 
-def _draw_scale(axes: Axes, peak: float, scale: float, base: float) -> None:
+def _draw_scale(axes: Axes, up: Quantity, peak: float, scale: float, base: float) -> None:
     """Draw a scale bar as high as a round pressure beside the uppermost profile, at the height `base`."""
     if peak <= 0:
         return
@@ -63,4 +75,6 @@ def _draw_scale(axes: Axes, peak: float, scale: float, base: float) -> None:
     value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
     position = axes.get_yaxis_transform()  # x as a fraction of the panel
     axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=position)
-    axes.text(0.95, base + scale * value / 2, f"$p$ = {value:g}", ha="right", va="center", transform=position)
+    axes.text(
+        0.95, base + scale * value / 2, up.equals(f"{value:g}"), ha="right", va="center", transform=position
+    )

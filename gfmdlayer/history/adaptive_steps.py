@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.time_points import Instant, stops
+from gfmdlayer.history.time_points import Course, Instant, fingerprint, stops
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
@@ -41,6 +41,8 @@ class _Position:
     largest_response: float = 0.0
     largest_depth: float = 0.0
     depth: float = 0.0
+    reach: float = 0.0  # a next stop before this time would have shortened a step since the last one
+    bound: bool = False  # whether a step was shortened because the run ends
 
 
 class AdaptiveSteps:
@@ -57,6 +59,8 @@ class AdaptiveSteps:
         Last time.
     snapshots, kinks, times : iterable of float
         Times to land on.
+    slowdown : float
+        Factor by which relaxation times are longer at the start than those of the integrator.
     """
 
     def __init__(
@@ -67,8 +71,9 @@ class AdaptiveSteps:
         snapshots: Iterable[float],
         kinks: Iterable[float],
         times: Iterable[float] = (),
+        slowdown: float = 1.0,
     ) -> None:
-        self._integrator, self._tolerance = integrator, tolerance
+        self._integrator, self._tolerance, self._slowdown = integrator, tolerance, slowdown
         self._stops = stops(end, snapshots, kinks, times)
         self._position = _Position()
 
@@ -81,6 +86,8 @@ class AdaptiveSteps:
                 now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
             stop = self._stops[now.next_stop]
             left = stop.time - now.time
+            now.bound = now.bound or self._ends(now.next_step)
+            now.reach = max(now.reach, now.time + 2 * now.next_step)
             # Two halves rather than a step and a much shorter one before the stop.
             step = left if now.next_step >= left else min(now.next_step, left / 2)
             self._lands = step == left
@@ -112,7 +119,7 @@ class AdaptiveSteps:
             # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
             pressed = depth_scale > 0 and bool(spectrum.any())
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
-            now.next_step = self._integrator.shortest_time * first
+            now.next_step = self._integrator.shortest_time * self._slowdown * first
         else:
             relative, displacement = self._integrator.error(
                 spectrum, moving=depth != now.depth, deep=depth >= _RETRACTED * depth_scale
@@ -125,7 +132,21 @@ class AdaptiveSteps:
             now.time = self._given.time
             now.after_kink = self._given.kink
             now.next_stop += self._lands
+            now.reach = 0.0 if self._lands else now.reach
         return accepted
+
+    def course(self) -> Course | None:
+        """Return the course where the next step is the first to depend on the end."""
+        now = self._position
+        following = now.next_step * (_AFTER_KINK if now.after_kink else 1.0)
+        if now.bound or now.time == 0 or not self._ends(following):
+            return None
+        return Course(now.time, now.next_stop, fingerprint(self._stops[: now.next_stop]), now.reach)
+
+    def _ends(self, step: float) -> bool:
+        """Whether the end shortens a step."""
+        now = self._position
+        return now.next_stop == len(self._stops) - 1 and step > (self._stops[-1].time - now.time) / 2
 
     def state(self) -> State:
         """Return the position in time and the quantities that set the length of the next step."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from itertools import islice
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass, replace
+from itertools import islice, pairwise
+from typing import TYPE_CHECKING
 
-from gfmdlayer.arrays import ComplexArray
-from gfmdlayer.resumable import State
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import ComplexArray
+    from gfmdlayer.resumable import State
 
 # Times closer than this part of the run are the same: output times carry the rounding of decimals and sums.
 SAME_TIME = 1e-10
@@ -24,21 +27,85 @@ class Instant:
     kink: bool = False
 
 
-class FixedSteps:
-    """Steps that are known before the run; each is accepted."""
+@dataclass(frozen=True)
+class Course:
+    """The steps up to a time, where they do not depend on the end of the run.
 
-    def __init__(self, instants: Iterable[Instant]) -> None:
-        self._instants = instants
+    Attributes
+    ----------
+    time : float
+        The time reached.
+    passed : int
+        Number of stops up to it.
+    stops : str
+        Fingerprint of these.
+    reach : float
+        A next stop before this time would have changed the steps since the last one.
+    step : float
+        Length of the steps since the last stop, where it is fixed; 0 where it is not, or none were taken.
+    """
+
+    time: float
+    passed: int
+    stops: str
+    reach: float = 0.0
+    step: float = 0.0
+
+    def begins(self, stops: Sequence[Instant]) -> bool:
+        """Whether a run with these stops takes the same steps up to the time."""
+        if len(stops) <= self.passed or fingerprint(stops[: self.passed]) != self.stops:
+            return False
+        following = stops[self.passed]
+        # A margin for rounding: a step is compared with half of the rest, and the rest is a difference.
+        is_free = following.time > self.time and following.time >= self.reach * (1 + SAME_TIME)
+        return is_free and self.step in {0.0, following.step}
+
+
+def fingerprint(stops: Iterable[Instant]) -> str:
+    """Return a hash of the stops, to the last bit."""
+    return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
+
+
+class FixedSteps:
+    """Steps that are known before the run; each is accepted.
+
+    Parameters
+    ----------
+    instants : iterable of Instant
+        The time points.
+    stops : sequence of Instant
+        Those between which all steps are equal, with the lengths of the steps.
+    step : float
+        Largest length of a step.
+    """
+
+    def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
+        self._instants, self._stops = instants, stops
         self._count = 0
+        # Steps of the largest length fit a later end as well; others were fitted to this one.
+        whole = stops[-1].step == step
+        self._parting = number_of_steps(stops if whole else stops[:-1]) + (not whole)
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order."""
-        yield from islice(self._instants, self._count, None)
+        for instant in islice(self._instants, self._count, None):
+            self._time = instant.time
+            yield instant
 
     def accepts(self, _spectrum: ComplexArray, _response: float, _depth: float) -> bool:
         """Accept every step."""
         self._count += 1
         return True
+
+    def course(self) -> Course | None:
+        """Return the course where the next step may depend on the end, before the last step at the latest."""
+        time = self._time
+        if self._count != self._parting or time == 0:
+            return None
+        passed = sum(stop.time <= time for stop in self._stops)
+        begun = passed == 0 or self._stops[passed - 1].time < time
+        step = self._stops[passed].step if begun else 0.0
+        return Course(time, passed, fingerprint(self._stops[:passed]), step=step)
 
     def state(self) -> State:
         """Return the number of accepted steps."""
@@ -63,10 +130,18 @@ def equal_steps(
     kinks : iterable of float
         The last time point at or before each is marked.
     """
+    marked = {round(stop.time / step): stop for stop in equal_stops(end, step, snapshots, kinks)}
+    for i in range(round(end / step) + 1):
+        yield marked.get(i) or Instant(i * step, step)
+
+
+def equal_stops(end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]) -> list[Instant]:
+    """Start, end and marked time points of `equal_steps`, in order."""
     at_snapshot = {round(time / step) for time in snapshots}
     at_kink = {math.floor(time / step + 1e-6) for time in kinks}
-    for i in range(round(end / step) + 1):
-        yield Instant(i * step, step, i in at_snapshot, i in at_kink)
+    last = round(end / step)
+    places = sorted({0, last, *(i for i in at_snapshot | at_kink if i <= last)})
+    return [Instant(i * step, step, i in at_snapshot, i in at_kink) for i in places]
 
 
 def landing_steps(
@@ -81,16 +156,31 @@ def landing_steps(
     snapshots, kinks : iterable of float
         Times to land on.
     """
-    first, *rest = stops(end, snapshots, kinks)
+    first, *rest = landing_stops(end, step, snapshots, kinks)
     yield first
     begin = 0.0
     for stop in rest:
-        count = max(1, math.ceil((stop.time - begin) / step - 1e-6))
-        length = (stop.time - begin) / count
-        for i in range(1, count):
-            yield Instant(begin + i * length, length)
-        yield replace(stop, step=length)
+        for i in range(1, round((stop.time - begin) / stop.step)):
+            yield Instant(begin + i * stop.step, stop.step)
+        yield stop
         begin = stop.time
+
+
+def landing_stops(
+    end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
+) -> list[Instant]:
+    """Start, end and the times to land on of `landing_steps`, with the length of the steps to each."""
+    first, *rest = stops(end, snapshots, kinks)
+    found = [first]
+    for stop in rest:
+        span = stop.time - found[-1].time
+        found.append(replace(stop, step=span / max(1, math.ceil(span / step - 1e-6))))
+    return found
+
+
+def number_of_steps(stops: Sequence[Instant]) -> int:
+    """Count the equal steps between stops, that to the start left out."""
+    return sum(round((stop.time - before.time) / stop.step) for before, stop in pairwise(stops))
 
 
 def stops(

@@ -8,8 +8,10 @@ from gfmdlayer.observables.contact_means import ContactMeans
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
 from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.observables.relaxation import SeriesError, Temperature
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:
@@ -20,10 +22,13 @@ __all__ = ["OBSERVABLES", "AcceptedStep", "Column", "Observable", "columns", "kn
 # In the order of the columns; each may read the columns of those before it.
 OBSERVABLES: dict[str, type[Observable]] = {
     "contact": ContactMeans,
+    "force": Force,
     "effort": Effort,
     "friction": Friction,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
+    "temperature": Temperature,
+    "series_error": SeriesError,
     "steady_state": SteadyState,
 }
 

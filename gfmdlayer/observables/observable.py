@@ -7,8 +7,8 @@ costs estimated by these modules, so that they import neither numpy nor a compil
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
@@ -16,11 +16,13 @@ from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
     from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
+    from gfmdlayer.history.reduced_time import ReducedTime
     from gfmdlayer.punch.trajectory import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
@@ -75,6 +77,11 @@ class Column:
     def size(self) -> int:
         """Numbers in a row."""
         return 1 if self.along is None else len(self.along.edges) - 1
+
+    def in_units(self, unit: Callable[[str], str]) -> Column:
+        """Return the column with the label of its unit in place of the words."""
+        along = self.along and replace(self.along, units=unit(self.along.units))
+        return replace(self, units=unit(self.units), along=along)
 
     @property
     def described(self) -> dict[str, str]:
@@ -145,6 +152,16 @@ class Parts(Protocol):
     @property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where it stays."""
+        ...
+
+    @property
+    def series(self) -> PronySeries:
+        """The material of the layer as a series of Maxwell branches."""
+        ...
+
+    @property
+    def reduced_time(self) -> ReducedTime | None:
+        """The reduced time in which the body relaxes; None without a temperature."""
         ...
 
     @property

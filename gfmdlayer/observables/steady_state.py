@@ -35,7 +35,8 @@ class SteadyState(Observable):
         time = case.config.time
         assert time.steady is not None
         self._tolerance = time.steady
-        self._window = case.integrator.slowest(self._tolerance)
+        slowdown = 1.0 if case.reduced_time is None else case.reduced_time.factor(math.inf)
+        self._window = case.integrator.slowest(self._tolerance) * slowdown
         self._since = max(case.kinks, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()

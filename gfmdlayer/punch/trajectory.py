@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -49,6 +50,10 @@ class Constant:
     value: float
     kinks: tuple[float, ...] = ()
 
+    def in_time(self, unit: float) -> Constant:
+        """Return this velocity where time is counted in a unit."""
+        return Constant(self.value * unit)
+
     def __call__(self, _time: float, /) -> float:
         """Value at a time."""
         return self.value
@@ -62,20 +67,35 @@ class Table:
     values: npt.NDArray[np.float64]
 
     @classmethod
-    def read(cls, file: Path, quantity: str) -> Table:
+    def read(
+        cls, file: Path, quantity: str, row_error: Callable[[Sequence[float]], str | None] = lambda _: None
+    ) -> Table:
         """Read the columns time and ``quantity``; the times start at 0 and increase.
+
+        Parameters
+        ----------
+        file : Path
+            The file.
+        quantity : str
+            Name of the second column, for the messages.
+        row_error : callable
+            From the numbers of a row to the reason why they cannot be used, if any.
 
         Raises
         ------
         TableError
             Naming file and line.
         """
-        times, values = read_columns(file, ("time", quantity), increasing=True).T
+        times, values = read_columns(file, ("time", quantity), increasing=True, row_error=row_error).T
         if times[0] != 0:
             raise TableError(
                 f"{file}: the first time is {times[0]:g}; must be 0, where the simulation starts"
             )
         return cls(times, values)
+
+    def in_time(self, unit: float) -> Table:
+        """Return this velocity where time is counted in a unit."""
+        return Table(self.times / unit, self.values * unit)
 
     @property
     def kinks(self) -> tuple[float, ...]:

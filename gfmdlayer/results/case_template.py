@@ -10,6 +10,7 @@ the pressure, mostly zeros, shrinks to 10 % in 34 ns a point, the gap to 74 % an
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from typing import Any
 
@@ -18,6 +19,7 @@ import h5py
 from gfmdlayer.observables import Column
 from gfmdlayer.results.netcdf import add_variable, contents
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.results.schema import Variable
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
@@ -25,10 +27,11 @@ PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle
 SNAPSHOTS = ("snapshot", "displacement", "pressure")
 
 Lengths = tuple[tuple[str, int], ...]
+Fields = tuple[tuple[str, Variable], ...]
 
 
 @lru_cache(maxsize=8)
-def case_template(columns: tuple[Column, ...], axes: Lengths) -> bytes:
+def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
     """Return a file with all variables but the gap, with the bins of histograms and the provenance.
 
     Parameters
@@ -37,17 +40,21 @@ def case_template(columns: tuple[Column, ...], axes: Lengths) -> bytes:
         Columns of the rows, `time` among them.
     axes : tuple of (str, int)
         The grid's coordinates, with their lengths.
+    fields : tuple of (str, Variable)
+        Coordinates and fields by name, with the labels of their units.
     """
-    return contents(partial(_lay_out, columns=columns, axes=axes))
+    return contents(partial(_lay_out, columns=columns, axes=axes, known=dict(fields)))
 
 
-def _lay_out(h5: h5py.File, columns: tuple[Column, ...], axes: Lengths) -> None:
+def _lay_out(
+    h5: h5py.File, columns: tuple[Column, ...], axes: Lengths, known: Mapping[str, Variable]
+) -> None:
     h5.attrs.update(provenance())
     for column in columns:
         if column.name == "time":
             _add_column(h5, column)
     for name, length in axes:
-        add_variable(h5, name, (name,), shape=(length,))
+        add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
     for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
         for name, end, edges in (
             (bins.name, "lower", bins.edges[:-1]),
@@ -55,9 +62,9 @@ def _lay_out(h5: h5py.File, columns: tuple[Column, ...], axes: Lengths) -> None:
         ):
             described = {"long_name": f"{end} end of the bin of {bins.quantity}", "units": bins.units}
             add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
-    add_variable(h5, "snapshot", ("snapshot",), **_growing())
+    add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
     for field in ("displacement", "pressure"):
-        add_field(h5, field, tuple(name for name, _ in axes))
+        add_field(h5, field, tuple(name for name, _ in axes), known[field])
     for column in columns:
         if column.name != "time":
             _add_column(h5, column)
@@ -78,7 +85,7 @@ def _growing(*places: int) -> dict[str, Any]:
     return {**shapes, "fletcher32": True}
 
 
-def add_field(h5: h5py.File, name: str, axes: tuple[str, ...]) -> h5py.Dataset:
+def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) -> h5py.Dataset:
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
     rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
@@ -86,6 +93,8 @@ def add_field(h5: h5py.File, name: str, axes: tuple[str, ...]) -> h5py.Dataset:
         h5,
         name,
         ("snapshot", *axes),
+        known.described,
+        dtype=known.dtype,
         shape=(0, *shape),
         maxshape=(None, *shape),
         chunks=(1, rows, *shape[1:]),

@@ -55,6 +55,16 @@ class Checkpoint:
             np.savez(file, **{_ABOUT: np.array(about)}, **self.state)  # type: ignore[arg-type]
 
 
+def read_about(path: Path) -> dict[str, Any] | None:
+    """Return the plain data of a checkpoint, and `made_by`; None where they cannot be read."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about: dict[str, Any] = json.loads(str(file[_ABOUT]))
+    except Exception:  # a damaged file can fail anywhere, with any exception
+        return None
+    return about
+
+
 def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
     """Read a checkpoint.
 

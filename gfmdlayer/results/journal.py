@@ -85,8 +85,8 @@ class Journal:
     def row(self, **values: float | FloatArray) -> None:
         """Record the observables of an accepted step: numbers, and histograms."""
         self._recorder.row(**values)
-        self._columns = list(values)
-        self._rows.append(tuple(values.values()))
+        self._columns = self._columns or list(values)
+        self._rows.append(tuple(values[name] for name in self._columns))
         self._count(sum(map(np.size, values.values())) * 8)
 
     def snapshot(

@@ -156,7 +156,7 @@ def add_variable(
     """
     if described is None:
         entry = variable(name)
-        described = {"long_name": entry.long_name, "units": entry.units}
+        described = entry.described
         options.setdefault("dtype", entry.dtype)
     dataset = h5.create_dataset(name, **options)
     if tuple(dimensions) == (name,):

@@ -23,7 +23,10 @@ from gfmdlayer.results.schema import ResultsError
 if TYPE_CHECKING:
     import xarray
 
+    from gfmdlayer.results.journal import Recorder
+
 SWEEP_FILE = "sweep.h5"
+_ROWS_READ = 4096  # at a time
 
 _LOCK_IF_POSSIBLE = h5p.create(h5p.FILE_ACCESS)
 _LOCK_IF_POSSIBLE.set_file_locking(True, True)
@@ -89,11 +92,42 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
         return False
 
 
-def _is_whole(h5: h5py.File) -> bool:
-    rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
+def replay(path: Path, until: float, recorder: Recorder) -> None:
+    """Pass the rows and snapshots of a complete case up to a time on to a recorder.
+
+    Parameters
+    ----------
+    path : Path
+        File of the case.
+    until : float
+        The last time.
+    recorder : Recorder
+        Gets the rows, then the snapshots.
+    """
+    with h5py.File(path, locking="best-effort") as h5:
+        columns, fields = _growing(h5)
+        rows = int(np.searchsorted(h5["time"][:], until, side="right"))
+        for start in range(0, rows, _ROWS_READ):
+            values = [dataset[start : min(start + _ROWS_READ, rows)] for dataset in columns.values()]
+            for row in zip(*values, strict=True):
+                recorder.row(**dict(zip(columns, row, strict=True)))
+        times, *surfaces = fields
+        for i, time in enumerate(times[:].tolist()):
+            if time <= until:
+                recorder.snapshot(time, *(dataset[i] for dataset in surfaces))
+
+
+def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], list[h5py.Dataset]]:
+    """Return the columns of rows by name, and those of snapshots: time, displacement, pressure, gap."""
     columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
     fields = [columns.pop(name) for name in ("snapshot", "displacement", "pressure")]
     fields += [columns.pop("gap")] if "gap" in columns else []  # earlier versions wrote none
+    return columns, fields
+
+
+def _is_whole(h5: h5py.File) -> bool:
+    rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
+    columns, fields = _growing(h5)
     return bool(
         h5.attrs["complete"] == 1
         and all(_readable_rows(dataset) == rows for dataset in columns.values())
@@ -103,7 +137,7 @@ def _is_whole(h5: h5py.File) -> bool:
 
 def _readable_rows(dataset: h5py.Dataset) -> int:
     """Count the rows while reading them, which verifies checksums; in parts, since histograms are wide."""
-    return sum(len(dataset[start : start + 4096]) for start in range(0, len(dataset), 4096))
+    return sum(len(dataset[start : start + _ROWS_READ]) for start in range(0, len(dataset), _ROWS_READ))
 
 
 def attributes(path: str | Path) -> dict[str, object]:
@@ -133,6 +167,13 @@ def open_case(path: str | Path) -> xarray.Dataset:
     ------
     ResultsError
         If the file is missing or is not a complete case.
+
+    Examples
+    --------
+    >>> config = {"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 64}}
+    >>> _ = gfmdlayer.run(config, out="one")
+    >>> gfmdlayer.open_case("one/cases/0000.h5").time.values
+    array([0. , 0.5, 1. ])
     """
     if not is_complete(path):
         raise ResultsError(f"{path}: {_reason(Path(path))}")
@@ -154,6 +195,13 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     ------
     ResultsError
         If the folder is missing, or holds no results or no complete case.
+
+    Examples
+    --------
+    >>> config = {"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 64}}
+    >>> _ = gfmdlayer.run(config, out="two", sweep={"layer.thickness": [0.1, 0.2]})
+    >>> gfmdlayer.open_results("two").sel(thickness=0.2).contact_area.dims
+    ('time',)
     """
     directory = Path(directory)
     if not directory.is_dir():
@@ -164,6 +212,9 @@ def open_results(directory: str | Path) -> xarray.Dataset:
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
     if sweep.exists() and attributes(sweep).get("swept"):
         return _with_snapshots(_open(sweep), directory)
+    if sweep.exists():  # of the only case, beside which earlier ones may lie
+        with _open(sweep) as only:
+            files = [case_path(directory, int(only["case"]))]
     complete = [path for path in files if is_complete(path)]
     if len(complete) == 1:
         return _open(complete[0])
@@ -199,6 +250,8 @@ def _reason(path: Path) -> str:
         return "no such file"
     if path.is_dir():
         return "is a folder, not a result file"
+    if path.suffix in {".yaml", ".yml"}:
+        return "is a configuration; must be results, such as the folder results/NAME after its run"
     if not h5py.is_hdf5(path):
         return "not a result file (no HDF5)"
     return "not a complete result file"

@@ -1,13 +1,15 @@
 """Names in result files: coordinates, fields and swept parameters, their meaning, units and type.
 
-Units are those of the config that was run. In the paper's convention lengths are in L, moduli in G0 and times
-in tau, so a file says "length", "pressure" or "time" where a unit is wanted, products of these such as
-"pressure length" for an energy per area, and "1" for dimensionless quantities.
+Units are those of the config that was run, by name where it names them (`config.units`). In the paper's
+convention lengths are in L, moduli in G0 and times in tau, so without names a file says "length", "pressure",
+"time" or "force" where a unit is wanted, products of these such as "pressure length" for an energy per area,
+and "1" for dimensionless quantities.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 
 class ResultsError(OSError):
@@ -21,6 +23,15 @@ class Variable:
     long_name: str
     units: str = "1"
     dtype: str = "f8"
+
+    def in_units(self, unit: Callable[[str], str]) -> Variable:
+        """Return the variable with the label of its unit in place of the words."""
+        return replace(self, units=unit(self.units))
+
+    @property
+    def described(self) -> dict[str, str]:
+        """Attributes of the variable in a file."""
+        return {"long_name": self.long_name, "units": self.units}
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,7 @@ PARAMETERS: dict[str, Parameter] = {
     "punch.roll_off": Parameter("roll-off wavelength of the punch", "lambda_r", r"\lambda_r", "length"),
     "trajectory.depth": Parameter("depth of the indentation", "h_0", "h_0", "length"),
     "trajectory.load": Parameter("mean pressure on the punch", "p_0", "p_0", "pressure"),
+    "trajectory.force": Parameter("force on the punch", "F_0", "F_0", "force"),
     "trajectory.velocity": Parameter("velocity of the punch along x", "v", "v", "length / time"),
     "trajectory.ramp_time": Parameter("duration of the ramp", "t_0", "t_0", "time"),
     "time.step": Parameter("time step", "dt", r"\Delta t", "time"),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -27,6 +27,7 @@ from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
 from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
+from gfmdlayer.results.schema import VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
@@ -56,6 +57,8 @@ class CaseWriter:
         Seconds after which the records are handed to the operating system.
     elapsed
         Seconds spent on the case by earlier runs, added to `wall_seconds`.
+    unit
+        Label of a unit, from the words in which it is declared; by default the words themselves.
 
     Raises
     ------
@@ -71,13 +74,15 @@ class CaseWriter:
         columns: Iterable[Column] | None = None,
         flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
+        unit: Callable[[str], str] = str,
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
         self._shape = tuple(len(values) for values in self._coordinates.values())
         self._attributes = dict(attributes or {})
         declared = known_columns().values() if columns is None else columns
-        self._declared = {column.name: column for column in declared}
+        self._declared = {column.name: column.in_units(unit) for column in declared}
+        self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
         self._noted: dict[str, Attribute] = {}
         self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
@@ -171,7 +176,8 @@ class CaseWriter:
         if gap is not None:
             fields["gap"] = gap
             if not self._growing["snapshot"].shape[0]:
-                self._growing["gap"] = add_field(self._h5, "gap", tuple(self._coordinates)).id
+                gap_field = add_field(self._h5, "gap", tuple(self._coordinates), dict(self._fields)["gap"])
+                self._growing["gap"] = gap_field.id
         if ("gap" in fields) != ("gap" in self._growing):
             raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
         for name, field in fields.items():
@@ -193,7 +199,9 @@ class CaseWriter:
             known = ", ".join(sorted(self._declared))
             raise KeyError(f"{self.path}: no variable {min(unknown)!r} is declared; known: {known}")
         axes = tuple((name, len(values)) for name, values in self._coordinates.items())
-        self._h5 = self._file.begin(case_template(tuple(self._declared[name] for name in columns), axes))
+        self._h5 = self._file.begin(
+            case_template(tuple(self._declared[name] for name in columns), axes, self._fields)
+        )
         for name, values in self._coordinates.items():
             self._h5[name][...] = values
         growing = dict.fromkeys((*columns, *SNAPSHOTS))

@@ -83,7 +83,8 @@ class MustBe:
         if with_unit := re.fullmatch(
             r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z\u00b5\u03bc]{1,4})", value.strip()
         ):
-            return f"; did you mean {with_unit[1]}, without {with_unit[2]}? Lengths share one unit, so do moduli and times"
+            units = "Lengths share one unit, so do moduli and times"
+            return f"; did you mean {with_unit[1]}, without {with_unit[2]}? {units}"
         if value.lower().lstrip("+").startswith("inf"):
             return "; infinity is written .inf" if ".inf" in self.allowed else ""
         try:

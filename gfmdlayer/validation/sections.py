@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
+from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.problems import (
     ConfigError,
@@ -61,7 +62,7 @@ class Section(BaseModel):
             """
             self._take(plain(keys))
 
-    def _take(self, data: dict[str, Any], context: Any = None) -> None:
+    def _take(self, data: dict[str, Any]) -> None:
         """Validate plain data into this new section.
 
         Raises
@@ -70,7 +71,7 @@ class Section(BaseModel):
             With every error.
         """
         try:
-            self.__pydantic_validator__.validate_python(data, self_instance=self, context=context)
+            self.__pydantic_validator__.validate_python(data, self_instance=self)
         except ValidationError as error:
             raise ConfigError(map(str, self.all_problems(data, error))) from None
 
@@ -92,10 +93,10 @@ class Section(BaseModel):
 class Kind(Section):
     """One of several sections that a key may hold: its first field has the word that chooses it."""
 
-    def _take(self, data: dict[str, Any], context: Any = None) -> None:
+    def _take(self, data: dict[str, Any]) -> None:
         """Validate plain data into this new section, the word among them, which belongs to its text."""
         key, word = next(iter(type(self).model_fields.items()))
-        super()._take({key: word.default} | data, context)
+        super()._take({key: word.default} | data)
 
 
 def plain(value: object) -> Any:
@@ -106,7 +107,7 @@ def plain(value: object) -> Any:
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
         return [plain(entry) for entry in value]
-    if isinstance(value, os.PathLike):
+    if isinstance(value, os.PathLike) and not isinstance(value, MemoryFile):
         return os.fspath(value)
     return value.tolist() if hasattr(value, "tolist") else value
 

@@ -35,7 +35,12 @@ def problems(path: Path, *overrides: str) -> list[str]:
 # --- what is refused: the text after "name: x", then place and key, then words of the message ---
 
 REFUSED = {
-    "unknown key": ("gird: {}", "2:1: gird: unknown key", "allowed: name, grid,", "did you mean 'grid'?"),
+    "unknown key": (
+        "gird: {}",
+        "2:1: gird: unknown key",
+        "allowed: name, units, grid,",
+        "did you mean 'grid'?",
+    ),
     "misspelt key": ("layer: {thicknes: 1}", "2:9: layer.thicknes: unknown key", "did you mean 'thickness'?"),
     "misspelt letter case": ("layer: {material: {ginf: 20}}", "2:20: layer.material.ginf:", "mean 'Ginf'?"),
     "key in the wrong section": ("thickness: 1", "2:1: thickness:", "did you mean 'layer.thickness'?"),
@@ -321,7 +326,18 @@ REFUSED = {
         "2:51: trajectory.depth: given, but the table",
         "left out",
     ),
-    "unknown control": ("trajectory: {control: force}", "2:23: trajectory.control:", "must be depth or load"),
+    "unknown control": (
+        "trajectory: {control: forc}",
+        "2:23: trajectory.control:",
+        "must be one of depth, load, force",
+        "did you mean 'force'?",
+    ),
+    "force missing": ("trajectory: {control: force}", "2:1: trajectory.force: missing", "over the cell"),
+    "force beside load": (
+        "trajectory: {control: force, force: 1, load: 1}",
+        "2:46: trajectory.load: given, but control is force",
+        "control be load",
+    ),
     "end zero": ("time: {end: 0}", "2:13: time.end: got 0", "> 0"),
     "infinite end": ("time: {end: .inf}", "2:13: time.end: got .inf", "finite"),
     "negative step": ("time: {step: -0.1}", "2:14: time.step: got -0.1", "> 0, finite, or the word adaptive"),

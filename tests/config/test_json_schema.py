@@ -39,6 +39,7 @@ solver: {method: fire, tolerance: 1.0e-5, inertia: uniform, max_iterations: 100}
 output:
   snapshots: [0.5, 1.0]
   patches: true
+  keep_state: true
   histograms:
     pressure: {max: 1.0, bins: 5, scale: log, min: 0.1}
     gap: {max: 1.0, bins: 5, scale: log, min: 0.1}
@@ -56,7 +57,8 @@ output: {times: 0.1}
     LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
-    SURFACE + "punch: {radius: [0.5, .inf]}\n",
+    SURFACE + "punch: {radius: [0.5, .inf]}\nunits: {length: um, stress: MPa, time: s}\n",
+    LINE + "trajectory: {control: force, force: 1.0}\n",
     LINE + "sweep: {zip: {layer.thickness: [0.1, 0.1], punch.radius: [0.2, 0.3]}, solver.method: [fire]}\n",
     LINE
     + "sweep: {latin_hypercube: {samples: 4, seed: 7, layer.thickness: {from: 0.1, to: 1, scale: log}}}\n",

@@ -34,6 +34,10 @@ def sweep() -> list[Config]:
     return [case.config for case in cases(Config(name="x", sweep=SWEEP))]
 
 
+def work(config: Config) -> float:
+    return estimate(config).work
+
+
 def seconds(config: Config) -> float:
     """Seconds that differ from the estimated work by a factor of the solver."""
     return estimate(config).work * {"fire": 3e-8, "conjugate_gradient": 1e-8}.get(config.solver.method, 2e-7)
@@ -41,22 +45,22 @@ def seconds(config: Config) -> float:
 
 def test_seconds_per_work_are_learnt_for_each_kind_of_case() -> None:
     every = sweep()
-    model = CostModel((config, seconds(config)) for config in every[::3])
-    assert model.fitted
+    model = CostModel(((config, seconds(config)) for config in every[::3]), work)
     for config in every:
         assert model.seconds(config) == pytest.approx(seconds(config), rel=1e-12)
 
 
 def test_one_disturbed_case_does_not_change_the_others() -> None:
     every = sweep()
-    model = CostModel((config, seconds(config) * (50 if config is every[5] else 1)) for config in every)
+    disturbed = ((config, seconds(config) * (50 if config is every[5] else 1)) for config in every)
+    model = CostModel(disturbed, work)
     for config in every:
         assert model.seconds(config) == pytest.approx(seconds(config), rel=1e-12)
 
 
 def test_a_kind_without_finished_cases_counts_as_a_typical_one() -> None:
     every = sweep()
-    model = CostModel((config, seconds(config)) for config in every if config.solver.method != "fire")
+    model = CostModel(((config, seconds(config)) for config in every if config.solver.method != "fire"), work)
     for config in every[:4]:
         assert 1e-8 <= model.seconds(config) / estimate(config).work <= 2e-7
 
@@ -64,8 +68,7 @@ def test_a_kind_without_finished_cases_counts_as_a_typical_one() -> None:
 def test_without_finished_cases_the_work_counts() -> None:
     sizes = [(256, 1.0), (1024, 8.0), (256, 8.0), (1024, 1.0)]
     every = [case_with({"grid.points": points, "time.end": end}) for points, end in sizes]
-    assert not CostModel().fitted
-    found = [CostModel().seconds(config) for config in every]
+    found = [CostModel(expected=work).seconds(config) for config in every]
     assert sorted(found, reverse=True) == [found[place] for place in (1, 2, 3, 0)]
 
 
@@ -80,14 +83,12 @@ def test_a_solver_declares_its_cost() -> None:
 
 
 def test_seconds_are_read_from_complete_files_and_a_lost_file_is_passed_over(tmp_path: Path) -> None:
-    every, paths = sweep()[:3], [tmp_path / f"{index}.h5" for index in range(3)]
+    every, paths = [sweep()[0]] * 3, [tmp_path / f"{index}.h5" for index in range(3)]
     for path in paths[:2]:
         with CaseWriter(path, {"x": np.arange(4.0)}, {"wall_seconds": 7.5}) as writer:
             writer.row(time=0.0)
     model = CostModel.of_files(dict(zip(paths, every, strict=True)))
-    assert model.fitted
     assert model.seconds(every[0]) == pytest.approx(7.5)
-    assert not CostModel.of_files({}).fitted
 
 
 @pytest.mark.parametrize("rows", [0, 20, 100])

@@ -8,7 +8,7 @@ import h5py
 import pytest
 
 from gfmdlayer.config import Config, ConfigError, digest
-from gfmdlayer.execution.rerun import stored_config
+from gfmdlayer.execution.folder import stored_config
 
 PROFILE = "".join(f"{j / 8} {abs(j - 4)}\n" for j in range(8))
 FILES = {

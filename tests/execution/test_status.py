@@ -149,7 +149,7 @@ def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
 
 
 def test_of_very_many_failures_some_are_read(make: Make) -> None:
-    folder = make(10, failed=range(FAILURES_READ + 500))
+    folder = make(FAILURES_READ + 500, failed=range(FAILURES_READ + 500))
     seen = overview(folder)
     assert (seen.failed, len(seen.failures)) == (FAILURES_READ + 500, FAILURES_READ)
 

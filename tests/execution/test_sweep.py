@@ -146,12 +146,6 @@ def test_another_configuration_is_refused_with_the_keys_that_differ(
     assert (tmp_path / "out/config.yaml").read_bytes() == before
 
 
-def test_a_changed_sweep_is_another_configuration(configure: Configure, tmp_path: Path) -> None:
-    run(configure(), tmp_path / "out")
-    with pytest.raises(FolderError, match=r"sweep\.layer\.thickness"):
-        run(configure(TINY + SWEEP.replace("[0.02, 0.1]", "[0.02, 0.2]")), tmp_path / "out")
-
-
 def test_another_content_of_an_input_file_is_refused(configure: Configure, tmp_path: Path) -> None:
     profile = tmp_path / "profile.txt"
     text = TINY + "punch: {shape: profile, file: profile.txt}\n"

@@ -152,7 +152,7 @@ def test_pictures_are_named_after_the_results_and_matplotlib_is_left_as_it_was(t
     assert written.keys() == {"demo.png", "demo-snapshots.png", "0002.png", "0002-waterfall.png"}
     assert all(content.startswith(b"\x89PNG") for content in written.values())
     assert dict(mpl.rcParams) == before
-    with pytest.raises(ResultsError, match="no complete case 0007"):
+    with pytest.raises(ResultsError, match="there is no case 7; must be from 0 to"):
         plot_results(thicknesses, case=7)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
 from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.results.case_template import case_template
 from gfmdlayer.results.reader import case_path, open_results
 from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
@@ -78,7 +80,5 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(
     assert of_work == "work: NaN in cases 0002, 0003, 0004, 0005, 0006 and 2 more"
 
 
-def _fresh_template(columns: tuple[Column, ...], axes: tuple[tuple[str, int], ...]) -> bytes:
-    from gfmdlayer.results.case_template import case_template
-
-    return case_template.__wrapped__(columns, axes)
+def _fresh_template(*layout: Any) -> bytes:
+    return case_template.__wrapped__(*layout)

@@ -22,7 +22,11 @@ from gfmdlayer.validation.problems import shown, unknown_key
 
 OF_A_CURVE = ("contact_point", "drift", "force_offset")
 SECTIONS = ("name", "units", "grid", "layer", "layers", "halfspace", "punch", "temperature", "shift")
-LINEAR: Mapping[str, tuple[float, float]] = {"poisson": (-0.99, 0.5), "exponent": (0.01, 0.99)}
+LINEAR: Mapping[str, tuple[float, float]] = {
+    "poisson": (-0.99, 0.5),
+    "exponent": (0.01, 1.0),
+    "alpha": (0.01, 1.0),
+}
 WIDE = 1e4  # default bounds of other parameters, as a factor from where they start
 _PART = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 

@@ -14,11 +14,13 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
+from pydantic import ValidationError
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import OF_A_CURVE, WIDE, Model, Parameter
+from gfmdlayer.fitting.measurement import FitError
 
 TRIES = 3  # of the differences, where a contact leaves the nodes on the way
 # Steps of the differences in a logarithm, and in the range of a linear parameter: a derivative is off by half
@@ -26,7 +28,19 @@ TRIES = 3  # of the differences, where a contact leaves the nodes on the way
 # step would turn into a derivative.
 STEP, LINEAR_STEP = 5e-3, 2e-3
 MODULI = {"G0", "Ginf", "G", "shear_modulus"}
-NO_MODULI = {"tau", "thickness", "poisson", "exponent", "radius", "slope", "angle", "width", "face"}
+NO_MODULI = {
+    "tau",
+    "thickness",
+    "poisson",
+    "exponent",
+    "alpha",
+    "gamma",
+    "radius",
+    "slope",
+    "angle",
+    "width",
+    "face",
+}
 
 
 class LeastSquares:
@@ -136,11 +150,18 @@ class LeastSquares:
         return tuple(each.changes for each in self.predictions)
 
     def residuals(self, u: FloatArray) -> FloatArray:
-        """Return predicted minus measured force over the noise, curve after curve."""
+        """Return predicted minus measured force over the noise, curve after curve.
+
+        Infinite where the model refuses the values or its contact is not found: the fit then steps less.
+        """
+        try:
+            forces = self.forces(u)
+        except (ValidationError, FitError):
+            return np.full(sum(each.curve.time.size for each in self.predictions), np.inf)
         return np.concatenate(
             [
                 (force - each.curve.force) / noise
-                for force, each, noise in zip(self.forces(u), self.predictions, self.noise, strict=True)
+                for force, each, noise in zip(forces, self.predictions, self.noise, strict=True)
             ]
         )
 
@@ -171,7 +192,11 @@ class LeastSquares:
         moved = u.copy()
         step = STEP if parameter.scale == "logarithmic" else LINEAR_STEP * self._range(parameter)
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
-        config = self.config(moved) if parameter.key not in OF_A_CURVE else self.config(u)
+        try:
+            config = self.config(moved)
+        except ValidationError:  # a bound that depends on another parameter
+            moved[i] = 2 * u[i] - moved[i]
+            config = self.config(moved)
         column = []
         for force, prediction in zip(forces, self.predictions, strict=True):
             if parameter.curve not in {"", prediction.curve.name}:

@@ -1,0 +1,195 @@
+"""A stack of layers as a network of springs and dashpots, reduced to the displacement of its surface.
+
+Poisson's ratios do not relax, so each of the springs of `springs` has the modulus k G(s) of its layer. A
+Prony solid stretched by e is a spring of its glassy modulus in series with Kelvin elements, one for each
+retardation time theta_j and compliance J_j of its law, 1/G(s) = 1/Ginf + sum_j J_j/(1 + s theta_j). With the
+elongation eta_j = xi_j sqrt(J_j/k) of each element the energy is
+
+    k Ginf/2 (e - sum_j eta_j)^2 + 1/2 sum_j xi_j^2,          dissipation 1/2 sum_j theta_j (d xi_j/dt)^2.
+
+The strains e are linear in the displacement u of the surface and in those of the interfaces, which follow
+without inertia. Once they are eliminated, the body is, besides the free surface layer (its stiffness times
+the layer's modulus),
+
+    energy 1/2 |g u - B xi|^2 + 1/2 |xi|^2,       (1 + B^T B) xi + theta d(xi)/dt = B^T g u
+
+with one row of B for each redundant spring. The internal vector xi is the state of the body, whatever its
+temperature: a shift of a layer's times multiplies its theta_j, and nothing else. At constant times the
+symmetric eigenproblem theta^(-1/2) (1 + B^T B) theta^(-1/2) v = v/theta' gives the relaxing modes.
+
+The displacements are eliminated by an exchange of unknowns (Gauss-Jordan), from the base up and at each
+interface first the normal one (else digits are lost where layers are thin and incompressible): each becomes
+the strain of the spring that resists it most, and the other springs' strains are combinations N e + n u of
+these. Weighted with the roots of the stiffnesses, N -> M, n -> m, the entries of M are of order one and of
+full relative accuracy, for stiffnesses that differ by any factor; with L L^T = 1 + M M^T, g = L^-1 m, and B
+has the columns of L^-1 (-M, 1) times sqrt(Ginf J_j). Nothing is subtracted: 1/theta' is found as the squared
+singular values of theta^(-1/2) above B theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
+accuracy over any range of times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray, IntArray
+from gfmdlayer.body.materials import Material
+from gfmdlayer.body.relaxation import distinct_branches, retardation_spectrum
+from gfmdlayer.body.springs import Springs
+
+
+@dataclass(frozen=True)
+class Network:
+    """The internal variables of a stack at wavenumbers q: (1 + B^T B) xi + theta d(xi)/dt = B^T g u.
+
+    The surface stiffness is K(q, s) = free G_1(s) + g.g - g.B (1 + B^T B + s theta)^-1 B^T g, with the
+    modulus G_1 of the uppermost layer.
+
+    Attributes
+    ----------
+    free : ndarray, shape (nq,)
+        Stiffness of the uppermost layer alone, for a unit modulus.
+    force : ndarray, shape (nq, redundant)
+        g.
+    coupling : ndarray, shape (nq, redundant, internal)
+        B.
+    times : ndarray, shape (internal,)
+        Retardation times theta_j of the materials, in the viscosities of the internal variables.
+    layer : ndarray of int, shape (internal,)
+        The layer whose material has this time, counted from the surface.
+    """
+
+    free: FloatArray
+    force: FloatArray
+    coupling: FloatArray
+    times: FloatArray
+    layer: IntArray
+
+    def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
+        """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
+        order = np.argsort(self.times)
+        roots = np.sqrt(self.times[order])
+        if not roots.size or not self.force.shape[1]:
+            return np.zeros(0), np.zeros(0)
+        coupling = self.coupling[i][:, order] / roots
+        slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), coupling)))
+        return ((self.force[i] @ coupling) @ vectors) ** 2 / slowness**2, 1 / slowness**2
+
+
+def singular_values(system: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values, from the largest, and right singular vectors, by Jacobi rotations.
+
+    They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
+    """
+    from scipy.linalg.lapack import dgejsv
+
+    values, _, vectors, scale, *_, info = dgejsv(system, joba=2, jobu=3, jobv=0)
+    if info:
+        raise ArithmeticError(f"no convergence to the relaxing modes of a stack (dgejsv: {info})")
+    return values * (scale[0] / scale[1]), vectors
+
+
+class Member(NamedTuple):
+    """The springs of one layer or halfspace, and its material.
+
+    Attributes
+    ----------
+    springs : Springs
+        Springs for a unit modulus.
+    material : Material
+        Shear response.
+    first : int
+        The first of the displacements that strain them.
+    confined : float
+        Compression per pressure of a layer that cannot widen, for a unit modulus; 0 where it does not count.
+    """
+
+    springs: Springs
+    material: Material
+    first: int
+    confined: float
+
+
+def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displacements: int) -> Network:
+    """Eliminate the displacements of the interfaces, and give each spring the elements of its material.
+
+    Parameters
+    ----------
+    members : sequence of Member
+        From the surface down.
+    free : ndarray, shape (nq,)
+        Stiffness of the uppermost layer alone, for a unit modulus.
+    q : ndarray, shape (nq,)
+        Wavenumbers, not negative, the unit of the springs' stiffness.
+    displacements : int
+        Number of displacements: that of the surface, and two of each interface that moves.
+    """
+    if not members:
+        none = np.zeros((q.size, 0))
+        return Network(free, none, none[:, :, np.newaxis], none[0], np.empty(0, dtype=np.intp))
+    owner = np.repeat(np.arange(len(members)), [member.springs.stiffness.shape[1] for member in members])
+    strains = np.zeros((q.size, owner.size, displacements))
+    for i, member in enumerate(members):
+        of, first = member.springs.strains, member.first
+        inside = min(of.shape[2], displacements - first)  # a rigid base does not move
+        strains[:, owner == i, first : first + inside] = of[:, :, :inside]
+    glassy = np.array([member.material.glassy for member in members])[owner]
+    stiffness = np.concatenate([member.springs.stiffness for member in members], axis=1)
+    force, projection = _redundants(strains, np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None]))
+    mean = q == 0
+    force[mean], projection[mean] = 0.0, 0.0
+    confined = np.array([member.confined for member in members])
+    if mean.any() and confined.any():
+        one_each = np.searchsorted(owner, np.arange(len(members)))
+        whole = 1 / (confined / glassy[one_each]).sum()
+        force[mean, 0] = np.sqrt(whole)
+        for i, compliance in zip(one_each, confined, strict=True):
+            projection[mean, 0, i] = np.sqrt(whole * compliance / glassy[i])
+    known = [_kelvin(member.material) for member in members]
+    columns = [projection[:, :, i, np.newaxis] * known[layer][0] for i, layer in enumerate(owner)]
+    return Network(
+        free,
+        force,
+        np.concatenate(columns, axis=2),
+        np.concatenate([known[layer][1] for layer in owner]),
+        np.repeat(owner, [known[layer][1].size for layer in owner]),
+    )
+
+
+def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
+    """Roots of Ginf J_j, and theta_j."""
+    moduli, times = distinct_branches(material)
+    if not moduli.size:
+        return moduli, times
+    compliances, thetas = retardation_spectrum(moduli, times, np.array([material.relaxed]))
+    return np.sqrt(material.glassy * compliances[:, 0]), thetas[:, 0]
+
+
+def _redundants(strains: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return g and L^-1 (-M, 1) for strains over (u, interfaces) and roots of the springs' stiffnesses."""
+    table, (count, springs, columns) = strains.copy(), strains.shape
+    each = np.arange(count)
+    free = np.ones((count, springs), dtype=bool)
+    basis = np.empty((count, columns - 1), dtype=np.intp)
+    from_below = [j for normal in range(columns - 2, 0, -2) for j in (normal, normal + 1)]
+    for j in from_below:
+        pivot = np.argmax(np.where(free, np.abs(table[:, :, j]) * weights, -1.0), axis=1)
+        row = table[each, pivot] / table[each, pivot, j, np.newaxis]
+        row[:, j] = -1 / table[each, pivot, j]
+        factor = table[:, :, j].copy()
+        table[:, :, j] = 0.0
+        table -= factor[:, :, np.newaxis] * row[:, np.newaxis]
+        free[each, pivot], basis[:, j - 1] = False, pivot
+    rest = np.argsort(~free, axis=1, kind="stable")[:, : springs - columns + 1]
+    at = each[:, np.newaxis]
+    combined = table[at, rest] * weights[at, rest][:, :, np.newaxis]
+    ratios = combined[:, :, 1:] / weights[at, basis][:, np.newaxis]
+    identity = np.broadcast_to(np.eye(rest.shape[1]), (count, rest.shape[1], rest.shape[1]))
+    lower = np.linalg.cholesky(identity + ratios @ np.swapaxes(ratios, 1, 2))
+    reduced = np.linalg.solve(lower, np.concatenate((combined[:, :, :1], -ratios, identity), axis=2))
+    projection = np.zeros((count, rest.shape[1], springs))
+    np.put_along_axis(projection, np.concatenate((basis, rest), axis=1)[:, np.newaxis], reduced[:, :, 1:], 2)
+    return reduced[:, :, 0], projection

@@ -1,0 +1,206 @@
+"""Stacks: any number of viscoelastic layers on a halfspace, on a rigid base, or free at the bottom.
+
+The stiffness K(q, s) of the surface follows from the impedance of the base, which is carried upwards by a
+linear map of its minors through each layer (`springs.minors`); without shear traction K = q det Z/Z_UU. No
+term overflows, and the result has nearly all digits from thin layers to thick ones and for any ratio of
+moduli. Its relaxing modes are those of a network of springs and dashpots (`network`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.materials import Material
+from gfmdlayer.body.merging import merged
+from gfmdlayer.body.network import Member, Network, assemble
+from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches
+from gfmdlayer.body.springs import (
+    halfspace_minors,
+    halfspace_springs,
+    layer_springs,
+    minors,
+    surface_springs,
+)
+
+# Powers of the modulus in the minors of the impedance.
+_DEGREES = np.array([0, 1, 1, 1, 2])
+
+# Minors of an infinite and of a vanishing impedance.
+_RIGID, _FREE = np.array([0.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+
+# Wavenumbers whose networks are assembled at once.
+_CHUNK = 512
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a stack.
+
+    Parameters
+    ----------
+    thickness : float
+        d >= 0: a length, or inf for a halfspace, which only the lowest may be.
+    poisson : float
+        nu, in (-1, 0.5].
+    material : Material
+        Shear response.
+    """
+
+    thickness: float
+    poisson: float
+    material: Material
+
+    def __post_init__(self) -> None:
+        if not self.thickness >= 0:
+            raise ValueError(f"thickness = {self.thickness!r}: must be 0, positive or inf")
+        if not -1 < self.poisson <= 0.5:
+            raise ValueError(f"poisson = {self.poisson!r}: must be above -1 and at most 0.5")
+
+
+@dataclass(frozen=True)
+class LayerStack:
+    """A stack of viscoelastic layers bonded to one another.
+
+    Parameters
+    ----------
+    layers : tuple of Layer
+        From the surface down; the last is infinitely thick where the stack lies on a halfspace.
+    rigid : bool
+        Whether the last layer of finite thickness is bonded to a rigid base; else its lower face is free.
+    accuracy : float
+        Relative error of K(q, s) up to which modes of the spectrum are merged; 0 keeps all.
+
+    Raises
+    ------
+    ValueError
+        If there is no layer of a thickness, or an infinite one above another.
+    """
+
+    layers: tuple[Layer, ...]
+    rigid: bool = False
+    accuracy: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not any(layer.thickness for layer in self.layers):
+            raise ValueError("layers: must hold at least one with a thickness > 0")
+        for i, layer in enumerate(self.layers[:-1]):
+            if math.isinf(layer.thickness):
+                raise ValueError(f"layers[{i}].thickness = inf: only the last layer can be a halfspace")
+        if self.rigid and math.isinf(self.layers[-1].thickness):
+            raise ValueError("rigid: the last layer is a halfspace, which has no base")
+
+    @property
+    def mean_stiffness(self) -> float:
+        """K(q = 0, s = 0): not 0 for layers on a rigid base of which one is compressible."""
+        return float(self._confined(np.array(0.0)))
+
+    def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s), stress per displacement.
+
+        Parameters
+        ----------
+        q : array_like
+            Wavenumbers, not negative.
+        s : array_like
+            Laplace variable, real or complex; broadcast against q.
+        """
+        q, s = np.broadcast_arrays(np.asarray(q, dtype=float), np.asarray(s))
+        positive = np.where(q > 0, q, 1.0)
+        vector = np.broadcast_to(_RIGID if self.rigid else _FREE, (*q.shape, 5))
+        for layer in reversed(self.present):
+            modulus = layer.material.laplace(s)[..., np.newaxis] ** _DEGREES
+            if math.isinf(layer.thickness):
+                vector = modulus * halfspace_minors(layer.poisson)
+            else:
+                matrix = minors(positive * layer.thickness, layer.poisson)
+                vector = modulus * (matrix @ (vector / modulus)[..., np.newaxis])[..., 0]
+            vector = vector / np.abs(vector[..., 3:4])
+        return np.where(q > 0, positive * (vector[..., 4] / vector[..., 3]), self._confined(s))
+
+    def spectrum(self, q: ArrayLike) -> Spectrum:
+        """Return the relaxing modes at the wavenumbers q, of any shape.
+
+        Modes other than those of the uppermost layer have weight zero where their weights sum to no more than
+        `NEGLIGIBLE` of the relaxed stiffness, and are merged to the `accuracy` of the stack.
+        """
+        q = np.asarray(q, dtype=float)
+        different, where = np.unique(q, return_inverse=True)
+        found = _spectrum(self, different.tobytes())
+        each = (found.relaxed, found.weights, found.times)
+        relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
+        return Spectrum(relaxed, weights, times, found.error)
+
+    def network(self, q: ArrayLike) -> Network:
+        """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
+        q = np.asarray(q, dtype=float)
+        members, free = self._members(np.where(q > 0, q, 1.0))
+        finite = sum(math.isfinite(layer.thickness) for layer in self.present)
+        return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
+
+    def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
+        """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
+        top, *others = self.present
+        if math.isinf(top.thickness):
+            return [], np.full(q.shape, 1 / (1 - top.poisson))
+        springs, free = surface_springs(q * top.thickness, top.poisson)
+        members = [Member(springs, top.material, 0, self._confined_compliance(top))]
+        for i, layer in enumerate(others, 1):
+            if math.isinf(layer.thickness):
+                springs = halfspace_springs(q.size, layer.poisson)
+            else:
+                springs = layer_springs(q * layer.thickness, layer.poisson)
+            members.append(Member(springs, layer.material, 2 * i - 1, self._confined_compliance(layer)))
+        return members, free
+
+    @cached_property
+    def present(self) -> tuple[Layer, ...]:
+        """Layers of a thickness."""
+        return tuple(layer for layer in self.layers if layer.thickness)
+
+    def _confined(self, s: NDArray[Any]) -> NDArray[Any]:
+        """K(q = 0, s): of layers that are compressed one after the other and cannot widen."""
+        each = [self._confined_compliance(layer) / layer.material.laplace(s) for layer in self.present]
+        total = np.asarray(sum(each))
+        return np.asarray(1 / total) if total.all() else np.zeros(np.shape(s))
+
+    def _confined_compliance(self, layer: Layer) -> float:
+        """Compression of a layer by a uniform pressure, for a unit modulus; 0 where it moves as a whole."""
+        if not self.rigid or layer.poisson == 0.5:
+            return 0.0
+        return layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson))
+
+
+@lru_cache(maxsize=4)
+def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
+    """Return the spectrum at different wavenumbers; the cases of a sweep mostly share it."""
+    q = np.frombuffer(wavenumbers)
+    relaxed = body.stiffness(q, 0.0)
+    moduli, own_times = distinct_branches(body.present[0].material)
+    own, local, error = [], [], 0.0
+    for start in range(0, q.size, _CHUNK):
+        network = body.network(q[start : start + _CHUNK])
+        own.append(np.multiply.outer(moduli, network.free))
+        for i, K in enumerate(relaxed[start : start + _CHUNK]):
+            if network.force[i] @ network.force[i] > NEGLIGIBLE * K:
+                weights, times = network.modes(i)
+                some = weights * weights.size > NEGLIGIBLE * K
+                weights, times, change = merged(weights[some], times[some], body.accuracy * K)
+                local.append((start + i, weights, times))
+                error = max(error, change / K)
+    count = max((weights.size for _, weights, _ in local), default=0)
+    all_weights, all_times = np.zeros((count, q.size)), np.ones((count, q.size))
+    for k, weights, times in local:
+        all_weights[: weights.size, k], all_times[: weights.size, k] = weights, times
+    own_rows = np.repeat(own_times[:, np.newaxis], q.size, axis=1)
+    weights, times = (
+        np.concatenate((np.concatenate(own, axis=1), all_weights)),
+        np.vstack((own_rows, all_times)),
+    )
+    return Spectrum(relaxed, weights, times, error)

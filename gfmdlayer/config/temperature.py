@@ -1,0 +1,63 @@
+"""The temperature of the body, and whether the laws of its materials have a shift for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.body.shifts import Celsius, Shift
+from gfmdlayer.validation.fields import File, given
+from gfmdlayer.validation.problems import Location, Problem, dotted
+from gfmdlayer.validation.sections import Section, sections_in
+
+if TYPE_CHECKING:
+    from gfmdlayer.config.model import Config
+
+
+class Temperature(Section):
+    """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
+
+    value: Annotated[Celsius | None, given] = None
+    """temperature at all times: degrees Celsius"""
+    file: Annotated[File | None, given] = None
+    """two columns, time and temperature in degrees Celsius; in place of value"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse both and neither."""
+        if self.value is None and self.file is None:
+            yield Problem((), "holds neither value nor file; must be {value: ...} or {file: ...}")
+        if self.value is not None and self.file is not None:
+            yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
+
+
+def shifts(config: Config) -> dict[Location, Shift | None]:
+    """Return the shifts of all materials that relax, by the location of the material."""
+    laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
+    return {at: law.shift for at, law in laws if not (isinstance(law, Material) and law.elastic)}
+
+
+def temperature_problems(config: Config) -> Iterator[Problem]:
+    """Yield why a configuration's temperature and the shifts of its materials do not go together."""
+    found, temperature = shifts(config), config.temperature
+    if temperature is None:
+        for at, law in sections_in(config):
+            if isinstance(law, Law) and law.shift is not None:
+                message = "given, but there is no temperature; must be left out, or temperature be given"
+                yield Problem((*at, "shift"), message, ("temperature",))
+        return
+    others = tuple(dotted(at) for at in found)
+    if not any(found.values()):
+        message = "given, but no material that relaxes has a shift; must be left out, or a material have one"
+        yield Problem(("temperature",), message, others)
+    if len(set(found.values())) > 1:
+        at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
+        message = "differs from that of the other materials; all that relax must have the same shift"
+        yield Problem((*at, "shift"), message, others)
+    if temperature.value is not None:
+        for at, shift in found.items():
+            if shift is not None and (refused := shift.refused(temperature.value)):
+                yield Problem(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
+    if temperature.file is not None and config.trajectory.moves:
+        message = "given with a moving punch; must be a constant temperature.value"
+        yield Problem(("temperature", "file"), message, ("trajectory.velocity", "trajectory.velocity_file"))

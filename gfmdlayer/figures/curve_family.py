@@ -1,0 +1,233 @@
+"""How the curves of a sweep are told apart: by colour, by line style, by a legend or a colour bar.
+
+The first swept key differs in colour, the second in line style; where the second has more values than there
+are line styles and the first has not, they change places. Further keys are held at their middle values. The
+cases of a list differ in both at once. More than LEGEND_MOST values of a numeric key have a colour bar in
+place of a legend: logarithmic, linear, or evenly in the order of the values, as `Scale` finds them spread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from gfmdlayer.figures.labels import symbol, value_labels
+from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
+from gfmdlayer.figures.quantities import quantity
+from gfmdlayer.figures.selection import (
+    case_dimensions,
+    case_titles,
+    chosen,
+    failed_numbers,
+    swept,
+    value_titles,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from xarray import DataArray, Dataset
+
+LEGEND_MOST = 6
+MOST_TICKS = 8  # of a colour bar of values in their order
+
+
+class Scale(NamedTuple):
+    """Where values lie on an axis or a colour bar.
+
+    Attributes
+    ----------
+    kind : str
+        log, linear, or order: evenly, in the order of the values.
+    positions : ndarray of float
+        The values, or their places in the order.
+    ticks : list of int
+        For `order`, the places that are labelled; else empty.
+    labels : list of str
+        Their labels.
+    """
+
+    kind: str
+    positions: Any
+    ticks: list[int]
+    labels: list[str]
+
+    @classmethod
+    def of(cls, values: Sequence[Any]) -> Scale:
+        """Find the scale on which the median lies nearest to the middle; text and infinity lie in order."""
+        unique = list(dict.fromkeys(values))
+        if not any(isinstance(value, str) for value in values):
+            unique.sort()
+            numbers, positive = (
+                np.asarray(values, dtype=float),
+                np.array([each for each in unique if each > 0]),
+            )
+            if np.isfinite(numbers).all():
+                is_log = unique[0] >= 0 and _off_middle(np.log(positive)) < _off_middle(np.asarray(unique))
+                if not is_log or unique[0] > 0:
+                    return cls("log" if is_log else "linear", numbers, [], [])
+        places = {value: place for place, value in enumerate(unique)}
+        ticks, labels = spread(len(unique), MOST_TICKS), value_labels(unique)
+        positions = np.array([places[value] for value in values], dtype=float)
+        return cls("order", positions, ticks, [labels[i] for i in ticks])
+
+    def apply(self, axes: Axes, name: Literal["x", "y"]) -> None:
+        """Set the scale and the ticks of an axis."""
+        if self.kind == "order":
+            getattr(axes, f"set_{name}ticks")(self.ticks, self.labels)
+            getattr(axes, f"set_{name}ticks")([], minor=True)
+        else:
+            axes.set(**{f"{name}scale": self.kind})
+
+
+def _off_middle(values: Any) -> float:
+    """Return how far the median is from the middle, as a part of the range."""
+    return float(abs(np.median(values) - (values.min() + values.max()) / 2) / (np.ptp(values) or 1.0))
+
+
+class ColourBar(NamedTuple):
+    """A colour bar of values: its colours, label and ticks."""
+
+    mappable: ScalarMappable
+    label: str
+    scale: Scale
+
+    @classmethod
+    def of(cls, values: Sequence[Any], label: str) -> ColourBar:
+        """Make the colour bar of values."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+
+        scale = Scale.of(values)
+        norm = (LogNorm if scale.kind == "log" else Normalize)(scale.positions.min(), scale.positions.max())
+        return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), label, scale)
+
+    @property
+    def colours(self) -> list[str]:
+        """Colours of the values."""
+        from matplotlib.colors import to_hex
+
+        return [to_hex(colour) for colour in self.mappable.to_rgba(self.scale.positions)]
+
+    def draw(self, figure: Figure, panels: Any) -> None:
+        """Draw it beside panels."""
+        bar = figure.colorbar(self.mappable, ax=panels, label=self.label, aspect=30)
+        if self.scale.kind == "order":
+            bar.set_ticks(self.scale.ticks, labels=self.scale.labels)
+            bar.minorticks_off()
+
+
+class Curve(NamedTuple):
+    """A curve: indices of its case along the dimensions of the sweep, and its look."""
+
+    place: dict[str, int]
+    colour: str
+    dashes: Dashes
+
+
+class Family(NamedTuple):
+    """The curves of a sweep, and how they are told apart.
+
+    Attributes
+    ----------
+    sweep : Dataset
+        What is left of it after further keys are held.
+    curves : list of Curve
+        One for each case.
+    legend : list of (title, colour, dashes)
+        Entries of the legend.
+    bar : ColourBar, optional
+        In place of entries for the colours.
+    notes : list of str
+        What neither of them tells.
+    """
+
+    sweep: Dataset
+    curves: list[Curve]
+    legend: list[tuple[str, str, Dashes]]
+    bar: ColourBar | None
+    notes: list[str]
+
+
+def family(sweep: Dataset, along: str = "") -> Family:
+    """Choose colours and line styles of the curves of a sweep, or of a single case.
+
+    Parameters
+    ----------
+    sweep : Dataset
+        A sweep or a case.
+    along : str
+        A swept key that is on the x axis, and is no way to tell curves apart.
+    """
+    names = [name for name in case_dimensions(sweep) if name != along]
+    if names == ["case"]:
+        return _of_list(sweep)
+    varied = [name for name in names if sweep.sizes[name] > 1][:2]
+    for name in names:
+        if name not in varied:
+            sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
+    names = varied
+    if not names:
+        return Family(sweep, [Curve({}, colours(1)[0], line_style(0))], [], None, [])
+    if len(names) == 2 and sweep.sizes[names[1]] > len(LINE_STYLES) >= sweep.sizes[names[0]]:
+        names.reverse()
+    if len(names) == 2 and sweep.sizes[names[1]] > len(LINE_STYLES):
+        sweep = chosen(sweep, sweep[names[1]], spread(sweep.sizes[names[1]], len(LINE_STYLES)))
+    return _of_product(sweep, names)
+
+
+def _of_product(sweep: Dataset, names: list[str]) -> Family:
+    """Tell the values of one key apart by colour, those of a second by line style."""
+    shades, titles, bar = _coloured(sweep[names[0]])
+    if len(names) == 1:
+        dashes = [line_style(0 if bar else i) for i in range(len(shades))]
+        curves = [Curve({names[0]: i}, *look) for i, look in enumerate(zip(shades, dashes, strict=True))]
+        legend = list(zip(_with_failures(sweep, names[0], titles), shades, dashes, strict=False))
+        return Family(sweep, curves, legend, bar, [])
+    dashed = value_titles(sweep[names[1]])
+    curves = [
+        Curve({names[0]: i, names[1]: j}, shade, line_style(j))
+        for i, shade in enumerate(shades)
+        for j in range(len(dashed))
+    ]
+    legend = [(title, shade, line_style(0)) for title, shade in zip(titles, shades, strict=False)]
+    legend += [(title, "black", line_style(j)) for j, title in enumerate(dashed)]
+    return Family(sweep, curves, legend, bar, [])
+
+
+def _of_list(sweep: Dataset) -> Family:
+    """Tell the cases of a list apart by a numeric key of many values, or each by its title."""
+    keys = [key for key in swept(sweep) if len(set(key.to_numpy().tolist())) > 1]
+    many = next((key for key in keys if key.dtype.kind in "if" and _has_many(key)), None)
+    if many is None:
+        titles = _with_failures(sweep, "case", list(case_titles(sweep).values()))
+        looks = [(shade, line_style(i)) for i, shade in enumerate(colours(len(titles)))]
+        curves = [Curve({"case": i}, *look) for i, look in enumerate(looks)]
+        legend = [(title, *look) for title, look in zip(titles, looks, strict=True)]
+        return Family(sweep, curves, legend, None, [])
+    shades, _, bar = _coloured(many)
+    others = ", ".join(symbol(key) for key in keys if key is not many)
+    curves = [Curve({"case": i}, shade, line_style(0)) for i, shade in enumerate(shades)]
+    return Family(sweep, curves, [], bar, [f"also varied: {others}"] * bool(others))
+
+
+def _has_many(key: DataArray) -> bool:
+    return len(set(key.to_numpy().tolist())) > LEGEND_MOST
+
+
+def _coloured(key: DataArray) -> tuple[list[str], list[str], ColourBar | None]:
+    """Return the colours of the values of a key, with titles for a legend or with a colour bar."""
+    if key.dtype.kind in "if" and _has_many(key):
+        bar = ColourBar.of(key.to_numpy().tolist(), quantity(key).label)
+        return bar.colours, [], bar
+    return colours(key.size), value_titles(key), None
+
+
+def _with_failures(sweep: Dataset, name: str, titles: list[str]) -> list[str]:
+    """Mark the titles of values with which every case failed."""
+    lost = np.isin(sweep["case"].transpose(name, ...).to_numpy(), list(failed_numbers(sweep)))
+    every = np.all(lost.reshape(len(lost), -1), axis=1)
+    return [f"{title} (failed)" if failed else title for title, failed in zip(titles, every, strict=False)]

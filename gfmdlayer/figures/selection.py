@@ -1,0 +1,238 @@
+"""Cases and columns of results: which of them are drawn, and what is said of the others.
+
+A selection is kept in attributes of the coordinates of the swept keys: `among`, the number of values before
+it, and `asked`, the value that was asked for. From these `notes` writes what a figure holds and leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gfmdlayer.figures.labels import symbol, value_labels
+from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
+from gfmdlayer.observables import known_columns
+from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.validation.problems import nearest
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+Wanted = str | float | tuple[float, float]
+MOST_NAMED = 3  # failed cases
+PRESCRIBED = {"depth": "depth", "load": "mean_pressure", "force": "mean_pressure"}
+
+
+def swept(dataset: Dataset) -> list[DataArray]:
+    """Return the coordinates of the swept keys, in the order swept; those held have no dimension."""
+    order = str(dataset.attrs.get("swept", "")).split()
+    found = [coordinate for coordinate in dataset.coords.values() if "key" in coordinate.attrs]
+    return sorted(found, key=lambda coordinate: order.index(coordinate.attrs["key"]))
+
+
+def case_dimensions(dataset: Dataset) -> list[str]:
+    """Return the dimensions along which there are cases: the swept keys, or `case` for a list."""
+    return [str(name) for name in dataset["case"].dims] if "case" in dataset.coords else []
+
+
+def value_titles(coordinate: DataArray) -> list[str]:
+    """Return the values of a swept key, each with its symbol and unit; mappings stand alone."""
+    values = np.atleast_1d(coordinate.to_numpy()).tolist()
+    drawn, power = quantity(coordinate), 0
+    if drawn.unit and coordinate.dtype.kind in "if":
+        power = power_of_ten(values)
+        values = [float(f"{value / 10.0**power:.12g}") for value in values]
+    drawn = drawn._replace(unit=in_unit(power, drawn.unit))
+    labels = value_labels(values)
+    return [
+        label if "=" in str(value) else drawn.equals(label)
+        for label, value in zip(labels, values, strict=True)
+    ]
+
+
+def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
+    """Return a title, made of the swept values, for the case at each index of a sweep."""
+    numbers = sweep["case"]
+    titled = [
+        (value_titles(coordinate), numbers.get_axis_num(coordinate.dims[0]))
+        for coordinate in swept(sweep)
+        if coordinate.ndim
+    ]
+    return {
+        index: ", ".join(titles[index[axis]] for titles, axis in titled)
+        for index in np.ndindex(numbers.shape)
+    }
+
+
+def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
+    """Select cases of a sweep by the values of swept keys.
+
+    Parameters
+    ----------
+    sweep : Dataset
+        A sweep, as the reader opens it.
+    wanted : mapping
+        Swept key, whole or as its dimension is named, to a number, of which the nearest value is taken; a
+        range (from, to), as text "from:to", that includes its ends; or the text of a value.
+
+    Raises
+    ------
+    ResultsError
+        If a key is not swept, or has no such value.
+    """
+    for name, value in wanted.items():
+        key = find_key(sweep, name)
+        if key.ndim == 0:
+            raise ResultsError(f"{name} is selected twice, as {key.name} and {key.attrs['key']}")
+        sweep = chosen(sweep, key, *_places(key, value))
+    return sweep
+
+
+def find_key(sweep: Dataset, name: str) -> DataArray:
+    """Return a swept key, named whole or as its dimension; ResultsError if it is not swept."""
+    keys = {part: each for each in swept(sweep) for part in (str(each.name), str(each.attrs["key"]))}
+    if name not in keys:
+        known = ", ".join(str(each.name) for each in swept(sweep))
+        must = f"must be one of {known}" if known else "there is no sweep"
+        raise ResultsError(f"{name} is not swept{nearest(name, keys)}; {must}")
+    return keys[name]
+
+
+def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "") -> Dataset:
+    """Return the cases with some of the values of a swept key.
+
+    Parameters
+    ----------
+    sweep : Dataset
+        The sweep.
+    key : DataArray
+        Coordinate of the key.
+    places : sequence of int
+        Indices along its dimension. A single one is held: the dimension goes, but that of a list of cases.
+    asked : str
+        The value that was asked for, if it is not one of them.
+    """
+    dimension = str(key.dims[0])
+    is_held = len(places) == 1 and dimension != "case"
+    taken = sweep.isel({dimension: places[0] if is_held else list(places)})
+    counted = taken["case" if dimension == "case" else str(key.name)]
+    counted.attrs = {"among": key.size, **counted.attrs}
+    if asked:
+        taken[key.name].attrs = {**taken[key.name].attrs, "asked": asked}
+    return taken
+
+
+def notes(sweep: Dataset) -> list[str]:
+    """Return what a figure of the cases of a sweep says of the others: held values, parts, failed cases."""
+    held, parts = [], []
+    for key in swept(sweep):
+        among, asked = int(key.attrs.get("among", 1)), key.attrs.get("asked")
+        said = [f"of {among} values"] * (among > 1) + [f"nearest to {asked}"] * (asked is not None)
+        if key.ndim == 0:
+            held.append(value_titles(key)[0] + (f" ({', '.join(said)})" if said else ""))
+        elif "asked" in key.attrs:
+            parts.append(f"{value_titles(key)[0]}, nearest to {asked}")
+        elif key.size < among:
+            parts.append(f"{key.size} of {among} values of {symbol(key)}")
+    cases = sweep["case"]
+    if cases.size < int(cases.attrs.get("among", 0)):
+        parts.append(f"{cases.size} of {cases.attrs['among']} cases")
+    if lost := _failed(sweep):
+        parts.append(f"{len(lost)} of {cases.size} case{'s' * (cases.size > 1)} failed: {_named(lost)}")
+    return [f"held: {', '.join(held)}"] * bool(held) + parts
+
+
+def failed_numbers(sweep: Dataset) -> set[int]:
+    """Return the numbers of the cases of a sweep that failed."""
+    return {int(line.partition(":")[0]) for line in str(sweep.attrs.get("failed", "")).splitlines()}
+
+
+def _failed(sweep: Dataset) -> list[str]:
+    """Return the titles of the failed cases, or their numbers."""
+    numbers, lost = sweep["case"].to_numpy(), failed_numbers(sweep)
+    return [
+        title or f"{numbers[at]:04d}" for at, title in case_titles(sweep).items() if int(numbers[at]) in lost
+    ]
+
+
+def _named(titles: Sequence[str]) -> str:
+    more = len(titles) - MOST_NAMED
+    return " | ".join(titles[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _places(key: DataArray, wanted: Wanted) -> tuple[list[int], str]:
+    """Return the indices of the wanted values, and the value that was asked for if only others are near."""
+    values = key.to_numpy()
+    if values.dtype.kind not in "if":
+        texts = [str(value) for value in values]
+        places = [i for i, pair in enumerate(zip(texts, value_labels(texts), strict=True)) if wanted in pair]
+        if not places:
+            raise ResultsError(
+                f"{key.name} has no value {wanted!r}; must be one of {', '.join(dict.fromkeys(texts))}"
+            )
+        return places, ""
+    low, high = _ends(str(key.name), wanted)
+    if low < high:
+        places = np.flatnonzero((values >= low) & (values <= high)).tolist()
+    else:
+        distance = np.where(values == low, 0.0, np.abs(values - low))
+        places = (
+            np.flatnonzero(values == values[distance.argmin()]).tolist()
+            if np.isfinite(distance.min())
+            else []
+        )
+    if not places:
+        known = ", ".join(dict.fromkeys(f"{value:g}" for value in values))
+        sought = f"from {low:g} to {high:g}" if low < high else f"{low:g}"
+        raise ResultsError(f"{key.name} has no value {sought}; it has {known}")
+    is_near = low < high or np.isclose(values[places[0]], low, rtol=1e-9, atol=0)
+    return places, "" if is_near else f"{low:g}"
+
+
+def _ends(name: str, wanted: Wanted) -> tuple[float, float]:
+    """Return the ends of a range of values, both the same for a single value."""
+    ends = wanted if isinstance(wanted, tuple) else str(wanted).split(":")
+    try:
+        low, high = (ends[0], ends[-1]) if len(ends) <= 2 else ("", "")
+        found = _number(low or "-inf"), _number(high or "inf")
+    except ValueError:
+        found = math.inf, -math.inf
+    if not found[0] <= found[1]:
+        raise ResultsError(f"{name} got {wanted!r}; must be a number, or a range such as 0.1:0.5")
+    return found
+
+
+def _number(text: str | float) -> float:
+    """Return a number, or a fraction as the figures write it: 1/32."""
+    try:
+        return float(text)
+    except ValueError:
+        return float(Fraction(str(text).replace(" ", "")))
+
+
+def default_columns(dataset: Dataset) -> list[str]:
+    """Return the columns with a symbol, without the one that the trajectory prescribes."""
+    is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
+    prescribed = "" if is_swept else PRESCRIBED[str(dataset.attrs.get("control", "depth"))]
+    names = [name for name, column in known_columns().items() if column.symbol and name != prescribed]
+    return [name for name in map(_in_sweep(dataset), names) if name in dataset.data_vars]
+
+
+def column_name(dataset: Dataset, name: str) -> str:
+    """Return the name of a column, or of time, as the results have it; ResultsError if there is none."""
+    along = {"time", *case_dimensions(dataset)}
+    columns = [str(each) for each, column in dataset.data_vars.items() if {"time"} <= {*column.dims} <= along]
+    found = _in_sweep(dataset)(name)
+    if found not in ("time", *columns):
+        known = ", ".join(["time", *columns])
+        raise ResultsError(f"there is no column {name}{nearest(name, columns)}; must be one of {known}")
+    return found
+
+
+def _in_sweep(dataset: Dataset) -> Callable[[str], str]:
+    """Return the name that a column has in a sweep over a key of its own name."""
+    return lambda name: f"{name}_over_time" if f"{name}_over_time" in dataset.data_vars else name

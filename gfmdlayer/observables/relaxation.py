@@ -1,0 +1,59 @@
+"""Temperature and shift factor over time; errors of the Prony series in place of a continuous law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from gfmdlayer.body.materials import Material
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+
+
+class Temperature(Observable):
+    """Temperature of the body and the factor by which it multiplies the relaxation times."""
+
+    COLUMNS = (
+        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T"),
+        Column("shift_factor", "relaxation times over those at the reference temperature, aT"),
+    )
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case with a temperature."""
+        return None if config.temperature is None else cls.COLUMNS
+
+    def __init__(self, case: Parts) -> None:
+        assert case.reduced_time is not None
+        self._reduced_time = case.reduced_time
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return both at the end of the step."""
+        temperature = self._reduced_time.temperature(step.time)
+        return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}
+
+
+class SeriesError(Observable):
+    """Attributes of a case whose law is replaced by a Prony series; has no column.
+
+    They are the number of branches, `law_branches`, the bounds `law_error_in_time` and
+    `law_error_in_frequency` on the relative errors of G(t) and G(omega), and the range in which these hold:
+    times, and reciprocal angular frequencies, from `law_shortest_time` to `law_longest_time`.
+    """
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return no columns, where the law is not a series itself."""
+        return None if isinstance(config.layer.material, Material) else ()
+
+    def __init__(self, case: Parts) -> None:
+        found = case.series
+        self.attributes = {
+            "law_branches": len(found.material.maxwell_branches),
+            "law_error_in_time": found.error_in_time,
+            "law_error_in_frequency": found.error_in_frequency,
+            "law_shortest_time": found.shortest,
+            "law_longest_time": found.longest,
+        }

@@ -1,0 +1,236 @@
+"""Stacks of layers: stiffness and relaxing modes against the elastic solution in 50 digits, and limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import matrix, mp, mpc, mpf
+
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.stack import Layer, LayerStack
+
+# Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.
+ROUNDING = 1e-13
+# Of the spectrum: the internal variables are coupled by up to Ginf/G0 = 1e4 of a material.
+SPECTRUM = 1e-11
+
+FREQUENCIES = np.array([0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9])
+
+
+def modulus(material: Prony, s: complex) -> mpc:
+    """G(s), Eq. (4)."""
+    exact = mp.mpmathify(complex(s))
+    return mpf(material.relaxed) + sum(
+        mpf(G) * exact * mpf(t) / (1 + exact * mpf(t)) for G, t in material.branches
+    )
+
+
+def layer_matrix(x: mpf, nu: mpf) -> matrix:
+    """Tractions on (W, U) of the upper and lower face, by their displacements, for q = G = 1.
+
+    From the basis psi = exp(-z), exp(z - x): (U, W) = (psi, psi') and (z psi, z psi' - (3 - 4 nu) psi).
+    """
+    displacement, traction = matrix(4, 4), matrix(4, 4)
+    for column, (sign, kind) in enumerate(((-1, 0), (-1, 1), (1, 0), (1, 1))):
+        for row, z in ((0, mpf(0)), (2, x)):
+            psi = mp.exp(sign * z - (x if sign > 0 else 0))
+            slope, outward = sign * psi, -1 if row == 0 else 1
+            if kind == 0:
+                W, U, normal, shear = slope, psi, 2 * psi, 2 * slope
+            else:
+                W, U = z * slope - (3 - 4 * nu) * psi, z * psi
+                normal = 2 * (-2 * (1 - nu) * slope + z * psi)
+                shear = (4 * nu - 2) * psi + 2 * z * slope
+            displacement[row, column], displacement[row + 1, column] = W, U
+            traction[row, column], traction[row + 1, column] = outward * normal, outward * shear
+    return traction * displacement**-1
+
+
+def exact_stiffness(body: LayerStack, q: float, s: complex) -> complex:
+    """K(q, s) by elimination from the base upwards, in as many digits as leave fifty."""
+    depths = [mpf(q) * mpf(layer.thickness) for layer in body.layers if math.isfinite(layer.thickness)]
+    thinnest, thickest = min(depths), min(max(depths), mpf(400))
+    with mp.workdps(60 + int(thickest) + 8 * len(depths) * math.ceil(max(0.0, -float(mp.log10(thinnest))))):
+        impedance = None if body.rigid else matrix(2, 2)
+        for layer in reversed(body.layers):
+            nu, G = mpf(layer.poisson), modulus(layer.material, s)
+            x = mpf(q) * mpf(layer.thickness)
+            if x > 400:  # exp(-400) of the rest is below rounding
+                c = 3 - 4 * nu
+                impedance = G / c * matrix([[4 * (1 - nu), 4 * nu - 2], [4 * nu - 2, 4 * (1 - nu)]])
+                continue
+            M = layer_matrix(x, nu) * G
+            impedance = (
+                M[:2, :2]
+                if impedance is None
+                else M[:2, :2] - M[:2, 2:] * (M[2:, 2:] + impedance) ** -1 * M[2:, :2]
+            )
+        return complex(mpf(q) * (impedance[0, 0] - impedance[0, 1] * impedance[1, 0] / impedance[1, 1]))
+
+
+def assert_exact(body: LayerStack, q: float) -> None:
+    """Assert the stiffness and that of the spectrum, and that no weight is negative."""
+    exact = np.array([exact_stiffness(body, q, s) for s in FREQUENCIES])
+    np.testing.assert_allclose(body.stiffness(q, FREQUENCIES), exact, rtol=ROUNDING)
+    spectrum = body.spectrum(q)
+    assert (spectrum.weights >= 0).all()
+    assert (spectrum.times > 0).all()
+    found = [spectrum.stiffness(s) for s in FREQUENCIES]
+    np.testing.assert_allclose(found, exact, rtol=SPECTRUM)
+
+
+def powers(low: float, high: float) -> Any:
+    """Numbers spread over decades."""
+    return st.floats(low, high).map(lambda exponent: 10.0**exponent)
+
+
+poissons = st.sampled_from([0.0, 0.3, 0.5]) | st.floats(0, 0.5)
+# A multiple of rounding from each other, two times are one: the modes of both are not resolved.
+materials = st.builds(
+    lambda G, branches: Prony(G, [(G * ratio, tau) for ratio, tau in branches]),
+    powers(-2, 2),
+    st.lists(st.tuples(powers(-2, 2), powers(-4, 4)), max_size=4),
+)
+layers = st.builds(Layer, powers(-6, 6) | powers(-1, 1), poissons, materials)
+
+
+@st.composite
+def stacks(draw: Any) -> LayerStack:
+    """One to six layers on each kind of base."""
+    above = draw(st.lists(layers, min_size=1, max_size=6))
+    base = draw(st.sampled_from(["rigid", "free", "halfspace"]))
+    if base == "halfspace":
+        above.append(Layer(math.inf, draw(poissons), draw(materials)))
+    return LayerStack(tuple(above), rigid=base == "rigid")
+
+
+@settings(deadline=None, max_examples=25)
+@given(stacks(), st.just(1.0) | powers(-3, 3))
+def test_stiffness_and_spectrum_are_exact(body: LayerStack, q: float) -> None:
+    assert_exact(body, q)
+
+
+SOFT = Prony(1.0, [(3.0, 0.1), (6.0, 4.0)])
+HARD = Prony(300.0, [(2000.0, 1e-3), (100.0, 1.0), (5.0, 80.0)])
+BASE = Layer(math.inf, 0.3, Prony(20.0, [(7.0, 2.0)]))
+
+
+@pytest.mark.parametrize("x", [1e-6, 1e-3, 1.0, 30.0, 1e6])
+@pytest.mark.parametrize("bottom", ["rigid", "free", "halfspace"])
+def test_thin_and_thick_layers_keep_their_digits(bottom: str, x: float) -> None:
+    """Also a stiff film on a soft one, incompressible ones, and twenty branches."""
+    many = Prony(1.0, [(10.0 ** (-k / 10), 10.0 ** (k / 2 - 5)) for k in range(20)])
+    above = (Layer(0.5, 0.5, HARD), Layer(1.0, 0.5, many), Layer(2.0, 0.0, SOFT))
+    assert_exact(LayerStack((*above, BASE) if bottom == "halfspace" else above, rigid=bottom == "rigid"), x)
+
+
+Q = np.geomspace(1e-6, 1e6, 25)
+
+
+def assert_same(one: LayerStack, other: LayerStack, within: float = SPECTRUM) -> None:
+    """Assert equal stiffness, and that of the spectra, over twelve decades of q and eight of s."""
+    spectra = one.spectrum(Q), other.spectrum(Q)
+    for s in (0.0, 1e-4, 1e-2 + 1e-1j, 1.0, 1e3j, 1e8):
+        np.testing.assert_allclose(other.stiffness(Q, s), one.stiffness(Q, s), rtol=ROUNDING)
+        np.testing.assert_allclose(spectra[1].stiffness(s), spectra[0].stiffness(s), rtol=within)
+
+
+def test_a_layer_cut_in_two_is_the_same() -> None:
+    for nu in (0.0, 0.3, 0.5):
+        whole = LayerStack((Layer(1.0, 0.4, HARD), Layer(0.7, nu, SOFT), BASE))
+        cut = LayerStack((Layer(1.0, 0.4, HARD), Layer(0.2, nu, SOFT), Layer(0.5, nu, SOFT), BASE))
+        assert_same(whole, cut)
+
+
+def test_a_layer_like_the_halfspace_vanishes() -> None:
+    assert_same(
+        LayerStack((Layer(1.0, 0.4, SOFT), BASE)),
+        LayerStack((Layer(1.0, 0.4, SOFT), Layer(0.3, BASE.poisson, BASE.material), BASE)),
+    )
+
+
+def test_a_layer_without_thickness_vanishes() -> None:
+    above = (Layer(1.0, 0.4, SOFT), Layer(0.3, 0.5, HARD))
+    assert_same(
+        LayerStack((*above, BASE)),
+        LayerStack((Layer(0.0, 0.2, HARD), above[0], Layer(0.0, 0.2, SOFT), above[1], BASE)),
+    )
+
+
+@pytest.mark.parametrize("bulk", [0.0, 0.7, math.inf])
+@pytest.mark.parametrize("nu", [0.2, 0.5])
+def test_a_stack_of_one_is_the_layer_of_the_paper(bulk: float, nu: float) -> None:
+    """The same modes as by the roots of the quadratic equations of one layer."""
+    single = ViscoelasticLayer(LayeredHalfspace(0.05, nu, bulk, 0.3), SOFT)
+    below = (Layer(math.inf, 0.3, Prony(bulk)),) if 0 < bulk < math.inf else ()
+    stack = LayerStack((Layer(0.05, nu, SOFT), *below), rigid=math.isinf(bulk))
+    q = np.append(0.0, Q)
+    assert stack.mean_stiffness == pytest.approx(single.mean_stiffness, rel=ROUNDING)
+    known, found = single.spectrum(q), stack.spectrum(q)
+    for s in FREQUENCIES:
+        np.testing.assert_allclose(stack.stiffness(q, s), single.stiffness(q, s), rtol=ROUNDING)
+        np.testing.assert_allclose(found.stiffness(s), known.stiffness(s), rtol=SPECTRUM)
+
+
+def test_mean_stiffness_is_that_of_layers_in_series() -> None:
+    """1/K(0, s) = sum of d (1 - 2 nu)/(2 (1 - nu) G(s)); an incompressible layer does not yield."""
+    body = LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), Layer(0.6, 0.45, HARD)), rigid=True)
+    spectrum = body.spectrum(np.array([0.0, 1e-9]))
+    for s in FREQUENCIES:
+        series = 1 / sum(
+            d * (1 - 2 * nu) / (2 * (1 - nu) * G.laplace(s))
+            for d, nu, G in ((0.3, 0.2, SOFT), (0.6, 0.45, HARD))
+        )
+        assert body.stiffness(0.0, s) == pytest.approx(series, rel=ROUNDING)
+        assert spectrum.stiffness(s)[0] == pytest.approx(series, rel=SPECTRUM)
+    assert body.mean_stiffness == pytest.approx(body.stiffness(0.0, 0.0).item())
+    assert LayerStack((Layer(0.3, 0.2, SOFT), BASE)).mean_stiffness == 0
+    assert LayerStack((Layer(0.3, 0.5, SOFT),), rigid=True).mean_stiffness == 0
+
+
+def test_internal_variables_give_the_stiffness() -> None:
+    """K = free G_1 + g.g - g.B (1 + B^T B + s theta)^-1 B^T g at any s, whatever the times of the layers."""
+    body, q, s = (
+        LayerStack((Layer(0.3, 0.2, SOFT), Layer(0.1, 0.5, HARD), BASE)),
+        np.array([0.1, 3.0]),
+        0.3 + 2j,
+    )
+    shifted = LayerStack(
+        tuple(
+            Layer(
+                each.thickness,
+                each.poisson,
+                Prony(each.material.G0, [(G, shift * t) for G, t in each.material.branches]),
+            )
+            for each, shift in zip(body.layers, (0.1, 10.0, 3.0), strict=True)
+        )
+    )
+    network = body.network(q)
+    theta = network.times * np.array([0.1, 10.0, 3.0])[network.layer]
+    for i in range(q.size):
+        g, B = network.force[i], network.coupling[i]
+        relaxing = g @ B @ np.linalg.solve(np.diag(1 + s * theta) + B.T @ B, B.T @ g)
+        found = network.free[i] * shifted.layers[0].material.laplace(s) + g @ g - relaxing
+        assert found == pytest.approx(shifted.stiffness(q[i], s).item(), rel=SPECTRUM)
+
+
+@pytest.mark.parametrize(
+    ("layers", "rigid"),
+    [((), False), ((Layer(0.0, 0.3, SOFT),), True), ((BASE, Layer(1.0, 0.3, SOFT)), False), ((BASE,), True)],
+)
+def test_impossible_stacks_are_refused(layers: tuple[Layer, ...], rigid: bool) -> None:
+    with pytest.raises(ValueError, match="layer"):
+        LayerStack(layers, rigid)
+
+
+@pytest.mark.parametrize(("thickness", "poisson"), [(-1.0, 0.3), (math.nan, 0.3), (1.0, 0.6), (1.0, -1.0)])
+def test_impossible_layers_are_refused(thickness: float, poisson: float) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        Layer(thickness, poisson, SOFT)

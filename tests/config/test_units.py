@@ -1,0 +1,75 @@
+"""Units are labels: checked by name, written to files, and without effect on any number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config.units import Units
+
+
+@pytest.mark.parametrize(
+    ("length", "stress", "force", "per_length"),
+    [
+        ("m", "Pa", "N", "N/m"),
+        ("mm", "MPa", "N", "N/mm"),
+        ("um", "Pa", "pN", "pN/um"),
+        ("um", "GPa", "mN", "mN/um"),
+        ("mm", "GPa", "kN", "kN/mm"),
+        ("cm", "Pa", "Pa cm^2", "Pa cm"),  # 1e-4 N, for which there is no prefix
+        ("in", "psi", "psi in^2", "psi in"),
+    ],
+)
+def test_a_force_is_in_newtons_where_a_prefix_is_its_size(
+    length: str, stress: str, force: str, per_length: str
+) -> None:
+    units = Units(length=length, stress=stress, time="s")
+    assert units.label("force") == force
+    assert units.label("force / length") == units.label("pressure length") == per_length
+
+
+def test_words_become_labels_and_stay_without_units() -> None:
+    line = Config(name="line")
+    surface = line.with_values(
+        {"grid.points": [16, 16], "units": {"length": "mm", "stress": "MPa", "time": "h"}}
+    )
+    words = ("length", "pressure", "time", "length / time", "1", "force")
+    assert [surface.unit(each) for each in words] == ["mm", "MPa", "h", "mm/h", "1", "N"]
+    assert [line.unit(each) for each in words] == [*words[:-1], "force / length"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{length: m, stress: Pa}", "units.time: missing; must be a unit of time, such as s, ms, min or h"),
+        ("{length: Pa, stress: Pa, time: s}", "units.length: got the text 'Pa'; must be a unit of length"),
+        ("{length: m, stress: mpa, time: s}", "units.stress: got the text 'mpa'; must be a unit of stress"),
+        ("{length: m, stress: MPA, time: s}", "did you mean 'MPa'?"),
+        (
+            "{length: 1.0, stress: Pa, time: s}",
+            "units.length: got 1.0; must be a unit of length, such as m, mm",
+        ),
+        ("{lenght: m, stress: Pa, time: s}", "units.lenght: unknown key; allowed: length, stress, time"),
+        ("SI", "units: got the text 'SI'; must be a mapping"),
+    ],
+)
+def test_other_names_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(f"name: a\nunits: {text}\n")
+    with pytest.raises(ConfigError) as error:
+        load(path)
+    assert message in str(error.value)
+
+
+def test_labels_are_not_swept(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("name: a\nunits: {length: m, stress: Pa, time: s}\nsweep: {units.length: [m, mm]}\n")
+    with pytest.raises(ConfigError, match=r"sweep\.units\.length: cannot be swept"):
+        load(path)
+
+
+def test_configurations_without_units_keep_their_digest() -> None:
+    # Of version 0.1: results of it stay valid.
+    assert digest(Config(name="x")) == "655824c9d0e292b21e7f13cad05f9044d3211883f6365e0bfbbb1fd7a51c1af1"
