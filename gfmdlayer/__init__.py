@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.fitting.indentation.curve import ForceCurve
+    from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
@@ -38,6 +40,7 @@ __all__ = [
     "Cylinder",
     "Elastic",
     "Flat",
+    "ForceCurve",
     "FractionalZener",
     "HavriliakNegami",
     "Kohlrausch",
@@ -55,6 +58,7 @@ __all__ = [
     "Wedge",
     "Zener",
     "bonded_layer",
+    "fit_indentation",
     "halfspace",
     "indent",
     "load",
@@ -68,6 +72,8 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.fitting.indentation.curve": ("ForceCurve",),
+    "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
