@@ -8,7 +8,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
-from contextlib import closing
+from contextlib import closing, contextmanager
+from multiprocessing import current_process
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -38,6 +40,8 @@ from gfmdlayer.simulation import ConvergenceError, simulate
 
 if TYPE_CHECKING:
     import xarray
+
+_GUARD = 'a script with jobs must call run under `if __name__ == "__main__":`'
 
 Punch = ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any]
 
@@ -111,6 +115,8 @@ def run(
     >>> dict(data.mean_pressure.sizes)
     {'thickness': 2, 'tau': 2, 'time': 3}
     """
+    if getattr(current_process(), "_inheriting", False):  # it is being started, and imports the script
+        raise RuntimeError(f"run was called while a process of another run starts: {_GUARD}")
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     found = _configuration(config, punch, history, {k.replace("__", "."): v for k, v in values.items()})
@@ -143,6 +149,8 @@ def _configuration(
         values, punch = values | {"punch": punch}, None
     if history is not None:
         values |= with_history(history)
+    if not isinstance(config, str | PathLike | Mapping | Config):
+        raise ConfigError([f"config: got {type(config).__name__}; must be a path, a mapping or a Config"])
     if isinstance(config, Config | Mapping):
         given = config if isinstance(config, Config) else {"name": "run", **config}
         found = from_python(given, values, input_errors if punch is None else None)
@@ -208,7 +216,7 @@ def _in_processes(
 ) -> Iterator[tuple[int, _Result]]:
     """Run the cases in several processes."""
     wisdom = case_run.warm_up(every, threads)
-    with workers.processes(jobs) as pool:
+    with _pool(jobs) as pool:
         futures: dict[Future[_Result], int] = {}
         try:
             with pool.starting():
@@ -222,6 +230,23 @@ def _in_processes(
         finally:
             for future in futures:
                 future.cancel()
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[workers.WorkerPool]:
+    """Start processes, and wait for the first: none starts where the script calls `run` when imported."""
+    if jobs == 1:
+        with workers.alone() as pool:
+            yield pool
+        return
+    with workers.processes(jobs) as pool:
+        with pool.starting():
+            first = pool.executor.submit(int)
+        try:
+            first.result()
+        except BrokenExecutor as error:
+            raise RuntimeError(f"no process starts ({error}): {_GUARD}") from None
+        yield pool
 
 
 def _attempt_in_process(case: SweptCase, wisdom: str | None, threads: int) -> _Result:
@@ -241,8 +266,7 @@ def _received(future: Future[_Result]) -> _Result:
     try:
         return future.result()
     except BrokenExecutor as error:
-        guard = 'a script must call run under `if __name__ == "__main__":`'
-        return _Result(None, RuntimeError(f"its process ended ({error}); {guard}"))
+        return _Result(None, RuntimeError(f"its process ended: {error}"))
 
 
 def _outcome(index: int, result: _Result) -> Outcome:
@@ -271,7 +295,7 @@ def _run_in_folder(
     config = on_disk(config, out / "inputs")
     display = chosen_display(progress)
     show = None if display is None else lambda: display
-    with interrupts.listening(), workers.processes(jobs) if jobs > 1 else workers.alone() as pool:
+    with interrupts.listening(), _pool(jobs) as pool:
         summary = run_sweep(config, out, pool, RunOptions(threads=threads), show)
     if summary.count("stopped"):
         raise KeyboardInterrupt

@@ -49,7 +49,7 @@ class Options(TypedDict, total=False):
 
 def solve(
     body: Body,
-    punch: ArrayLike | Callable[..., ArrayLike] | Shape,
+    punch: ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any],
     *,
     depth: float | None = None,
     mean_pressure: float | None = None,
@@ -65,9 +65,9 @@ def solve(
     ----------
     body : Body
         Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed.
-    punch : array_like, callable or Shape
+    punch : array_like, callable, Shape or mapping
         Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
-        largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`.
+        largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`, or its keys.
     depth, mean_pressure, force : float
         One of them: depth of the punch below the height at which it touches the surface at rest; mean
         pressure over the cell; force over the cell, per length for a line.
@@ -138,10 +138,11 @@ def solve(
             f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or bonded_layer(...)"
         )
     instantaneous = options.pop("instantaneous", False)
-    config = _config(_points(punch, points), period, options)
+    shape = {"punch": punch} if isinstance(punch, Mapping) else {}
+    config = _config({"points": _points(punch, points), "period": period}, options, shape)
     grid = Grid(config.grid.points, config.grid.period)
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), interface)
-    heights = _heights(punch, grid)
+    heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
     if control == "depth" and (message := too_deep(target, heights, body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), interface)
@@ -162,13 +163,13 @@ def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
     """Return the points of the grid, where nothing else is given those of an array."""
     if points is not None:
         return points
-    return POINTS if callable(punch) or isinstance(punch, Shape) else numbers(punch).shape  # type: ignore[arg-type]
+    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping) else numbers(punch).shape  # type: ignore[arg-type]
 
 
-def _config(points: Any, period: Any, solver: Mapping[str, object]) -> Config:
-    """Return grid and solver, checked."""
+def _config(grid: Mapping[str, Any], solver: Mapping[str, object], punch: Mapping[str, Any]) -> Config:
+    """Return grid, solver and, where it is given by its keys, the punch, checked."""
     try:
-        return from_python({"name": "solve", "grid": {"points": points, "period": period}, "solver": solver})
+        return from_python({"name": "solve", "grid": grid, "solver": solver, **punch})
     except ConfigError as error:
         lines = (line.removeprefix("grid.").removeprefix("solver.") for line in error.problems)
         raise ConfigError(lines) from None
@@ -188,9 +189,12 @@ def _prescribed(
         found = " and ".join(given) or "nothing"
         raise ConfigError([f"solve: got {found}; must be one of depth, mean_pressure and force"])
     ((name, value),) = given.items()
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
     if not math.isfinite(number) or (number < 0 and not interface.attracts):
-        raise ConfigError([f"{name}: got {shown(number)}; must be a number >= 0, finite"])
+        raise ConfigError([f"{name}: got {shown(value)}; must be a number >= 0, finite"])
     if name == "depth":
         return "depth", number
     return "load", number / (area if name == "force" else 1.0)
