@@ -19,7 +19,6 @@ from pydantic import Field, ValidationError, model_validator
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
-from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.temperature import Temperature, temperature_problems
@@ -69,7 +68,7 @@ class Config(Section):
     layers: Annotated[tuple[sections.StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
-    """layers from the surface down, in place of layer; the last may be infinitely thick"""
+    """layers from the surface down, in place of layer"""
     layer: Annotated[sections.Layer | None, given] = Field(
         default_factory=lambda data: sections.Layer() if data.get("layers") is None else None
     )
@@ -96,9 +95,9 @@ class Config(Section):
         found = contradictions(self)
         if self.sweep:
             given = self._given()
-            keys = sweepable(self)
+            keys = sweeps.sweepable(self)
             found = sweep_checks.conflicts(
-                self.sweep, keys, list(found), lambda values: problems(assigned(given, values))
+                self.sweep, keys, list(found), lambda values: problems(sweeps.assigned(given, values))
             )
         if listed := list(found):
             raise InconsistentError(listed)
@@ -203,7 +202,7 @@ class Config(Section):
         ConfigError
             A key does not exist, or a value is not possible.
         """
-        data = assigned(self._given(), plain(values))
+        data = sweeps.assigned(self._given(), plain(values))
         try:
             return Config.model_validate(data)
         except ValidationError as error:
@@ -293,4 +292,4 @@ def explain(error: ValidationError) -> list[Problem]:
 
 @cache
 def _known_keys() -> list[str]:
-    return ["name", *leaves(Config(name="defaults"))]
+    return ["name", *sweeps.leaves(Config(name="defaults"))]
