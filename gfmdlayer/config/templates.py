@@ -58,7 +58,7 @@ output.snapshots: [1.0, 10.0, 100.0]
         """
 layers:
   - {thickness: 0.01, poisson: 0.45, material: {G0: 5.0, Ginf: 20.0, tau: 1.0}}
-  - {thickness: 0.1, poisson: 0.49, material: {model: prony, branches: [{G: 2, tau: 0.1}, {G: 1, tau: 3}]}}
+  - {thickness: 0.1, poisson: 0.49, material: {G0: 1.0, Ginf: 4.0, tau: 0.3}}
 halfspace.shear_modulus: .inf
 sweep: {layers.0.thickness: [0.005, 0.01, 0.02]}
 """,
