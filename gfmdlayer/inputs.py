@@ -10,10 +10,11 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, PronySeries
+from gfmdlayer.body.materials import Material, PronySeries
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime

@@ -18,11 +18,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.temperature import Temperature, temperature_problems
 from gfmdlayer.config.units import Units
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
