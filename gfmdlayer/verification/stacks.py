@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.elastic import Elastic
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Elastic, Prony
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config

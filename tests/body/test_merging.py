@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.merging import merged
 from gfmdlayer.body.stack import Layer, LayerStack
 

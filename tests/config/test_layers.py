@@ -1,4 +1,4 @@
-"""Stacks of layers in a configuration: what is taken, what is refused, and entries of lists in dotted keys."""
+"""Stacks of layers in a configuration: what is refused, and entries of lists in dotted keys."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config, ConfigError, digest, load
@@ -154,7 +154,8 @@ def test_refused_with_place_and_what_is_allowed(
 
 
 def test_all_errors_of_a_list_are_reported_at_once(tmp_path: Path) -> None:
-    content = "name: x\nlayers: [{thickness: -1}, {thickness: 1, poisson: 2, material: {tau: 0}}]\nsolver: {tol: 1}\n"
+    wrong = "[{thickness: -1}, {thickness: 1, poisson: 2, material: {tau: 0}}]"
+    content = f"name: x\nlayers: {wrong}\nsolver: {{tol: 1}}\n"
     with pytest.raises(ConfigError) as caught:
         read(tmp_path, content)
     found = " ".join(caught.value.problems)
