@@ -18,7 +18,6 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
-from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
@@ -216,8 +215,6 @@ def digest(config: Config) -> str:
 
 def stem(config: Config) -> str:
     """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
-
-    A law with a continuous spectrum becomes a series over the times of the run, to whose end it belongs.
 
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
 

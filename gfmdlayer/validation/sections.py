@@ -203,6 +203,22 @@ def files_named(section: Section) -> dict[str, Path]:
     }
 
 
+def with_files(section: Member, files: Mapping[Path, Path]) -> Member:
+    """Return a section that names other files, in itself and in all sections below it."""
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, Section):
+            return with_files(value, files)
+        if isinstance(value, tuple):
+            return tuple(map(replaced, value))
+        return files.get(value, value) if isinstance(value, Path) else value
+
+    new = {key: replaced(value) for key, value in vars(section).items()}
+    return section.model_copy(
+        update={key: new[key] for key, value in vars(section).items() if value != new[key]}
+    )
+
+
 def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
     """Yield the dotted keys below a section that may name a file."""
     for key, field in section.fields().items():
