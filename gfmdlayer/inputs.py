@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
@@ -24,10 +27,40 @@ def make_grid(config: Config) -> Grid:
     return Grid(config.grid.points, config.grid.period)
 
 
-def make_body(config: Config) -> LayeredHalfspace:
-    """Return the layer on its halfspace."""
-    layer, halfspace = config.layer, config.halfspace
-    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+def make_body(config: Config, materials: Sequence[Material]) -> Body:
+    """Return the layers on their halfspace.
+
+    A stack merges its modes to the tolerance of the solver.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    materials : sequence of Material
+        Of each of `config.laws`.
+    """
+    given, halfspace = config.stacked, config.halfspace
+    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
+    elastic = halfspace.material is None or materials[-1].elastic
+    if len(given) == 1 and elastic:
+        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
+        return ViscoelasticLayer(layer, materials[0])
+    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
+    floating = math.isfinite(layers[-1].thickness)
+    if floating and 0 < modulus < math.inf:
+        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
+    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
+
+
+def mean_stiffness(config: Config) -> float:
+    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
+    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
+    compliances = [
+        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+        for layer in config.stacked
+        if layer.poisson < 0.5
+    ]
+    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -159,7 +192,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     seen = set()
     for config in configs:
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, mean_stiffness(config)),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -194,7 +227,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+    if message := too_deep(float(values.max()), heights, mean_stiffness(config)):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 

@@ -156,9 +156,9 @@ def _compute(
 def attributes(config: Config) -> dict[str, str | float]:
     """Return the attributes of a case that its configuration gives."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if (tau := config.layer.material.characteristic_time) is not None:
+    if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.layer.material.unit
+    found["G0"] = config.surface.material.unit
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

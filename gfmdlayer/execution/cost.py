@@ -86,9 +86,9 @@ def estimate(config: Config) -> Cost:
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
     pairs *= SURFACE if len(config.grid.points) == 2 else 1
     pairs *= solver.rough if config.punch.rough else 1
-    if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
+    if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(config.layer.material.roughly(config.time.end)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
     rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
     return Cost(
@@ -115,7 +115,7 @@ def total(costs: Iterable[Cost]) -> Cost:
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
     cost, seconds = estimate(config), pair(config.grid.points)
-    branches = len(config.layer.material.roughly(config.time.end)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -205,7 +205,7 @@ def _steps(config: Config) -> tuple[int, int]:
     planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
         return number_of_steps(planned), sum(stop.kink for stop in planned)
-    relaxed, branches = config.layer.material.roughly(config.time.end)
+    relaxed, branches = config.surface.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     slowest = max((tau for _, tau in branches), default=0.0)
@@ -227,7 +227,7 @@ def _settling(config: Config) -> float:
     velocity = config.trajectory.velocity
     if config.time.steady is None or not velocity:
         return math.inf
-    relaxed, branches = config.layer.material.roughly(config.time.end)
+    relaxed, branches = config.surface.material.roughly(config.time.end)
     glassy = relaxed + sum(modulus for modulus, _ in branches)
     slowest = max((tau for _, tau in branches), default=0.0)
     creep = slowest * glassy / relaxed if relaxed > 0 else math.inf

@@ -16,6 +16,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
 
+Part = TypeVar("Part", bound=Section)
+
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 
@@ -100,6 +102,22 @@ def notes(configs: Iterable[Config]) -> list[str]:
     """
     surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in configs)
     return list(dict.fromkeys(note for cell, punch in surfaces for note in punch.notes(cell)))
+
+
+def with_files(section: Part, files: Mapping[Path, Path]) -> Part:
+    """Return a section that names other files, in itself and in all sections below it."""
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, Section):
+            return with_files(value, files)
+        if isinstance(value, tuple):
+            return tuple(map(replaced, value))
+        return files.get(value, value) if isinstance(value, Path) else value
+
+    new = {key: replaced(value) for key, value in vars(section).items()}
+    return section.model_copy(
+        update={key: new[key] for key, value in vars(section).items() if value != new[key]}
+    )
 
 
 def label(values: dict[str, object]) -> str:

@@ -51,7 +51,9 @@ def mathtext(plain: str) -> str:
     elif len(letter) > 1 and letter.isalpha():
         letter = f"\\{letter}"
     if len(index) > 1:
-        index = r"\infty" if index == "inf" else rf"\mathrm{{{index}}}"
+        parts = (r"\infty" if part == "inf" else rf"\mathrm{{{part}}}" for part in index.split(","))
+        joined = ",".join(parts)
+        index = f"{{{joined}}}" if "," in index else joined
     return f"{letter}_{index}" if index else letter
 
 

@@ -166,7 +166,7 @@ class OneOf(Generic[Member]):
 
 def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
     """Return the section that a field holds, alone, in a list or as plain data, or the choice of several."""
-    for note in field.metadata:
+    for note in (*field.metadata, *_notes(field.annotation)):
         if isinstance(note, OneOf):
             return note
         if section := getattr(note, "section", None):
@@ -203,22 +203,6 @@ def files_named(section: Section) -> dict[str, Path]:
     }
 
 
-def with_files(section: Member, files: Mapping[Path, Path]) -> Member:
-    """Return a section that names other files, in itself and in all sections below it."""
-
-    def replaced(value: Any) -> Any:
-        if isinstance(value, Section):
-            return with_files(value, files)
-        if isinstance(value, tuple):
-            return tuple(map(replaced, value))
-        return files.get(value, value) if isinstance(value, Path) else value
-
-    new = {key: replaced(value) for key, value in vars(section).items()}
-    return section.model_copy(
-        update={key: new[key] for key, value in vars(section).items() if value != new[key]}
-    )
-
-
 def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
     """Yield the dotted keys below a section that may name a file."""
     for key, field in section.fields().items():
@@ -227,6 +211,12 @@ def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
             yield from keys_of_files(member, f"{prefix}{key}.")
         if Path in _types(field.annotation):
             yield prefix + key
+
+
+def _notes(annotation: Any) -> Iterator[Any]:
+    """Yield the notes of Annotated members of a union."""
+    for part in get_args(annotation):
+        yield from getattr(part, "__metadata__", ())
 
 
 def _types(annotation: Any) -> Iterator[type]:

@@ -34,6 +34,7 @@ def problems(path: Path, *overrides: str) -> list[str]:
 
 # --- what is refused: the text after "name: x", then place and key, then words of the message ---
 
+WLF = "shift: {law: wlf, C1: 17.44, C2: 51, reference: 20}"
 REFUSED = {
     "unknown key": (
         "gird: {}",
@@ -126,6 +127,56 @@ REFUSED = {
         "layer: {material: {model: zenner}}",
         "2:27: layer.material.model:",
         "mean 'zener'?",
+    ),
+    "unknown law": (
+        "layer: {material: {model: fractional}}",
+        "2:27: layer.material.model: got the text 'fractional'",
+        "fractional_zener",
+    ),
+    "exponent above one": (
+        "layer: {material: {model: fractional_zener, exponent: 1.5}}",
+        "2:55: layer.material.exponent: got 1.5",
+        "from 0.01 to 1",
+    ),
+    "exponent of zero": (
+        "layer: {material: {model: power_law, exponent: 0}}",
+        "2:48: layer.material.exponent: got 0",
+        "from 0.01 to 0.99",
+    ),
+    "asymmetry without a spectrum": (
+        "layer: {material: {model: havriliak_negami, alpha: 0.8, gamma: 1.5}}",
+        "2:64: layer.material.gamma: got 1.5",
+        "at most 1/alpha",
+    ),
+    "temperature below the range of WLF": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{value: -31}}",
+        "3:22: temperature.value: got -31",
+        "above -31 degrees Celsius",
+    ),
+    "temperature at which times leave all range": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{value: -30.5}}",
+        "3:22: temperature.value: got -30.5",
+        "at most 100",
+    ),
+    "temperature without a shift": (
+        "temperature: {value: 20}",
+        "2:14: temperature: given, but no material",
+        "have one",
+    ),
+    "shift without a temperature": (
+        f"layer: {{material: {{{WLF}}}}}",
+        "2:27: layer.material.shift: given, but there is no temperature",
+        "must be left out",
+    ),
+    "temperature of no kind": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{}}",
+        "3:14: temperature: holds neither",
+        "{value: ...}",
+    ),
+    "unknown law of shift": (
+        "layer: {material: {shift: {law: vft, reference: 20}}}",
+        "2:33: layer.material.shift.law: got the text 'vft'",
+        "wlf or arrhenius",
     ),
     "branch without tau": (
         "layer: {material: {model: prony, branches: [{G: 1}]}}",
