@@ -7,7 +7,7 @@ results do not depend on the process that ran a case: all processes compute with
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -21,10 +21,9 @@ from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.sweep import Case, Shard, cases, notes, with_files
+from gfmdlayer.execution.sweep import Case, Shard, cases, notes
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, open_for_writing
-from gfmdlayer.validation.sections import files_named
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ def run_sweep(
     own = every if options.shard is None else options.shard.share(every)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
         every = found.numbered(every)
-        own = growth.with_earlier(folder, _with_inputs(folder, found.numbered(own), found.changed))
+        own = growth.with_earlier(folder, growth.with_inputs(folder, found.numbered(own), found.changed))
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
@@ -172,15 +171,6 @@ def run_sweep(
 
 def _nothing() -> Display:
     return Log(StringIO())
-
-
-def _with_inputs(folder: Folder, own: Sequence[Case], changed: bool) -> Sequence[Case]:
-    """Let cases read the folder's copies of their input files, which no one changes while they run."""
-    files = {path for case in own for path in files_named(case.config).values()}
-    if not files:
-        return own
-    kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
-    return [replace(case, config=with_files(case.config, kept)) for case in own]
 
 
 def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:
@@ -240,7 +230,11 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(dict.fromkeys(case.config.solver.method for case in todo))
+    solvers = ", ".join(
+        dict.fromkeys(
+            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
+        )
+    )
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 
