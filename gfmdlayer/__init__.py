@@ -9,10 +9,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.body import ViscoelasticLayer, halfspace, layer
+    from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
+    from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
@@ -25,17 +28,24 @@ if TYPE_CHECKING:
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
+    "WLF",
+    "Arrhenius",
     "Case",
     "Cone",
     "Config",
     "ConfigError",
     "ConvergenceError",
     "Cylinder",
+    "Elastic",
     "Flat",
+    "FractionalZener",
+    "HavriliakNegami",
+    "Kohlrausch",
     "Layer",
     "LayerStack",
     "LayeredHalfspace",
     "Parabola",
+    "PowerLaw",
     "Prony",
     "Pyramid",
     "SelfAffine",
@@ -44,9 +54,9 @@ __all__ = [
     "ViscoelasticLayer",
     "Wedge",
     "Zener",
+    "bonded_layer",
     "halfspace",
     "indent",
-    "layer",
     "load",
     "open_case",
     "open_results",
@@ -68,9 +78,12 @@ _MODULES = {
         *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
-    "gfmdlayer.body.body": ("ViscoelasticLayer", "halfspace", "layer"),
+    "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
+    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
+    "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }

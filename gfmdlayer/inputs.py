@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony, PronySeries
+from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
@@ -24,10 +27,40 @@ def make_grid(config: Config) -> Grid:
     return Grid(config.grid.points, config.grid.period)
 
 
-def make_body(config: Config) -> LayeredHalfspace:
-    """Return the layer on its halfspace."""
-    layer, halfspace = config.layer, config.halfspace
-    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+def make_body(config: Config, materials: Sequence[Material]) -> Body:
+    """Return the layers on their halfspace.
+
+    A stack merges its modes to the tolerance of the solver.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    materials : sequence of Material
+        Of each of `config.laws`.
+    """
+    given, halfspace = config.stacked, config.halfspace
+    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
+    elastic = halfspace.material is None or materials[-1].elastic
+    if len(given) == 1 and elastic:
+        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
+        return ViscoelasticLayer(layer, materials[0])
+    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
+    floating = math.isfinite(layers[-1].thickness)
+    if floating and 0 < modulus < math.inf:
+        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
+    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
+
+
+def mean_stiffness(config: Config) -> float:
+    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
+    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
+    compliances = [
+        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+        for layer in config.stacked
+        if layer.poisson < 0.5
+    ]
+    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -124,14 +157,18 @@ def kinks(
 
 
 def times_of_response(
-    config: Config, grid: Grid, velocity: Constant | Table | None, kinks: Iterable[float]
+    config: Config,
+    grid: Grid,
+    velocity: Constant | Table | None,
+    kinks: Iterable[float],
+    reduced_time: ReducedTime | None,
 ) -> tuple[float, float]:
     """Return the shortest and the longest time over which the body's response matters.
 
     The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part of
     the shortest ramp, between kinks of the trajectory, that their tolerance is: what relaxes within it
     changes the pressure by no more than that. A punch that moves along the surface also drives the grid's
-    shortest waves.
+    shortest waves. With a temperature these are reduced times, at any time of the run.
 
     Parameters
     ----------
@@ -143,6 +180,8 @@ def times_of_response(
         Of the punch along x.
     kinks : iterable of float
         Times at which the slope of a prescribed quantity jumps.
+    reduced_time : ReducedTime, optional
+        In which the body relaxes.
 
     Returns
     -------
@@ -159,7 +198,23 @@ def times_of_response(
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
         fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
-    return min(shortest, 1 / fastest if fastest else shortest), time.end
+    shortest = min(shortest, 1 / fastest) if fastest else shortest
+    least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
+    return shortest / most, time.end / least
+
+
+def make_series(config: Config) -> tuple[PronySeries, ...]:
+    """Return the laws of layers and halfspace as series of Maxwell branches, over the times of a case.
+
+    Raises
+    ------
+    TableError
+        If a file that the times follow from cannot be used.
+    """
+    velocity, reduced_time = make_velocity(config), make_reduced_time(config)
+    every = kinks(make_trajectory(config), velocity, reduced_time)
+    times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
+    return tuple(law.prony(*times) for law in config.laws)
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -175,7 +230,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     seen = set()
     for config in configs:
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, mean_stiffness(config)),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -210,7 +265,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+    if message := too_deep(float(values.max()), heights, mean_stiffness(config)):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 

@@ -124,6 +124,7 @@ def simulate(
         case.loading, case.integrator, case.steps, case.solver, case.guess,
     )  # fmt: skip
     shape, observables = case.grid.shape, tuple(case.observables.values())
+    keeps_all = case.config.output.snapshots == "every"
     if resume is not None:
         resume(case.resumable)
 
@@ -156,7 +157,7 @@ def simulate(
                 row |= observable.measure(step)
                 finished = finished or observable.finished
             recorder.row(**row)
-            if instant.snapshot or finished:
+            if instant.snapshot or finished or keeps_all:
                 fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:

@@ -43,7 +43,7 @@ class Law(Kind):
     model: str
     """word that chooses the law"""
     shift: Annotated[Shift | None, OneOf(SHIFTS), given] = Field(
-        default=None, description="change of all relaxation times with the temperature: law wlf or arrhenius"
+        default=None, description="shift with the temperature: a mapping with law wlf or arrhenius"
     )
 
     @alone
@@ -106,7 +106,6 @@ class Law(Kind):
         Returns
         -------
         PronySeries
-            With bounds on its errors; those of a law that is a series are zero.
         """
 
     @abstractmethod

@@ -11,7 +11,7 @@ from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.observables.relaxation import SeriesError, Temperature
+from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
 from gfmdlayer.observables.resolution import Resolution
 from gfmdlayer.observables.steady_state import SteadyState
 
@@ -31,6 +31,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "statistics": ContactStatistics,
     "temperature": Temperature,
     "series_error": SeriesError,
+    "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
 }
 

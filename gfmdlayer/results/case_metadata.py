@@ -219,7 +219,9 @@ def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:
 def _columns_in(h5: h5py.File) -> Iterator[tuple[str, SweepColumn]]:
     """Yield the columns of a case: the variables that grow with time."""
     for name, dataset in h5.items():
-        if name in {TIME.name, "snapshot", *FIELDS} or dataset.maxshape[:1] != (None,):
+        if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
+            continue
+        if name in {TIME.name, "snapshot", *FIELDS}:
             continue
         if dataset.ndim == 1:
             yield name, SweepColumn(_described(dataset))
