@@ -18,12 +18,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.temperature import Temperature, temperature_problems
 from gfmdlayer.config.units import Units
+from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
@@ -108,8 +109,11 @@ class Config(Section):
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        fit = self.punch.misfits(self.grid.cell)
-        yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        if self.grid.axisymmetric:
+            yield from admissible.problems(self)
+        else:
+            fit = self.punch.misfits(self.grid.cell)
+            yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
 
@@ -159,6 +163,8 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
+        if self.grid.axisymmetric:  # what can be wrong else has been refused
+            return self.trajectory.file is None and not hasattr(self.punch, "file")
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         tables = given.file, given.velocity_file, self.temperature and self.temperature.file
         if any(table is not None for table in tables) or mean_height is None:
@@ -186,7 +192,7 @@ class Config(Section):
 
         Without `units` the words stay: "length", "pressure / time".
         """
-        if len(self.grid.points) == 1 and words == "force":
+        if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

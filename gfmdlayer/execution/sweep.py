@@ -103,7 +103,9 @@ def notes(configs: Iterable[Config]) -> list[str]:
         If a file cannot be used.
     """
     every = list(configs)
-    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in every)
+    surfaces = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    )
     found = [note for cell, punch in surfaces for note in punch.notes(cell)]
     if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
         from gfmdlayer import inputs

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import PARAMETERS
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ PAPER_SYMBOLS = {
     "mean_stress": r"\bar{p}",
     "force": "F",
     "mean_gap": r"\bar{g}",
+    **{column.name: column.symbol for column in INDENTATION if column.symbol},
     "displacement": "u",
     "pressure": "p",
     "gap": "g",

@@ -127,8 +127,8 @@ class CaseMetadata:
                 self.failed[record.index] = INCOMPLETE
         self.common_times = self._common.times
         always = {each.name: SweepColumn(each.described) for each in ContactMeans.COLUMNS}
-        self.columns = always | self.columns
-        del self.columns[TIME.name]
+        self.columns = self.columns or always  # without a complete case, those of the paper
+        self.columns.pop(TIME.name, None)
         self.lacking = {
             name: lacking
             for name in self.columns
