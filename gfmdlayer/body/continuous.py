@@ -2,8 +2,7 @@
 
     G(t) = G0 + int H(tau) exp(-t/tau) dln tau,        H >= 0
 
-They are computed as such, and replaced in a simulation by the Prony series of fewest branches that keeps to a
-tolerance over the times of the run (`exponential_sums`).
+A simulation replaces them by the Prony series of few branches that keeps to a tolerance (`exponential_sums`).
 """
 
 from __future__ import annotations
