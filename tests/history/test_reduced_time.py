@@ -94,7 +94,6 @@ SHIFT = {"law": "wlf", "C1": 17.44, "C2": 51.6, "reference": 20.0}
 def recorded(**values: Any) -> Recording:
     keys = {key.replace("__", "."): value for key, value in values.items()}
     recording = Recording()
-    config = Config(name="a", grid={"points": 128})
     simulate(
         Case(Config(name="a", grid={"points": 128}).with_values({"solver.tolerance": 1e-10} | keys)),
         recording,
