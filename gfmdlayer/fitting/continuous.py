@@ -122,7 +122,8 @@ def _havriliak_negami(measurement: Measurement, relaxed: float | None) -> _Unkno
         law = symmetric.law(x[:-1])
         assert isinstance(law, HavriliakNegami)
         gamma = max(float(expit(x[-1])), 1e-3) / law.alpha
-        return HavriliakNegami(law.G0, law.Ginf, law.tau, law.alpha, gamma)
+        skewed: Law = HavriliakNegami(law.G0, law.Ginf, law.tau, law.alpha, gamma)
+        return skewed
 
     return _Unknowns(made, [[*start, 0.0] for start in symmetric.starts])
 
@@ -134,7 +135,8 @@ def _power_law(measurement: Measurement, relaxed: float | None) -> _Unknowns:
     def made(x: FloatArray) -> Law:
         modulus, shape, *spring = x.tolist()
         G0 = relaxed if relaxed is not None else unit * math.exp(spring[0])
-        return PowerLaw(unit * math.exp(modulus), middle, 0.01 + 0.98 * float(expit(shape)), G0)
+        law: Law = PowerLaw(unit * math.exp(modulus), middle, 0.01 + 0.98 * float(expit(shape)), G0)
+        return law
 
     spring = [] if relaxed is not None else [math.log(float(measurement.moduli[0].min()) / unit / 2)]
     return _Unknowns(made, [[0.0, float(logit(a)), *spring] for a in EXPONENTS])

@@ -207,7 +207,8 @@ def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator
     if relaxed is None and material.relaxed and elastic.min() > PLATEAU * material.relaxed:
         yield (
             f"G0 = {material.relaxed:.4g} is extrapolated: the lowest measured modulus is "
-            f"{elastic.min():.4g}; the data should reach {fitted.measurement.slower}, or --relaxed-modulus give it"
+            f"{elastic.min():.4g}; the data should reach {fitted.measurement.slower}, "
+            "or --relaxed-modulus give it"
         )
     decades = np.log(fitted.measurement.abscissa)
     if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
