@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import PronySeries
+from gfmdlayer.body.materials import Material, PronySeries
+from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -25,10 +28,40 @@ def make_grid(config: Config) -> Grid:
     return Grid(config.grid.points, config.grid.period)
 
 
-def make_body(config: Config) -> LayeredHalfspace:
-    """Return the layer on its halfspace."""
-    layer, halfspace = config.layer, config.halfspace
-    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+def make_body(config: Config, materials: Sequence[Material]) -> Body:
+    """Return the layers on their halfspace.
+
+    A stack merges its modes to the tolerance of the solver.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    materials : sequence of Material
+        Of each of `config.laws`.
+    """
+    given, halfspace = config.stacked, config.halfspace
+    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
+    elastic = halfspace.material is None or materials[-1].elastic
+    if len(given) == 1 and elastic:
+        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
+        return ViscoelasticLayer(layer, materials[0])
+    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
+    floating = math.isfinite(layers[-1].thickness)
+    if floating and 0 < modulus < math.inf:
+        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
+    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
+
+
+def mean_stiffness(config: Config) -> float:
+    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
+    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
+    compliances = [
+        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+        for layer in config.stacked
+        if layer.poisson < 0.5
+    ]
+    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -53,13 +86,30 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
-    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
+    divided = given.control == "force" and not config.grid.axisymmetric
+    unit = math.prod(config.grid.period) if divided else 1.0
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
     target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
     return RampHold(target / unit, given.ramp_time)
+
+
+def short_tables(configs: Iterable[Config]) -> Iterator[str]:
+    """Yield notes on the tables of cases that end before their runs do.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    every = [(config.trajectory, config.time.end) for config in configs]
+    depths = [(given.file, given.control, end) for given, end in every]
+    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
+    for file, quantity, end in dict.fromkeys(depths + velocities):
+        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -155,8 +205,8 @@ def times_of_response(
     return shortest / most, time.end / least
 
 
-def make_series(config: Config) -> PronySeries:
-    """Return the material of the layer as a series of Maxwell branches, over the times of a case.
+def make_series(config: Config) -> tuple[PronySeries, ...]:
+    """Return the laws of layers and halfspace as series of Maxwell branches, over the times of a case.
 
     Raises
     ------
@@ -166,7 +216,7 @@ def make_series(config: Config) -> PronySeries:
     velocity, reduced_time = make_velocity(config), make_reduced_time(config)
     every = kinks(make_trajectory(config), velocity, reduced_time)
     times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
-    return config.layer.material.prony(*times)
+    return tuple(law.prony(*times) for law in config.laws)
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -182,7 +232,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     seen = set()
     for config in configs:
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, mean_stiffness(config)),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -193,6 +243,9 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
 def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
+    if config.grid.axisymmetric:
+        yield from _errors_of_indentation(config, key)
+        return
     try:
         heights = make_punch(config, make_grid(config))
         key = "trajectory.file"
@@ -217,7 +270,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    if message := too_deep(float(values.max()), heights, make_body(config).mean_stiffness):
+    if message := too_deep(float(values.max()), heights, mean_stiffness(config)):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 
@@ -240,3 +293,23 @@ def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
         f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
         f"must be below the mean height of the punch, {mean_height:.6g}"
     )
+
+
+def _errors_of_indentation(config: Config, key: str) -> Iterator[tuple[str, str]]:
+    given, floor = config.trajectory, sum(layer.thickness for layer in config.stacked)
+    try:
+        config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+        key = "trajectory.file"
+        trajectory = make_trajectory(config)
+    except TableError as error:
+        yield key, str(error)
+        return
+    if not isinstance(trajectory, Table):
+        return
+    least, most = float(trajectory.values.min()), float(trajectory.values.max())
+    if given.control == "force" and least < 0:
+        yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
+    rigid = config.halfspace.shear_modulus == math.inf
+    if given.control == "depth" and rigid and most >= floor:
+        message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
+        yield key, f"{message}; must be below the thickness of the layers, {floor!r}"

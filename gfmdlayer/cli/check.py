@@ -48,7 +48,7 @@ def check(options: argparse.Namespace) -> int:
         lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
     lines += [
         f"steps      {cost.steps:,}",
-        f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
+        *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *_laws([case.config for case in every]),
@@ -66,19 +66,20 @@ def _laws(configs: Sequence[Config]) -> list[str]:
     """Describe the series that replace laws with a continuous spectrum, in some cases of a long sweep."""
     from gfmdlayer.body.continuous import ContinuousLaw
 
-    continuous = [config for config in configs if isinstance(config.layer.material, ContinuousLaw)]
+    continuous = [config for config in configs if any(isinstance(law, ContinuousLaw) for law in config.laws)]
     if not continuous:
         return []
     from gfmdlayer import inputs
 
     found = []
     for config in continuous[:: -(-len(continuous) // MOST_LAWS)]:
-        series = inputs.make_series(config)
-        found.append(
-            f"law        {config.layer.material.model} by {len(series.material.maxwell_branches)} branches: "
+        found += [
+            f"law        {law.model} by {len(series.material.maxwell_branches)} branches: "
             f"error at most {series.error_in_time:.1e} of G(t), {series.error_in_frequency:.1e} of G(omega), "
             f"t and 1/omega from {series.shortest:.3g} to {series.longest:.3g}"
-        )
+            for law, series in zip(config.laws, inputs.make_series(config), strict=True)
+            if isinstance(law, ContinuousLaw)
+        ]
     return list(dict.fromkeys(found))
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from gfmdlayer.body.materials import Law, Prony
+from gfmdlayer.body.materials import Law
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.continuous import fit_law

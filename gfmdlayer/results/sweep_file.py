@@ -30,7 +30,7 @@ from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, SweepColumn, rows_at
 from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
-from gfmdlayer.results.schema import PARAMETERS, VARIABLES
+from gfmdlayer.results.schema import VARIABLES, parameter
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
@@ -197,7 +197,7 @@ def _add_coordinates(
 
 def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
     """Return the attributes of the labels of a swept key, with the label of a unit from its words."""
-    if (known := PARAMETERS.get(key)) is None:
+    if (known := parameter(key)) is None:
         return {"key": key}
     return {"key": key, "long_name": known.long_name, "symbol": known.symbol, "units": unit(known.units)}
 

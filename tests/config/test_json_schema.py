@@ -76,6 +76,17 @@ temperature: {file: degrees.txt}
     LINE + "layer: {material: {model: havriliak_negami, Ginf: 10, alpha: 0.4, gamma: 1.5}}\n",
     LINE + "layer: {material: {model: kohlrausch, exponent: 1}}\n",
     LINE + "layer: {material: {model: elastic, G: 2}}\n",
+    LINE
+    + """\
+layers:
+  - {thickness: 0.01, poisson: 0.4, material: {model: prony, branches: [{G: 1, tau: 0.1}]}}
+  - {thickness: .inf}
+halfspace: {poisson: 0.3, material: {Ginf: 20}}
+sweep:
+  layers.0.thickness: [0.01, 0.02]
+  layers.0.material.branches.0.G: [1, 2]
+  layers.1.material: [{Ginf: 3}, {model: elastic, G: 2}]
+""",
     LINE + "layer: {material: {file: fitted.yaml}}\n",
     LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
@@ -188,6 +199,7 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
         for content in SOUND
         for place in places(plain(content))
     }
+    used |= {key.replace("layer.", "halfspace.", 1) for key in used if key.startswith("layer.material.")}
     swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
     known = SCHEMA["properties"].keys() | swept
     assert known <= used

@@ -12,7 +12,7 @@ import pytest
 from scipy.special import exp1
 
 from gfmdlayer import Config, ConfigError, load
-from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.shifts import WLF, Arrhenius, Shift
 from gfmdlayer.case import Case

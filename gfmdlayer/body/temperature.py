@@ -33,7 +33,7 @@ class Temperature(Section):
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:
-    """Return the shifts of all materials that relax, by the location of the material."""
+    """Return the shifts of all materials of a configuration that relax, by the location of the material."""
     laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
     return {at: law.shift for at, law in laws if not (isinstance(law, Material) and law.elastic)}
 
@@ -41,14 +41,14 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 def temperature_problems(
     config: Section, temperature: Temperature | None, *, moves: bool
 ) -> Iterator[Problem]:
-    """Yield why a temperature and the shifts of a configuration's materials do not go together.
+    """Yield why a temperature and the shifts of materials do not go together.
 
     Parameters
     ----------
-    config : Config
+    config : Section
         The configuration.
     temperature : Temperature, optional
-        Its own.
+        Its temperature.
     moves : bool
         Whether the punch moves along the surface.
     """
