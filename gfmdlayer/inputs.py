@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.config import Config
+from gfmdlayer.config.stops import output_times
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
+
+if TYPE_CHECKING:
+    from gfmdlayer.body.body import Body
+    from gfmdlayer.indentation.isolated import IsolatedIndentation
 
 
 def make_grid(config: Config) -> Grid:
@@ -96,6 +102,37 @@ def make_reduced_time(config: Config) -> ReducedTime | None:
     if last < end:
         raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
     return ReducedTime(shift, table)
+
+
+def make_indentation(config: Config, body: Body, trajectory: Trajectory) -> IsolatedIndentation:
+    """Return the isolated contact of a case with grid.geometry: axisymmetric.
+
+    Parameters
+    ----------
+    config : Config
+        The case.
+    body : Body
+        The body.
+    trajectory : Trajectory
+        Prescribed depth or force over time.
+    """
+    from gfmdlayer.indentation.history import History
+    from gfmdlayer.indentation.isolated import DEFAULT_TOLERANCE, IsolatedIndentation
+
+    grid, time = config.grid, config.time
+    times = [0.0, *sorted({kink for kink in trajectory.kinks if 0 < kink < time.end}), time.end]
+    values = np.array([trajectory(each) for each in times])
+    return IsolatedIndentation(
+        body,
+        config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
+        History(np.array(times), values, by_force=config.trajectory.control == "force"),
+        tolerance=time.tolerance or DEFAULT_TOLERANCE,
+        step=None if isinstance(time.step, str) else time.step,
+        snapshots=config.output.snapshots,
+        stops=output_times(config),
+        points=grid.points[0],
+        extent=grid.extent,
+    )
 
 
 def kinks(

@@ -157,6 +157,8 @@ def _attributes(config: Config) -> dict[str, str | float]:
     if (tau := config.layer.material.characteristic_time) is not None:
         found["tau"] = tau
     found["G0"] = config.layer.material.unit
+    if config.grid.axisymmetric and config.grid.extent is None:
+        found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):
