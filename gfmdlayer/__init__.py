@@ -9,39 +9,81 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
+    from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
+    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
+    from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.run import run
+    from gfmdlayer.interactive.solve import solve
+    from gfmdlayer.punch.self_affine import SelfAffine
+    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
+    "WLF",
+    "Arrhenius",
+    "Case",
+    "Cone",
     "Config",
     "ConfigError",
     "ConvergenceError",
+    "Cylinder",
+    "Elastic",
+    "Flat",
+    "FractionalZener",
+    "HavriliakNegami",
+    "Kohlrausch",
     "Layer",
     "LayerStack",
     "LayeredHalfspace",
+    "Parabola",
+    "PowerLaw",
     "Prony",
+    "Pyramid",
+    "SelfAffine",
+    "Sinusoid",
+    "Sphere",
+    "ViscoelasticLayer",
+    "Wedge",
     "Zener",
+    "bonded_layer",
+    "halfspace",
     "indent",
     "load",
     "open_case",
     "open_results",
     "relaxation_spectrum",
+    "run",
     "simulate",
+    "solve",
 ]
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
+    "gfmdlayer.interactive.solve": ("solve",),
+    "gfmdlayer.case": ("Case",),
+    "gfmdlayer.punch.simple_shapes": (
+        *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
+    ),
+    "gfmdlayer.punch.self_affine": ("SelfAffine",),
+    "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
     "gfmdlayer.body.materials": ("Prony", "Zener"),
+    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
+    "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
 }

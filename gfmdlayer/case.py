@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body, ViscoelasticLayer
+from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
@@ -119,6 +119,12 @@ class Case:
         If there is no such part.
     TableError
         In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
     """
 
     def __init__(
@@ -146,7 +152,9 @@ class Case:
     @cached_property
     def indentation(self) -> IsolatedIndentation:
         """The isolated contact of an indenter of revolution."""
-        return inputs.make_indentation(self.config, self.body, self.trajectory)
+        from gfmdlayer.indentation.isolated import IsolatedIndentation
+
+        return IsolatedIndentation.of(self.config, self.body, self.trajectory, output_times(self.config))
 
     @cached_property
     def transforms(self) -> Transforms:
@@ -156,20 +164,13 @@ class Case:
     @cached_property
     def body(self) -> Body:
         """The body under the surface."""
-        return ViscoelasticLayer(inputs.make_body(self.config), self.series.material)
+        return inputs.make_body(self.config, [series.material for series in self.series])
 
     @cached_property
-    def series(self) -> PronySeries:
-        """The material of the layer as a series of Maxwell branches, over the times of the run."""
-        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
-        return self.config.layer.material.prony(*self._reduced(*times))
-
-    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Return a range of times in reduced time, at all temperatures of the run."""
-        if self.reduced_time is None:
-            return shortest, longest
-        least, most = self.reduced_time.extremes
-        return shortest / most, longest / least
+    def series(self) -> tuple[PronySeries, ...]:
+        """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks, self.reduced_time)
+        return tuple(law.prony(*times) for law in self.config.laws)
 
     @cached_property
     def reduced_time(self) -> ReducedTime | None:
@@ -237,7 +238,7 @@ class Case:
     @cached_property
     def steps(self) -> Steps:
         """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-        time, snapshots = self.config.time, self.config.output.snapshots
+        time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Material, Prony, PronySeries
+from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
-from gfmdlayer.config.stops import output_times
 from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.indentation import admissible
+from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
-
-if TYPE_CHECKING:
-    from gfmdlayer.body.body import Body
-    from gfmdlayer.indentation.isolated import IsolatedIndentation
 
 
 def make_grid(config: Config) -> Grid:
@@ -29,10 +28,40 @@ def make_grid(config: Config) -> Grid:
     return Grid(config.grid.points, config.grid.period)
 
 
-def make_body(config: Config) -> LayeredHalfspace:
-    """Return the layer on its halfspace."""
-    layer, halfspace = config.layer, config.halfspace
-    return LayeredHalfspace(layer.thickness, layer.poisson, halfspace.shear_modulus, halfspace.poisson)
+def make_body(config: Config, materials: Sequence[Material]) -> Body:
+    """Return the layers on their halfspace.
+
+    A stack merges its modes to the tolerance of the solver.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    materials : sequence of Material
+        Of each of `config.laws`.
+    """
+    given, halfspace = config.stacked, config.halfspace
+    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
+    elastic = halfspace.material is None or materials[-1].elastic
+    if len(given) == 1 and elastic:
+        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
+        return ViscoelasticLayer(layer, materials[0])
+    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
+    floating = math.isfinite(layers[-1].thickness)
+    if floating and 0 < modulus < math.inf:
+        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
+    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
+
+
+def mean_stiffness(config: Config) -> float:
+    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
+    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
+    compliances = [
+        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+        for layer in config.stacked
+        if layer.poisson < 0.5
+    ]
+    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -41,9 +70,9 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     Raises
     ------
     TableError
-        If the heights come from a file that cannot be used.
+        If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(config.punch.heights(grid))
+    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -65,6 +94,22 @@ def make_trajectory(config: Config) -> Trajectory:
     target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
     return RampHold(target / unit, given.ramp_time)
+
+
+def short_tables(configs: Iterable[Config]) -> Iterator[str]:
+    """Yield notes on the tables of cases that end before their runs do.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    every = [(config.trajectory, config.time.end) for config in configs]
+    depths = [(given.file, given.control, end) for given, end in every]
+    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
+    for file, quantity, end in dict.fromkeys(depths + velocities):
+        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -104,37 +149,6 @@ def make_reduced_time(config: Config) -> ReducedTime | None:
     return ReducedTime(shift, table)
 
 
-def make_indentation(config: Config, body: Body, trajectory: Trajectory) -> IsolatedIndentation:
-    """Return the isolated contact of a case with grid.geometry: axisymmetric.
-
-    Parameters
-    ----------
-    config : Config
-        The case.
-    body : Body
-        The body.
-    trajectory : Trajectory
-        Prescribed depth or force over time.
-    """
-    from gfmdlayer.indentation.history import History
-    from gfmdlayer.indentation.isolated import DEFAULT_TOLERANCE, IsolatedIndentation
-
-    grid, time = config.grid, config.time
-    times = [0.0, *sorted({kink for kink in trajectory.kinks if 0 < kink < time.end}), time.end]
-    values = np.array([trajectory(each) for each in times])
-    return IsolatedIndentation(
-        body,
-        config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
-        History(np.array(times), values, by_force=config.trajectory.control == "force"),
-        tolerance=time.tolerance or DEFAULT_TOLERANCE,
-        step=None if isinstance(time.step, str) else time.step,
-        snapshots=config.output.snapshots,
-        stops=output_times(config),
-        points=grid.points[0],
-        extent=grid.extent,
-    )
-
-
 def kinks(
     trajectory: Trajectory, velocity: Constant | Table | None, reduced_time: ReducedTime | None
 ) -> tuple[float, ...]:
@@ -145,14 +159,18 @@ def kinks(
 
 
 def times_of_response(
-    config: Config, grid: Grid, velocity: Constant | Table | None, kinks: Iterable[float]
+    config: Config,
+    grid: Grid,
+    velocity: Constant | Table | None,
+    kinks: Iterable[float],
+    reduced_time: ReducedTime | None,
 ) -> tuple[float, float]:
     """Return the shortest and the longest time over which the body's response matters.
 
     The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part of
     the shortest ramp, between kinks of the trajectory, that their tolerance is: what relaxes within it
     changes the pressure by no more than that. A punch that moves along the surface also drives the grid's
-    shortest waves.
+    shortest waves. With a temperature these are reduced times, at any time of the run.
 
     Parameters
     ----------
@@ -164,6 +182,8 @@ def times_of_response(
         Of the punch along x.
     kinks : iterable of float
         Times at which the slope of a prescribed quantity jumps.
+    reduced_time : ReducedTime, optional
+        In which the body relaxes.
 
     Returns
     -------
@@ -180,7 +200,23 @@ def times_of_response(
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
         fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
-    return min(shortest, 1 / fastest if fastest else shortest), time.end
+    shortest = min(shortest, 1 / fastest) if fastest else shortest
+    least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
+    return shortest / most, time.end / least
+
+
+def make_series(config: Config) -> tuple[PronySeries, ...]:
+    """Return the laws of layers and halfspace as series of Maxwell branches, over the times of a case.
+
+    Raises
+    ------
+    TableError
+        If a file that the times follow from cannot be used.
+    """
+    velocity, reduced_time = make_velocity(config), make_reduced_time(config)
+    every = kinks(make_trajectory(config), velocity, reduced_time)
+    times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
+    return tuple(law.prony(*times) for law in config.laws)
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -196,7 +232,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     seen = set()
     for config in configs:
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, make_body(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, mean_stiffness(config)),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -208,7 +244,12 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
     if config.grid.axisymmetric:
-        yield from _errors_of_indentation(config, key)
+        try:
+            config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+            key = "trajectory.file"
+            yield from admissible.table_errors(config, make_trajectory(config))
+        except TableError as error:
+            yield key, str(error)
         return
     try:
         heights = make_punch(config, make_grid(config))
@@ -234,29 +275,26 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    deepest, mean_height = float(values.max()), float(heights.mean())
-    if make_body(config).mean_stiffness == 0 and deepest >= mean_height:
-        yield (
-            "trajectory.depth" if given.file is None else "trajectory.file",
-            f"got {deepest:.6g} with this punch and a body whose mean height cannot change; "
-            f"must be below the mean height of the punch, {mean_height:.6g}",
-        )
+    if message := too_deep(float(values.max()), heights, mean_stiffness(config)):
+        yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 
-def _errors_of_indentation(config: Config, key: str) -> Iterator[tuple[str, str]]:
-    given, base = config.trajectory, make_body(config)
-    try:
-        config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
-        key = "trajectory.file"
-        trajectory = make_trajectory(config)
-    except TableError as error:
-        yield key, str(error)
-        return
-    if not isinstance(trajectory, Table):
-        return
-    least, most = float(trajectory.values.min()), float(trajectory.values.max())
-    if given.control == "force" and least < 0:
-        yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
-    if given.control == "depth" and math.isinf(base.bulk_modulus) and most >= base.thickness:
-        message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
-        yield key, f"{message}; must be below layer.thickness = {base.thickness!r}"
+def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+    """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
+
+    Parameters
+    ----------
+    depth : float
+        The largest depth.
+    heights : ndarray, one value a point
+        Height of the punch above its lowest point.
+    mean_stiffness : float
+        Of the body; see `body.body.Body`.
+    """
+    mean_height = float(heights.mean())
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    return (
+        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
+        f"must be below the mean height of the punch, {mean_height:.6g}"
+    )

@@ -17,6 +17,7 @@ from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.pair_time import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.resumable import CompositeState
 
@@ -99,6 +100,24 @@ def simulate(
         If a step does not reach the solver's tolerance; the state to save is then that before the step.
     TableError
         If the file of a punch or a trajectory cannot be used.
+
+    Examples
+    --------
+    A recorder is called with each row:
+
+    >>> class Printer:
+    ...     def row(self, **values):
+    ...         print(values["time"], values["depth"])
+    ...
+    ...     def snapshot(self, time, displacement, pressure, gap): ...
+    ...
+    ...     def note(self, **attributes): ...
+    >>> config = gfmdlayer.Config(name="a", grid={"points": 64}, time={"end": 1.0, "step": 0.5})
+    >>> gfmdlayer.simulate(config, Printer())
+    0.0 0.0
+    0.5 0.005
+    1.0 0.01
+    []
     """
     case = config if isinstance(config, Case) else Case(config, wisdom, threads)
     if case.config.grid.axisymmetric:
@@ -107,6 +126,7 @@ def simulate(
         case.loading, case.integrator, case.steps, case.solver, case.guess,
     )  # fmt: skip
     shape, observables = case.grid.shape, tuple(case.observables.values())
+    keeps_all = case.config.output.snapshots == "every"
     if resume is not None:
         resume(case.resumable)
 
@@ -139,8 +159,8 @@ def simulate(
                 row |= observable.measure(step)
                 finished = finished or observable.finished
             recorder.row(**row)
-            if instant.snapshot or finished:
-                fields = surface.displacement, solution.pressure, solution.gap
+            if instant.snapshot or finished or keeps_all:
+                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break

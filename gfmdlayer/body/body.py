@@ -7,16 +7,18 @@ of relaxing modes, a `Spectrum`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from gfmdlayer.body.elastic import Elastic
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.validation.problems import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-
-    from gfmdlayer.body.layer import LayeredHalfspace
-    from gfmdlayer.body.materials import Material
 
 
 class Body(Protocol):
@@ -46,7 +48,7 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class ViscoelasticLayer:
-    """A viscoelastic layer bonded to an elastic halfspace.
+    """A viscoelastic layer bonded to an elastic halfspace; `bonded_layer` and `halfspace` make one.
 
     Parameters
     ----------
@@ -54,6 +56,12 @@ class ViscoelasticLayer:
         Thickness, Poisson's ratios and halfspace.
     material : Material
         Shear response of the layer.
+
+    Examples
+    --------
+    >>> body = gfmdlayer.ViscoelasticLayer(gfmdlayer.LayeredHalfspace(0.1, 0.5, 1.0), gfmdlayer.Zener())
+    >>> body.spectrum([1.0, 10.0]).times.shape  # modes, wavenumbers
+    (3, 2)
     """
 
     layer: LayeredHalfspace
@@ -65,9 +73,87 @@ class ViscoelasticLayer:
         return self.layer.mean_stiffness * self.material.relaxed
 
     def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s) of the layer with the modulus G(s)."""
+        """Return K(q, s) of the layer with the modulus G(s), see `Body`."""
         return self.layer.stiffness(q, self.material.laplace(s))
 
     def spectrum(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavenumbers q."""
+        """Return the relaxing modes at the wavenumbers q: `relaxed`, `glassy`, `times` and `weights`."""
         return relaxation_spectrum(self.layer, self.material, q)
+
+
+def bonded_layer(
+    thickness: float,
+    material: Material | float,
+    *,
+    poisson: float = 0.5,
+    base: float = math.inf,
+    base_poisson: float = 0.5,
+) -> ViscoelasticLayer:
+    """Return a layer bonded to a base, as a body for `solve` and for plots of its stiffness.
+
+    Parameters
+    ----------
+    thickness : float
+        d, from 0 (the bare base) to inf (a halfspace of the material).
+    material : Material or float
+        Law of the layer, or its shear modulus where it is elastic.
+    poisson : float
+        Poisson's ratio of the layer.
+    base : float
+        Shear modulus of the base: inf is rigid, 0 leaves the layer free.
+    base_poisson : float
+        Poisson's ratio of the base.
+
+    Returns
+    -------
+    ViscoelasticLayer
+
+    Raises
+    ------
+    ConfigError
+        If a parameter is outside of its bounds.
+
+    Examples
+    --------
+    The stiffness K(q, s), stress over displacement, of a layer under slow and under fast loads:
+
+    >>> body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), base=1.0)
+    >>> q = np.array([1.0, 10.0, 100.0])
+    >>> body.stiffness(q, 0.0) / q  # on a halfspace it is 2 G q
+    array([2., 2., 2.])
+    >>> bool(np.allclose(body.stiffness(q, 1e12), body.spectrum(q).glassy))
+    True
+
+    Its relaxing modes, three for a branch of the material, at each wavenumber:
+
+    >>> body.spectrum(q).times.shape, body.spectrum(q).weights.shape
+    ((3, 3), (3, 3))
+    """
+    if isinstance(material, Law) and not isinstance(material, Material):
+        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a series of it"
+        raise ConfigError([f"material: {message}, material.prony(shortest, longest).material"])
+    law = material if isinstance(material, Material) else Elastic(material)
+    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), law)
+
+
+def halfspace(material: Material | float, *, poisson: float = 0.5) -> ViscoelasticLayer:
+    """Return a halfspace as a body.
+
+    Parameters
+    ----------
+    material : Material or float
+        Law of the halfspace, or its shear modulus where it is elastic.
+    poisson : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    ViscoelasticLayer
+
+    Examples
+    --------
+    >>> q = np.array([1.0, 2.0])
+    >>> gfmdlayer.halfspace(3.0, poisson=0.25).stiffness(q, 0.0)  # q G/(1 - nu)
+    array([4., 8.])
+    """
+    return bonded_layer(math.inf, material, poisson=poisson, base=0.0)

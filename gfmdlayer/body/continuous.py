@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -29,6 +30,9 @@ Tolerance = Annotated[float, strict, Field(ge=1e-6, le=0.1), MustBe("a number fr
 # Points of the contour integral, whose error falls by a factor of ten with each, down to rounding.
 _POINTS = 32
 
+# Branches of a series to 1e-4, over some decades: measured, for estimates of the cost.
+_BRANCHES, _DECADES = 15, 4
+
 
 class ContinuousLaw(Law):
     """A law with a continuous spectrum of relaxation times, replaced by a Prony series."""
@@ -38,15 +42,22 @@ class ContinuousLaw(Law):
     tolerance: Tolerance = 1e-4
     """largest relative error of the Prony series that replaces the law"""
 
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return as branches what relaxes in each part of some decades before the time."""
+        times = [longest * 10 ** (-_DECADES * i / _BRANCHES) for i in range(_BRANCHES + 1)]
+        moduli = self.relaxation_modulus(times).tolist()
+        return moduli[0], tuple(
+            (stiffer - softer, math.sqrt(early * late))
+            for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
+        )
+
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
         """Return the Prony series that replaces the law, see `exponential_sums.prony_series`.
 
         Raises
         ------
-        ValueError
-            The range is empty.
-        ArithmeticError
-            No series of a reasonable number of branches keeps to the tolerance.
+        ValueError, ArithmeticError
+            The range is empty; no series of a reasonable number of branches keeps to the tolerance.
         """
         from gfmdlayer.body.exponential_sums import prony_series
 
@@ -90,6 +101,13 @@ class HavriliakNegami(_RelaxingLaw):
 
     After Havriliak & Negami, Polymer 8 (1967) 161-210. alpha = 1 is the law of Davidson and Cole, gamma = 1
     the fractional Zener solid. Its spectrum is not negative for alpha gamma <= 1.
+
+    Examples
+    --------
+    >>> law = gfmdlayer.HavriliakNegami(G0=1.0, Ginf=1000.0, tau=1.0, alpha=0.7, gamma=0.5)
+    >>> loss = law.complex_modulus([0.01, 1.0, 100.0])
+    >>> (loss.imag / loss.real).round(2)  # tan delta
+    array([1.66, 0.79, 0.12])
     """
 
     model: Literal["havriliak_negami"] = "havriliak_negami"
@@ -122,6 +140,16 @@ class FractionalZener(_RelaxingLaw):
 
     G(t) = G0 + (Ginf - G0) E_a(-(t/tau)^a), with the function of Mittag-Leffler; G(omega) is the law of
     Cole and Cole. See Mainardi, Fractional Calculus and Waves in Linear Viscoelasticity (2010), ch. 3.
+
+    Examples
+    --------
+    A series of Maxwell branches that is as good as the law over three decades of time:
+
+    >>> law = gfmdlayer.FractionalZener(G0=1.0, Ginf=10.0, tau=1.0, exponent=0.5)
+    >>> series = law.prony(shortest=0.01, longest=10.0, tolerance=1e-3)
+    >>> len(series.material.maxwell_branches), series.error_in_time < 1e-3
+    (7, True)
+    >>> body = gfmdlayer.layer(0.1, series.material, base=1.0)
     """
 
     model: Literal["fractional_zener"] = "fractional_zener"
@@ -144,6 +172,11 @@ class Kohlrausch(_RelaxingLaw):
     """Stretched exponential G(t) = G0 + (Ginf - G0) exp(-(t/tau)^b).
 
     After Kohlrausch, Ann. Phys. 167 (1854) 179-214; Williams & Watts, Trans. Faraday Soc. 66 (1970) 80-85.
+
+    Examples
+    --------
+    >>> gfmdlayer.Kohlrausch(G0=1.0, Ginf=10.0, tau=2.0, exponent=0.5).relaxation_modulus(2.0).round(6)
+    np.float64(4.310915)
     """
 
     model: Literal["kohlrausch"] = "kohlrausch"
@@ -184,6 +217,11 @@ class PowerLaw(ContinuousLaw):
     G(s) = G0 + G Gamma(1 - a) (s tau)^a. Without a spring nothing is left at long times, and without a limit
     the modulus grows at short ones: the Prony series that replaces it has the relaxed modulus of all branches
     slower than the run, of at least a tenth of the tolerance, and no branch much faster than its steps.
+
+    Examples
+    --------
+    >>> gfmdlayer.PowerLaw(G=2.0, tau=1.0, exponent=0.5).relaxation_modulus([0.25, 1.0, 4.0])
+    array([4., 2., 1.])
     """
 
     model: Literal["power_law"] = "power_law"

@@ -9,7 +9,13 @@ from gfmdlayer.validation.fields import Positive
 
 
 class Elastic(Material):
-    """An elastic solid of modulus G."""
+    """An elastic solid of modulus G.
+
+    Examples
+    --------
+    >>> gfmdlayer.Elastic(3.0).relaxation_modulus([0.0, 1.0])
+    array([3., 3.])
+    """
 
     model: Literal["elastic"] = "elastic"
     """G(t) = G at all times"""

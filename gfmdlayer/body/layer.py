@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.validation.problems import ConfigError
 
 # exp(-2x) is zero in double precision from x = 373 on: a layer as thick as this, or thicker, is a halfspace.
 HALFSPACE_DEPTH = 400.0
@@ -65,8 +66,14 @@ class LayeredHalfspace:
 
     Raises
     ------
-    ValueError
+    ConfigError
         If a parameter is outside of these bounds, or a bare halfspace is rigid or has no stiffness.
+
+    Examples
+    --------
+    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
+    >>> layer.stiffness(np.array([1.0, 100.0]), G=1.0).round(1)
+    array([3054.,  200.])
     """
 
     thickness: float
@@ -76,15 +83,15 @@ class LayeredHalfspace:
 
     def __post_init__(self) -> None:
         if not self.thickness >= 0:
-            raise ValueError(f"thickness = {self.thickness!r}: must be 0, positive or inf")
+            raise ConfigError([f"thickness: got {self.thickness!r}; must be 0, positive or inf"])
         if not self.bulk_modulus >= 0:
-            raise ValueError(f"bulk_modulus = {self.bulk_modulus!r}: must be 0, positive or inf")
+            raise ConfigError([f"bulk_modulus: got {self.bulk_modulus!r}; must be 0, positive or inf"])
         for name, ratio in (("poisson", self.poisson), ("bulk_poisson", self.bulk_poisson)):
             if not -1 < ratio <= 0.5:
-                raise ValueError(f"{name} = {ratio!r}: must be above -1 and at most 0.5")
+                raise ConfigError([f"{name}: got {ratio!r}; must be above -1 and at most 0.5"])
         if self.thickness == 0 and self.bulk_modulus in (0, math.inf):
-            raise ValueError(
-                f"thickness = 0 needs a halfspace that deforms, not bulk_modulus = {self.bulk_modulus!r}"
+            raise ConfigError(
+                [f"thickness: got 0 with bulk_modulus {self.bulk_modulus!r}; needs a halfspace that deforms"]
             )
 
     def stiffness(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:

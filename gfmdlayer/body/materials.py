@@ -43,7 +43,7 @@ class Law(Kind):
     model: str
     """word that chooses the law"""
     shift: Annotated[Shift | None, OneOf(SHIFTS), given] = Field(
-        default=None, description="change of all relaxation times with the temperature: law wlf or arrhenius"
+        default=None, description="shift with the temperature: a mapping with law wlf or arrhenius"
     )
 
     @alone
@@ -93,7 +93,7 @@ class Law(Kind):
 
     @abstractmethod
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
-        """Return a series of Maxwell branches that responds like this law over a range of times.
+        """Return Maxwell branches that respond like this law over a range of times.
 
         Parameters
         ----------
@@ -106,8 +106,11 @@ class Law(Kind):
         Returns
         -------
         PronySeries
-            With bounds on its errors; those of a law that is a series are zero.
         """
+
+    @abstractmethod
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
+        """Return a relaxed modulus and branches (G_k, tau_k) that estimate the cost of a run up to a time."""
 
     def complex_modulus(self, omega: ArrayLike) -> ComplexArray:
         """Storage plus i times loss modulus, G(omega) of Eq. (4), in the shape of the angular frequency."""
@@ -165,6 +168,10 @@ class Material(Law):
         cycles = np.asarray(s)[..., np.newaxis] * self.branch_times
         return np.asarray(self.relaxed + (self.branch_moduli * (cycles / (1 + cycles))).sum(axis=-1))
 
+    def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:  # noqa: ARG002
+        """Return the modulus and the branches of the series."""
+        return self.relaxed, self.maxwell_branches
+
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:  # noqa: ARG002
         """Return the material itself, which is a series."""
         return PronySeries(self, shortest, longest)
@@ -195,6 +202,14 @@ class Zener(Material):
     """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
 
     One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
+
+    Examples
+    --------
+    >>> material = gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0)
+    >>> material.relaxation_modulus([0.0, 2.0])
+    array([10.        ,  4.31091497])
+    >>> gfmdlayer.Config(name="a", layer={"material": material}).layer.material.tau
+    2.0
     """
 
     model: Literal["zener"] = "zener"
@@ -252,6 +267,11 @@ class Prony(Material):
     """Prony series G(t) = G0 + sum of G exp(-t/tau) over the branches; G0 is the relaxed modulus.
 
     Made alone, it takes its branches as pairs (G, tau). Without any the material is elastic.
+
+    Examples
+    --------
+    >>> gfmdlayer.Prony(1.0, [(2.0, 0.1), (3.0, 10.0)]).glassy
+    6.0
     """
 
     model: Literal["prony"] = "prony"

@@ -106,6 +106,12 @@ def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLik
         At most three modes for each branch of the material, none for an elastic body. Modes whose weights at
         a wavenumber sum to no more than `NEGLIGIBLE` of the relaxed stiffness have weight zero there, and
         those without weight anywhere are left out.
+
+    Examples
+    --------
+    >>> layer = gfmdlayer.LayeredHalfspace(thickness=0.1, poisson=0.5, bulk_modulus=np.inf)
+    >>> gfmdlayer.relaxation_spectrum(layer, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), 1.0).times
+    array([2.])
     """
     q = np.asarray(q, dtype=float)
     relaxed = layer.stiffness(q, material.relaxed)

@@ -87,13 +87,9 @@ def read_config(options: argparse.Namespace) -> Config:
     ConfigError
         With every error in it.
     """
-    from gfmdlayer.config import load
-    from gfmdlayer.execution.folder import is_result, stored_config
-    from gfmdlayer.execution.sweep import input_errors
+    from gfmdlayer.execution import folder
 
-    if is_result(options.config):
-        return stored_config(options.config, options.set)
-    return load(options.config, options.set, input_errors)
+    return folder.read_config(options.config, options.set)
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:

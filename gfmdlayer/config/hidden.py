@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from gfmdlayer.config.sweeps import unswept
-from gfmdlayer.validation.problems import Location, Problem
+from gfmdlayer.validation.problems import Location, Problem, dotted_key, without_last_places
 
 # Young's moduli, as they are often given, and the shear moduli that a configuration has in their place.
 _YOUNGS = {
@@ -56,20 +56,24 @@ def with_hidden(
 
 def _set_aside(data: Any, location: Location) -> str:
     """Remove the value at a location, or the section that should hold it; return its dotted key."""
-    keys = [part for part in location if isinstance(part, str)]
+    path = without_last_places(location)
     holder = data
-    for depth, key in enumerate(keys):
-        if key not in holder:
-            return _set_aside(data, location[:depth]) if depth else key
-        if depth == len(keys) - 1 or not isinstance(holder[key], dict):
-            del holder[key]
-            return ".".join(keys[: depth + 1])
-        holder = holder[key]
+    for depth, part in enumerate(path):
+        if isinstance(part, int) and isinstance(holder, list) and part < len(holder):
+            holder = holder[part]
+            continue
+        if not isinstance(holder, dict) or part not in holder:
+            return _set_aside(data, path[:depth]) if depth else str(part)
+        if depth == len(path) - 1 or not isinstance(holder[part], dict | list):
+            del holder[part]
+            return dotted_key(path[: depth + 1])
+        holder = holder[part]
     return ""
 
 
 def _rests_on(problem: Problem, key: str) -> bool:
-    own = problem.key if problem.at_key else unswept(problem.key)
+    in_a_list = any(part.isdigit() for part in problem.key.split("."))  # and known only with the list
+    own = problem.key if problem.at_key and not in_a_list else unswept(problem.key)
     names = (own, problem.key, *problem.others)
     return any(f"{name}.".startswith(f"{key}.") or f"{key}.".startswith(f"{name}.") for name in names)
 

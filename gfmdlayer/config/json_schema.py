@@ -8,6 +8,7 @@ keys without .inf are bounded by the largest finite number.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from itertools import combinations
@@ -21,6 +22,7 @@ from gfmdlayer.config.model import Config
 from gfmdlayer.validation.fields import sequence, two
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_PLACE = "@"  # stands in dotted keys for the place in a list
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
 
 
@@ -29,6 +31,7 @@ def json_schema() -> dict[str, Any]:
     schema = Config.model_json_schema(schema_generator=_Generator)
     title = {"$schema": _DIALECT, "title": "gfmdlayer configuration"}
     result: dict[str, Any] = title | _described(schema)
+    _require_words(result, result["$defs"])
     _sweep(result)
     return result
 
@@ -72,17 +75,18 @@ class _Generator(GenerateJsonSchema):
         return result
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """Require the tag in every member but the default one."""
-        find: Any = schema["discriminator"]
-        members = {tag: self.generate_inner(member) for tag, member in schema["choices"].items()}
-        for tag, member in members.items():
-            if tag != find({}) and "$ref" in member:
-                section = self.get_schema_from_definitions(member["$ref"]) or {}
-                required = section.setdefault("required", [])
-                required += [
-                    k for k, v in section["properties"].items() if "const" in v and k not in required
-                ]
-        return {"oneOf": list(members.values())}
+        return {"oneOf": [self.generate_inner(member) for member in schema["choices"].values()]}
+
+
+def _require_words(node: Any, sections: Mapping[str, Any]) -> None:
+    """Require the word that chooses a section in every one of several but the first, which is the default."""
+    for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        _require_words(inner, sections)
+    for member in node.get("oneOf", ())[1:] if isinstance(node, dict) else ():
+        if "$ref" in member:
+            section = sections[member["$ref"].rpartition("/")[2]]
+            required = section.setdefault("required", [])
+            required += [k for k, v in section["properties"].items() if "const" in v and k not in required]
 
 
 def _described(node: Any) -> Any:
@@ -104,6 +108,8 @@ def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> It
     """Yield dotted keys and their schemas, of each kind of section that may be there."""
     for member in node.get("oneOf", ()):
         yield from _keys(schema, member, prefix)
+    if "items" in node:
+        yield from _keys(schema, node["items"], f"{prefix}.{_PLACE}")
     if "$ref" in node:
         for key, value in schema["$defs"][node["$ref"].rpartition("/")[2]]["properties"].items():
             yield f"{prefix}.{key}", value
@@ -120,8 +126,11 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
     for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
+        named = {key: value for key, value in values.items() if _PLACE not in key}
+        in_lists = {f"^{re.escape(key)}$": value for key, value in values.items() if _PLACE in key}
         section |= {
-            "properties": section.get("properties", {}) | values,
+            "properties": section.get("properties", {}) | named,
+            "patternProperties": {key.replace(_PLACE, "[0-9]+"): value for key, value in in_lists.items()},
             "additionalProperties": False,
             "minProperties": required + 1,
         }

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.temperature import Temperature, temperature_problems
@@ -28,7 +29,7 @@ from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
-from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem, dotted
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Location, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 
 Name = Annotated[
@@ -52,6 +53,12 @@ class Config(Section):
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
         with a sweep is sound when its cases are: its own value of a swept key is not run.
+
+    Examples
+    --------
+    >>> config = gfmdlayer.Config(name="thin", layer={"thickness": 0.01}, grid={"points": 512})
+    >>> config.with_values({"layer.thickness": 0.02}).layer.thickness
+    0.02
     """
 
     name: Name
@@ -60,10 +67,16 @@ class Config(Section):
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
-    layer: sections.Layer = Field(default_factory=sections.Layer)
+    layers: Annotated[tuple[sections.StackedLayer, ...] | None, given] = Field(
+        default=None, json_schema_extra={"minItems": 1}
+    )
+    """layers from the surface down, in place of layer; the last may be infinitely thick"""
+    layer: Annotated[sections.Layer | None, given] = Field(
+        default_factory=lambda data: sections.Layer() if data.get("layers") is None else None
+    )
     """the viscoelastic layer"""
     halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
-    """the elastic base under the layer"""
+    """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
     """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
@@ -95,23 +108,30 @@ class Config(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
-        yield from temperature_problems(self)
-        if self.grid.axisymmetric:
-            yield from admissible.problems(self)
-        else:
-            fit = self.punch.misfits(self.grid.cell)
-            yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
+        yield from admissible.problems(self)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
 
     def _problems_of_the_body(self) -> Iterator[Problem]:
+        if self.layers is not None and self.layer is not None:
+            yield Problem(("layers",), "given beside layer; must be one of the two", ("layer",), at_key=True)
+            return
+        if not self.stacked:
+            yield Problem(("layers",), "got an empty list; must hold at least one {thickness: ...}")
+            return
+        for i, layer in enumerate(self.stacked[:-1]):
+            if math.isinf(layer.thickness):
+                message = "got .inf above another layer; must be finite: only the last can be a halfspace"
+                yield Problem(("layers", i, "thickness"), message, ("layers",))
         modulus = self.halfspace.shear_modulus
-        if self.layer.thickness == 0 and modulus in {0, math.inf}:
+        if modulus in {0, math.inf} and not any(layer.thickness for layer in self.stacked):
             nothing = "halfspace without stiffness: nothing carries a load"
             base = "rigid halfspace: nothing is left to deform" if modulus else nothing
             allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
             message = f"got 0 on a {base}; {allowed}"
-            yield Problem(("layer", "thickness"), message, ("halfspace.shear_modulus",))
+            at: Location = ("layer", "thickness") if self.layers is None else ("layers", 0, "thickness")
+            yield Problem(at, message, ("halfspace.shear_modulus", "layers"))
 
     def _problems_of_the_motion(self) -> Iterator[Problem]:
         given, time = self.trajectory, self.time
@@ -132,20 +152,36 @@ class Config(Section):
         if output.times is not None and time.step != "adaptive":
             message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
-        for i, snapshot in enumerate(output.snapshots):
+        for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
 
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        if self.grid.axisymmetric:  # what can be wrong else has been refused
+        if self.grid.axisymmetric:
             return self.trajectory.file is None and not hasattr(self.punch, "file")
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         tables = given.file, given.velocity_file, self.temperature and self.temperature.file
         if any(table is not None for table in tables) or mean_height is None:
             return False
         return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+    @property
+    def stacked(self) -> tuple[sections.Layer, ...]:
+        """The layers from the surface down: those of `layers`, or `layer` alone."""
+        return self.layers or (() if self.layer is None else (self.layer,))
+
+    @property
+    def surface(self) -> sections.Layer:
+        """The uppermost layer: its modulus is the unit of dimensionless pressures, its time that of times."""
+        return self.stacked[0]
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws of the layers from the surface down, and of the halfspace where it has one."""
+        base = self.halfspace.material
+        return (*(layer.material for layer in self.stacked), *(() if base is None else (base,)))
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
@@ -190,6 +226,8 @@ class Config(Section):
             del data["sweep"]
         for head in {key.partition(".")[0] for key in sweeps.swept_keys(self.sweep)}:
             section = getattr(self, head)
+            if not isinstance(section, Section):  # no default in a list follows from another value
+                continue
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
                     data[head].pop(key, None)
@@ -216,6 +254,7 @@ def digest(config: Config) -> str:
 def stem(config: Config) -> str:
     """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
 
+    A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
 
     Raises
@@ -223,7 +262,12 @@ def stem(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    left_out = {"name": True, "sweep": True, "output": {"keep_state", "snapshots", "times"}}
+    times = (
+        {"keep_state", "times"}
+        if config.output.snapshots == "every"
+        else {"keep_state", "times", "snapshots"}
+    )
+    left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
     if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
         left_out["time"] = {"end"}
     return _hash(config, left_out)
@@ -239,34 +283,6 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def leaves(config: Config) -> list[str]:
-    """Return the dotted keys of all sections that hold a value of their own, in the order of the model."""
-    return [
-        dotted((*at, key))
-        for at, section in sections_in(config)
-        if at and isinstance(at[-1], str)  # not the whole, nor a section in a list
-        for key, value in vars(section).items()
-        if not isinstance(value, Section)
-    ]
-
-
-def sweepable(config: Config) -> list[str]:
-    """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape))]
-    swept = (key for key in leaves(config) if key.partition(".")[0] not in sweeps.UNSWEPT)
-    return [*swept, *(dotted(at) for at in kinds)]
-
-
-def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
-    """Return nested `data` with values at dotted keys; `data` itself is left as it is."""
-    result = dict(data)
-    for key, value in values.items():
-        head, _, tail = key.partition(".")
-        inner = result.get(head)
-        result[head] = assigned(inner if isinstance(inner, Mapping) else {}, {tail: value}) if tail else value
-    return result
 
 
 def problems(data: Mapping[str, Any]) -> list[Problem]:

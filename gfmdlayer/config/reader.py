@@ -15,7 +15,15 @@ from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
-from gfmdlayer.validation.problems import ConfigError, Problem, colon_without_space
+from gfmdlayer.validation.problems import (
+    ConfigError,
+    Location,
+    Problem,
+    colon_without_space,
+    dotted_key,
+    location_of_key,
+    not_in_list,
+)
 from gfmdlayer.validation.sections import keys_of_files, plain
 
 _FILES = frozenset(keys_of_files(Config))
@@ -80,7 +88,7 @@ def from_python(
         Keys and values as in YAML; sections, NumPy's numbers and arrays may be among the values. File names
         are relative to the working directory.
     values : mapping, optional
-        Dotted keys and values that replace those of `given`.
+        Dotted keys and values that replace those of `given`; None leaves a key out.
     inspect : callable, optional
         As in `load`.
 
@@ -156,7 +164,7 @@ def _override(document: Document, override: str) -> None:
     """Put one ``dotted.key=value`` of the command line into the document."""
     option = Place("--set")
     key, equals, value = override.partition("=")
-    if not equals or not all(_location(key)):
+    if not equals or "" in _location(key):
         document.problems.append((option, f"got {override!r}; must be dotted.key=value"))
         return
     new = text.read(value, "--set", _location(key))
@@ -166,12 +174,12 @@ def _override(document: Document, override: str) -> None:
         _assign(document, key, new, option)
 
 
-def _location(key: str) -> tuple[str, ...]:
+def _location(key: str) -> Location:
     """Return the location that a dotted key names."""
-    location: tuple[str, ...] = tuple(key.strip().split("."))
+    location = location_of_key(key.strip())
     if location[0] == "sweep" and len(location) > 1:
         whole = 2 if location[1] in LISTS else 1  # the rest is one key with dots
-        location = (*location[:whole], ".".join(location[whole:])) if location[whole:] else location
+        location = (*location[:whole], dotted_key(location[whole:])) if location[whole:] else location
     return location
 
 
@@ -179,18 +187,26 @@ def _assign(document: Document, key: str, new: Document, option: Place) -> None:
     """Put a value at a dotted key; its place is that of the option."""
     location = _location(key)
     inner: Any = document.data
-    for i, part in enumerate(location[:-1]):
-        inner = inner.setdefault(part, {})
-        if not isinstance(inner, dict):
-            section = ".".join(location[: i + 1])
-            document.problems.append(
-                (option, f"{key}: {section} is not a mapping, so no key of it can be set")
-            )
+    for i, part in enumerate(location):
+        section, wrong = dotted_key(location[:i]), ""
+        if isinstance(inner, list):
+            wrong = not_in_list(part, len(inner), section)
+        elif not isinstance(inner, dict):
+            wrong = f"{section} is not a mapping, so no key of it can be set"
+        elif isinstance(part, int):
+            wrong = f"{section} is not a list"
+        if wrong:
+            document.problems.append((option, f"{key}: {wrong}"))
             return
-        document.keys.setdefault(location[: i + 1], option)
+        if i < len(location) - 1:
+            inner = inner.setdefault(part, {}) if isinstance(inner, dict) else inner[part]
+            document.keys.setdefault(location[: i + 1], option)
     for places in (document.keys, document.values):
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
+    if new.data is None and option == _PYTHON:
+        inner.pop(location[-1], None)
+        return
     inner[location[-1]] = new.data
     document.keys.update(dict.fromkeys([*new.keys, location], option))
     document.values.update(dict.fromkeys([*new.values, location], option))

@@ -134,16 +134,33 @@ class Layer(Section):
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
-    """viscoelastic law of the layer: its model, or the file in which fit-material wrote it"""
+    """viscoelastic law: its model, or {file: ...} of fit-material"""
+
+
+class StackedLayer(Layer):
+    """One of several layers; thickness 0 leaves it out, and .inf makes the last one the halfspace."""
+
+    thickness: Extended
+    """thickness d: length; .inf: the halfspace, for the last one"""
 
 
 class Halfspace(Section):
-    """The elastic halfspace below; shear modulus .inf is rigid, 0 is a free layer."""
+    """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
 
-    shear_modulus: Extended = 1.0
+    material: Annotated[Annotated[Law, MATERIALS] | None, given] = None
+    """viscoelastic law of the base, in place of shear_modulus"""
+    shear_modulus: Annotated[Extended | None, given] = Field(
+        default_factory=lambda data: 1.0 if data.get("material") is None else None
+    )
     """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse a modulus beside a material."""
+        if self.material is not None and self.shear_modulus is not None:
+            message = "given beside material; must be left out, or material be left out"
+            yield Problem(("shear_modulus",), message, ("material",))
 
 
 class Trajectory(Section):

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from gfmdlayer.config.sweeps import LISTS, SAMPLED, UNSWEPT, Axis, Row, axes, count, keys_of
-from gfmdlayer.validation.problems import Location, Problem, shown, unknown_key
+from gfmdlayer.validation.problems import Location, Problem, location_of_key, not_in_list, shown, unknown_key
 
 MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
@@ -72,7 +72,7 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             (other for other in seen if other.startswith(f"{key}.")), None
         )
         values = _value(sweep, location)
-        if isinstance(values, Mapping) and location[1] not in SAMPLED:
+        if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
             yield Problem(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)
@@ -102,10 +102,25 @@ def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
     if key.partition(".")[0] in UNSWEPT:
         return "cannot be swept; allowed: a dotted key such as layer.thickness"
+    if wrong := _not_in_its_list(key, keys):
+        return wrong
     below = [name for name in keys if name.startswith(f"{key}.")]
     siblings = below or [name for name in keys if name.startswith(key.rpartition(".")[0] + ".")]
     lists = list(LISTS) if len(location) == 2 and "." not in key else []
     return unknown_key(key, siblings or [*keys, *lists], keys)
+
+
+def _not_in_its_list(key: str, keys: Sequence[str]) -> str:
+    """Return why a part of a key names no entry of a list; nothing if all do."""
+    parts = key.split(".")
+    for depth in range(1, len(parts)):
+        head = ".".join(parts[:depth])
+        inside = (name.removeprefix(f"{head}.") for name in keys if name.startswith(f"{head}."))
+        places = {name.partition(".")[0] for name in inside}
+        wrong = not_in_list(location_of_key(parts[depth])[0], len(places), head)
+        if places and wrong and all(place.isdigit() for place in places):
+            return wrong
+    return ""
 
 
 def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:

@@ -22,7 +22,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, fi
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.validation.fields import Count, Finite, Seed, Word, given
-from gfmdlayer.validation.problems import Location, shown
+from gfmdlayer.validation.problems import Location, location_of_key, shown
 from gfmdlayer.validation.sections import Section
 
 SAMPLED = ("latin_hypercube", "sobol")
@@ -190,7 +190,7 @@ def location_of(sweep: Mapping[str, Any], key: str) -> Location:
     """Return where a key, swept by itself or with its section or not at all, is given."""
     swept = next((name for name in swept_keys(sweep) if f"{key}.".startswith(f"{name}.")), None)
     if swept is None:
-        return tuple(key.split("."))
+        return location_of_key(key)
     return next((("sweep", name, swept) for name in LISTS if swept in sweep.get(name, ())), ("sweep", swept))
 
 

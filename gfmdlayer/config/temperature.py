@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
+
+from pydantic import ConfigDict
 
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.shifts import Celsius, Shift
@@ -11,12 +13,11 @@ from gfmdlayer.validation.fields import File, given
 from gfmdlayer.validation.problems import Location, Problem, dotted
 from gfmdlayer.validation.sections import Section, sections_in
 
-if TYPE_CHECKING:
-    from gfmdlayer.config.model import Config
-
 
 class Temperature(Section):
     """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     value: Annotated[Celsius | None, given] = None
     """temperature at all times: degrees Celsius"""
@@ -31,15 +32,27 @@ class Temperature(Section):
             yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
 
 
-def shifts(config: Config) -> dict[Location, Shift | None]:
-    """Return the shifts of all materials that relax, by the location of the material."""
+def shifts(config: Section) -> dict[Location, Shift | None]:
+    """Return the shifts of all materials of a configuration that relax, by the location of the material."""
     laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Law))
     return {at: law.shift for at, law in laws if not (isinstance(law, Material) and law.elastic)}
 
 
-def temperature_problems(config: Config) -> Iterator[Problem]:
-    """Yield why a configuration's temperature and the shifts of its materials do not go together."""
-    found, temperature = shifts(config), config.temperature
+def temperature_problems(
+    config: Section, temperature: Temperature | None, *, moves: bool
+) -> Iterator[Problem]:
+    """Yield why a temperature and the shifts of materials do not go together.
+
+    Parameters
+    ----------
+    config : Section
+        The configuration.
+    temperature : Temperature, optional
+        Its temperature.
+    moves : bool
+        Whether the punch moves along the surface.
+    """
+    found = shifts(config)
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
@@ -58,6 +71,6 @@ def temperature_problems(config: Config) -> Iterator[Problem]:
         for at, shift in found.items():
             if shift is not None and (refused := shift.refused(temperature.value)):
                 yield Problem(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
-    if temperature.file is not None and config.trajectory.moves:
+    if temperature.file is not None and moves:
         message = "given with a moving punch; must be a constant temperature.value"
         yield Problem(("temperature", "file"), message, ("trajectory.velocity", "trajectory.velocity_file"))

@@ -14,7 +14,7 @@ from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
-from gfmdlayer.execution.cost import kind
+from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
@@ -105,7 +105,7 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     config, hashed = case.config, digest(case.config)
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
     with (
-        StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
+        StatusFile(folder, case.index, config.time.end, label(case.values), estimate(config).steps) as status,
         closing(
             Checkpoints(
                 folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
@@ -142,22 +142,26 @@ def _compute(
     from gfmdlayer.simulation import simulate
 
     simulation = Simulation(config, wisdom, threads)
-    attributes = _attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
     elapsed = checkpoints.elapsed
     with CaseWriter(
-        path, simulation.coordinates, attributes, columns(config), elapsed=elapsed, unit=config.unit
+        path, simulation.coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
     ) as writer:
         recorder = checkpoints.recorder(writer)
         warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
     return "; ".join(warnings)
 
 
-def _attributes(config: Config) -> dict[str, str | float]:
+def attributes(config: Config) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if (tau := config.layer.material.characteristic_time) is not None:
+    if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.layer.material.unit
-    if config.grid.axisymmetric and config.grid.extent is None:
+    found["G0"] = config.surface.material.unit
+    found["control"] = config.trajectory.control
+    if not config.grid.axisymmetric:
+        found["L"] = config.grid.period[0]
+    elif config.grid.extent is None:
         found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
     if config.units is not None:
         found["units"] = str(config.units)

@@ -38,6 +38,7 @@ _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint|state){_PART})")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
+_FOLDERS = ("cases", "inputs")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
 
 
@@ -70,7 +71,7 @@ def claimed(
         written.
     """
     with _as_folder_error(folder):
-        _refuse_foreign_folder(folder)
+        refuse_foreign_folder(folder)
     if folder.is_results() and not restart:
         growth.compare(folder, config)  # refuses another one before anything is made
     with ExitStack() as claim:
@@ -231,12 +232,19 @@ def _refuse_other_division(folder: Folder, common: IO[str], shard: Shard) -> Non
         )
 
 
-def _refuse_foreign_folder(folder: Folder) -> None:
+def refuse_foreign_folder(folder: Folder) -> None:
+    """Refuse a folder that holds something else than results.
+
+    Raises
+    ------
+    FolderError
+        Where it does.
+    """
     if folder.path.exists() and not folder.path.is_dir():
         raise FolderError(f"{folder.path}: is a file, not a folder; choose another with --out")
     found = {entry.name for entry in folder.path.iterdir()} if folder.path.is_dir() else set()
-    # A run killed in its first instant leaves the folder `cases` and an unfinished configuration.
-    foreign = [name for name in found if name != "cases" and not _IN_FOLDER.fullmatch(name)]
+    # A run killed in its first instant leaves folders and an unfinished configuration.
+    foreign = [name for name in found if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
     if foreign and not folder.is_results():
         raise FolderError(
             f"{folder.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"

@@ -13,13 +13,11 @@ import random
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from gfmdlayer.body.materials import Material
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import stops
 from gfmdlayer.contact.solvers import SOLVERS
@@ -33,9 +31,13 @@ from gfmdlayer.observables import columns
 FIRST_STEPS, STRETCH_STEPS, RELAXING_STEPS, DOUBLING_STEPS, LONG = 4, 2, 5, 6, 3
 ADAPTIVE_POWER = -1 / 3
 ADAPTIVE = 2  # pairs of an adaptive step, with attempts that are rejected, over those of a short fixed one
+AT_TURN = 2  # further steps that a fixed step after a kink stands for in pairs; measured on random tables
+SURFACE = 1.3  # pairs of a step on a surface over those on a line
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
 # Adaptive steps under a moving punch over those under a resting one, up to FAST periods in a relaxation time.
 SLIDING_STEPS, FAST = 2, 10
+# Steady sliding sets in after so many passages of the period, or times in which a free surface relaxes.
+SETTLING = 3
 # Thickness over the period below which contact is harder to find, the pairs growing with its root; the limit.
 THIN, THINNEST = 0.05, 1 / 9
 # Seconds of a step beside its pairs, and in pairs: for all, and for each branch; of a pair with the work of
@@ -47,8 +49,6 @@ CASE_SECONDS = 0.03
 FEWEST_INDENTING, INDENTING, INDENTING_SECONDS = 150, 500, 2e-4
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
-# Branches of a law with a continuous spectrum, over decades of time up to the end.
-CONTINUOUS_BRANCHES, DECADES = 15, 4
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 PROGRAM = 200e6  # bytes of a process with its libraries
@@ -81,19 +81,21 @@ class Cost:
 def estimate(config: Config) -> Cost:
     """Estimate the cost of a case."""
     size = math.prod(config.grid.points)
-    steps = _steps(config)
+    steps, turns = _steps(config)
     if config.grid.axisymmetric:
         return _of_indentation(config, steps)
     solver = SOLVERS[config.solver.method]
-    pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
+    pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
+    pairs *= SURFACE if len(config.grid.points) == 2 else 1
     pairs *= solver.rough if config.punch.rough else 1
-    if 0 < (thin := config.layer.thickness / max(config.grid.period) / THIN) < 1:
+    if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(_branches(config)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
-    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
+    rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
+    snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
@@ -129,7 +131,7 @@ def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -
     if config.grid.axisymmetric:
         return CASE_SECONDS + INDENTING_SECONDS * cost.steps
     seconds = pair(config.grid.points)
-    branches = len(_branches(config)[1])
+    branches = len(config.surface.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
     step *= SLIDING_STEP if config.trajectory.moves else 1
@@ -209,21 +211,28 @@ def kind(config: Config) -> Hashable:
     )
 
 
-def _steps(config: Config) -> int:
-    """Count the steps: fixed ones exactly, adaptive ones by the relaxation between kinks."""
+def _steps(config: Config) -> tuple[int, int]:
+    """Count the steps, fixed ones exactly, adaptive ones by the relaxation between kinks.
+
+    Also those fixed ones that follow a kink: adaptive ones are short there.
+    """
     given = config.trajectory
     kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
     if given.velocity_file is not None:
         kinks += _kinks(given.velocity_file, "velocity")
+    if config.temperature is not None:
+        kinks += _kinks(config.temperature.file, "temperature")
     planned = stops(config, kinks)
+    settled = max(kinks) + _settling(config)
+    last = next((stop for stop in planned if stop.time >= settled), planned[-1])
+    planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
-        return number_of_steps(planned)
-    relaxed, branches = _branches(config)
+        return number_of_steps(planned), sum(stop.kink for stop in planned)
+    relaxed, branches = config.surface.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    crossed = (
-        abs(given.velocity or 0.0) * max((tau for _, tau in branches), default=0.0) / max(config.grid.period)
-    )
+    slowest = max((tau for _, tau in branches), default=0.0)
+    crossed = abs(given.velocity or 0.0) * slowest / max(config.grid.period)
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
     steps, begin, landings = float(FIRST_STEPS), 0.0, 0
     for stop in planned[1:]:
@@ -233,22 +242,19 @@ def _steps(config: Config) -> int:
             begin, landings = stop.time, 0
         else:
             landings += 1
-    return round(steps)
+    return round(steps), 0
 
 
-def _branches(config: Config) -> tuple[float, tuple[tuple[float, float], ...]]:
-    """Return relaxed modulus and branches of the layer; of a continuous law, what relaxes by the end."""
-    law = config.layer.material
-    if isinstance(law, Material):
-        return law.relaxed, law.maxwell_branches
-    times = [
-        config.time.end * 10 ** (-DECADES * i / CONTINUOUS_BRANCHES) for i in range(CONTINUOUS_BRANCHES + 1)
-    ]
-    moduli = law.relaxation_modulus(times).tolist()
-    return moduli[0], tuple(
-        (stiffer - softer, math.sqrt(early * late))
-        for (softer, late), (stiffer, early) in pairwise(zip(moduli, times, strict=True))
-    )
+def _settling(config: Config) -> float:
+    """Time after the last kink in which a moving punch comes to the steady state that ends its run."""
+    velocity = config.trajectory.velocity
+    if config.time.steady is None or not velocity:
+        return math.inf
+    relaxed, branches = config.surface.material.roughly(config.time.end)
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    slowest = max((tau for _, tau in branches), default=0.0)
+    creep = slowest * glassy / relaxed if relaxed > 0 else math.inf
+    return SETTLING * max(max(config.grid.period) / abs(velocity), creep)
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:

@@ -9,6 +9,7 @@
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
+    DIR/inputs             punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.
@@ -203,7 +204,25 @@ def is_result(path: str | Path) -> bool:
         return False
 
 
-def stored_config(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+    """Read a configuration, or that of a case's result file, and check its numbers and input files.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file, or the file of a case.
+    overrides : iterable of str, or mapping
+        As `config.load` takes them.
+
+    Raises
+    ------
+    ConfigError
+        With every error in it.
+    """
+    return stored_config(path, overrides) if is_result(path) else load(path, overrides, input_errors)
+
+
+def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
     """Return the configuration from which a case was computed, as `config.load` does.
 
     Raises
@@ -221,7 +240,7 @@ def stored_config(path: str | Path, overrides: Iterable[str] = ()) -> Config:
         raise ConfigError([str(error)]) from None
     if "config" not in known:
         raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
-    content, overrides = str(known["config"]), list(overrides)
+    content = str(known["config"])
     config = load(path, overrides, input_errors, content)
     files = [str(file) for file in files_named(config).values()]
     if files and not overrides and digest(config) != known.get("digest"):

@@ -7,6 +7,7 @@ raises `Stopped`, so that no step and no file is cut in half.
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -38,6 +39,22 @@ def listen() -> None:
     """Make SIGINT, SIGTERM and SIGUSR1 requests to stop, for the rest of this process's life."""
     for signum in STOP_SIGNALS:
         signal.signal(signum, request_stop)
+
+
+@contextmanager
+def listening() -> Iterator[None]:
+    """Listen within the block, in the main thread; signals have their former effect after it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {signum: signal.getsignal(signum) for signum in STOP_SIGNALS}
+    listen()
+    try:
+        yield
+    finally:
+        for signum, handler in before.items():
+            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+        _Flag.raised = False
 
 
 @contextmanager

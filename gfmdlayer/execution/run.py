@@ -6,7 +6,7 @@ results do not depend on the process that ran a case: all processes compute with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import StringIO
@@ -135,7 +135,9 @@ def run_sweep(
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
         indices = frozenset(outcomes)
-        with Reporter(folder, indices, len(own) - len(work.undone), display or _nothing) as reporter:
+        seconds = _expected_seconds(work, folder)
+        complete = len(own) - len(work.undone)
+        with Reporter(folder, indices, complete, display or _nothing, seconds, pool.size) as reporter:
             for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
             if found.changed:
@@ -152,7 +154,9 @@ def run_sweep(
                 threads=options.threads,
                 checkpoint_every=options.checkpoint_every,
             )
-            for outcome in Schedule(pool, task, folder, reporter.ended).run(_ordered(work, folder, pool)):
+            for outcome in Schedule(pool, task, folder, reporter.ended).run(
+                _ordered(work.todo, seconds, pool)
+            ):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     case = next(case for case in own if case.index == outcome.index)
@@ -232,12 +236,17 @@ def _preparation(todo: Sequence[Case]) -> str:
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 
-def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
-    """Put the longest cases first, by the seconds of finished ones; a single process keeps their order."""
-    if pool.alone:
-        return work.todo
+def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
+    """Return the expected seconds of the cases to be run, by those of finished ones."""
     model = CostModel.of_files({folder.case(case.index): case.config for case in _done(work)})
-    return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
+    return {case.index: model.seconds(case.config) for case in work.todo}
+
+
+def _ordered(todo: Sequence[Case], seconds: Mapping[int, float], pool: WorkerPool) -> Sequence[Case]:
+    """Put the longest cases first; a single process keeps their order."""
+    if pool.alone:
+        return todo
+    return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
 def _collect(

@@ -160,10 +160,17 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
         with _ranks(comm, prepare) as pool:
             yield pool
     elif jobs > 1:
-        with _processes(jobs) as pool:
+        with processes(jobs) as pool:
             yield pool
     else:
-        yield WorkerPool(_NoWorkers(), 1, "process", joins=True, warnings=_warnings([_host_and_cores()]))
+        with alone() as pool:
+            yield pool
+
+
+@contextmanager
+def alone() -> Iterator[WorkerPool]:
+    """Give the pool of this process alone."""
+    yield WorkerPool(_NoWorkers(), 1, "process", joins=True, warnings=_warnings([_host_and_cores()]))
 
 
 def _host_and_cores() -> tuple[str, preflight.Cores]:
@@ -199,7 +206,8 @@ class _Processes(Executor):
 
 
 @contextmanager
-def _processes(jobs: int) -> Iterator[WorkerPool]:
+def processes(jobs: int) -> Iterator[WorkerPool]:
+    """Start a pool of processes on this host."""
     warnings = _warnings([_host_and_cores()] * jobs)
     with _Processes(jobs) as executor:
         yield WorkerPool(executor, jobs, "processes", False, interrupts.signals_blocked, warnings)

@@ -18,11 +18,15 @@ from gfmdlayer.results.schema import PARAMETERS
 if TYPE_CHECKING:
     from xarray import DataArray
 
+OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
     **{column.name: column.symbol for column in INDENTATION if column.symbol},
+    "mean_stress": r"\bar{p}",
+    "mean_gap": r"\bar{g}",
     "displacement": "u",
     "pressure": "p",
+    "gap": "g",
     "x": "x",
     "y": "y",
     "time": "t",
@@ -40,7 +44,7 @@ def symbol(array: DataArray) -> str:
     """Return the symbol of a variable or swept key as mathtext, or its name in words if it has no symbol."""
     if "symbol" in array.attrs:
         return f"${mathtext(array.attrs['symbol'])}$"
-    name = str(array.name)
+    name = str(array.name).removesuffix(OVER_TIME)
     return f"${PAPER_SYMBOLS[name]}$" if name in PAPER_SYMBOLS else name.replace("_", " ")
 
 
@@ -52,7 +56,9 @@ def mathtext(plain: str) -> str:
     elif len(letter) > 1 and letter.isalpha():
         letter = f"\\{letter}"
     if len(index) > 1:
-        index = r"\infty" if index == "inf" else rf"\mathrm{{{index}}}"
+        parts = (r"\infty" if part == "inf" else rf"\mathrm{{{part}}}" for part in index.split(","))
+        joined = ",".join(parts)
+        index = f"{{{joined}}}" if "," in index else joined
     return f"{letter}_{index}" if index else letter
 
 

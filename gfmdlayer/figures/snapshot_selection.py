@@ -53,7 +53,7 @@ def cases_with_snapshots(
     if "case" in results.coords:
         opened = _open_cases(path, results, number, most)
     elif number:
-        raise ResultsError(f"{path}: no case {number:04d}, it holds a single one")
+        raise ResultsError(f"{path}: there is no case {number}; must be 0, the only one")
     else:
         opened = {"": results}
     try:
@@ -65,11 +65,14 @@ def cases_with_snapshots(
 
 
 def _open_cases(path: Path, sweep: Dataset, number: int | None, most: int) -> dict[str, Dataset]:
-    titled = zip(case_titles(sweep).values(), sweep["case"].to_numpy().ravel().tolist(), strict=True)
+    numbers = sweep["case"].to_numpy().ravel().tolist()
+    if number is not None and number not in numbers:
+        raise ResultsError(f"{path}: there is no case {number}; must be from 0 to {max(numbers)}")
+    titled = zip(case_titles(sweep).values(), numbers, strict=True)
     wanted = [(title, index) for title, index in titled if number is None or index == number]
     complete = [(title, index) for title, index in wanted if is_complete(case_path(path, index))]
     if number is not None and not complete:
-        raise ResultsError(f"{path}: no complete case {number:04d}{' among those selected' * (not wanted)}")
+        raise ResultsError(f"{path}: case {number} is not complete{' among those selected' * (not wanted)}")
     opened: dict[str, Dataset] = {}
     for title, index in [complete[i] for i in spread(len(complete), most)]:
         own = f"{title}, case {index:04d}" if title in opened else title

@@ -95,6 +95,8 @@ class Modes:
         Elastic energy in all springs after the last step.
     dissipated : float
         Heat from all dashpots since the start.
+    spectrum_error : float
+        Bound on the relative error of the stiffness K(q, s) of the spectrum.
     loss_stiffness : ndarray, optional
         Imaginary part of the stiffness, for a punch that moves along the surface.
     """
@@ -102,7 +104,7 @@ class Modes:
     loss_stiffness: FloatArray | None = None
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
-        self.relaxed = np.ravel(spectrum.relaxed)
+        self.relaxed, self.spectrum_error = np.ravel(spectrum.relaxed), spectrum.error
         size = self.relaxed.size
         self._sums = Sums(np.ones(size)) if sums is None else sums
         weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)

@@ -98,7 +98,8 @@ class SlidingModes(Modes):
         velocity: Trajectory,
     ) -> None:
         # The base class has the springs K_0, and no mode with a dashpot.
-        super().__init__(Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0]), scheme, sums)
+        springs = Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0], spectrum.error)
+        super().__init__(springs, scheme, sums)
         self._velocity_at, self._time, self._prepared_for = velocity, 0.0, (np.nan, np.nan, np.nan)
         size = self.relaxed.size
         weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)

@@ -66,6 +66,15 @@ def indent(
         If the input is not possible: the message says why and what is allowed.
     ArithmeticError
         If the tolerance is not reached.
+
+    Examples
+    --------
+    Hertz, 4/3 E* R^(1/2) depth^(3/2) with E* = 2 G/(1 - nu) = 4:
+
+    >>> body, sphere = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0)
+    >>> found = gfmdlayer.indent(body, sphere, [0.0, 1.0], depth=[0.0, 0.01])
+    >>> abs(float(found.force[-1]) / (4 / 3 * 4.0 * 0.01**1.5) - 1) < 1e-4
+    True
     """
     import xarray
 

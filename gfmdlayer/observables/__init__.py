@@ -12,7 +12,8 @@ from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.observables.relaxation import SeriesError, Temperature
+from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
+from gfmdlayer.observables.resolution import Resolution
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:
@@ -33,12 +34,14 @@ __all__ = [
 OBSERVABLES: dict[str, type[Observable]] = {
     "contact": ContactMeans,
     "force": Force,
+    "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
     "temperature": Temperature,
     "series_error": SeriesError,
+    "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
 }
 

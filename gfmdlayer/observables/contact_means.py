@@ -24,7 +24,7 @@ class ContactMeans(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._unit = 2 * case.config.layer.material.unit
+        self._unit = 2 * case.config.surface.material.unit
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns of the solution."""

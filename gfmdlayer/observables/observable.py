@@ -155,8 +155,8 @@ class Parts(Protocol):
         ...
 
     @property
-    def series(self) -> PronySeries:
-        """The material of the layer as a series of Maxwell branches."""
+    def series(self) -> tuple[PronySeries, ...]:
+        """The laws of layers and halfspace as series of Maxwell branches."""
         ...
 
     @property

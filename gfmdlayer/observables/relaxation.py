@@ -35,25 +35,40 @@ class Temperature(Observable):
         return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}
 
 
-class SeriesError(Observable):
-    """Attributes of a case whose law is replaced by a Prony series; has no column.
+class SpectrumError(Observable):
+    """Attribute of a case with a stack, whose modes are merged; has no column.
 
-    They are the number of branches, `law_branches`, the bounds `law_error_in_time` and
+    It is `spectrum_error`, a bound on the relative error of the stiffness K(q, s) at all q and s >= 0.
+    """
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return no columns, where there is a stack."""
+        return None if config.layers is None and config.halfspace.material is None else ()
+
+    def __init__(self, case: Parts) -> None:
+        self.attributes = {"spectrum_error": case.integrator.spectrum_error}
+
+
+class SeriesError(Observable):
+    """Attributes of a case with laws that are replaced by Prony series; has no column.
+
+    They are the number of branches of all, `law_branches`, the bounds `law_error_in_time` and
     `law_error_in_frequency` on the relative errors of G(t) and G(omega), and the range in which these hold:
     times, and reciprocal angular frequencies, from `law_shortest_time` to `law_longest_time`.
     """
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no columns, where the law is not a series itself."""
-        return None if isinstance(config.layer.material, Material) else ()
+        """Return no columns, where a law is not a series itself."""
+        return None if all(isinstance(law, Material) for law in config.laws) else ()
 
     def __init__(self, case: Parts) -> None:
         found = case.series
         self.attributes = {
-            "law_branches": len(found.material.maxwell_branches),
-            "law_error_in_time": found.error_in_time,
-            "law_error_in_frequency": found.error_in_frequency,
-            "law_shortest_time": found.shortest,
-            "law_longest_time": found.longest,
+            "law_branches": sum(len(series.material.maxwell_branches) for series in found),
+            "law_error_in_time": max(series.error_in_time for series in found),
+            "law_error_in_frequency": max(series.error_in_frequency for series in found),
+            "law_shortest_time": max(series.shortest for series in found),
+            "law_longest_time": min(series.longest for series in found),
         }

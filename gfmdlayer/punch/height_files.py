@@ -77,12 +77,24 @@ def read_profile(file: Path, grid: Grid) -> FloatArray:
         If the file does not hold finite heights for exactly the points of the grid.
     """
     found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
-    if found.shape != grid.shape:
-        raise TableError(
-            f"{file}: holds {times(found.shape)} heights; must be {times(grid.shape)}, as the grid"
-        )
-    _refuse(file, found, ~(np.abs(found) <= LARGEST))
+    found = fitting(file, found, grid.shape)
     return np.asarray(found - found.min())
+
+
+def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Return heights that are finite numbers of the grid's shape.
+
+    Raises
+    ------
+    TableError
+        If they are not; it begins with their source.
+    """
+    if heights.shape != shape:
+        raise TableError(
+            f"{source}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid"
+        )
+    _refuse(source, heights, ~(np.abs(heights) <= LARGEST))
+    return heights
 
 
 def load_array(file: Path) -> FloatArray:
@@ -94,7 +106,8 @@ def load_array(file: Path) -> FloatArray:
         If there is none.
     """
     try:
-        found = np.load(file, allow_pickle=False)
+        with file.open("rb") as stream:
+            found = np.load(stream, allow_pickle=False)
     except (ValueError, OSError, EOFError) as error:
         raise TableError(f"{file}: is not a NumPy array file ({error})") from error
     if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
@@ -102,7 +115,7 @@ def load_array(file: Path) -> FloatArray:
     return found.astype(np.float64)
 
 
-def _refuse(file: Path, heights: FloatArray, bad: BoolArray) -> None:
+def _refuse(file: Path | str, heights: FloatArray, bad: BoolArray) -> None:
     """Raise TableError at the first bad height, if there is one."""
     if bad.any():
         where, first = np.argwhere(bad)[0].tolist(), heights[bad][0]
@@ -113,7 +126,7 @@ def _refuse(file: Path, heights: FloatArray, bad: BoolArray) -> None:
 
 def times(shape: tuple[int, ...]) -> str:
     """Write a shape for people: 512 x 512."""
-    return " x ".join(map(str, shape))
+    return " x ".join(map(str, shape)) or "no"
 
 
 def _array(file: Path, _axes: int, _dataset: str | None) -> Heights:

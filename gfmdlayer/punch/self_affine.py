@@ -40,6 +40,13 @@ class SelfAffine(Shape):
         None where there is no plateau in the spectrum, or none but that of the period.
     rms_slope, rms_height
         One of them is given: <|grad h|^2>^(1/2) or <(h - <h>)^2>^(1/2).
+
+    Examples
+    --------
+    >>> punch = gfmdlayer.SelfAffine(hurst=0.8, rms_slope=0.1, short_cutoff=0.05, seed=1)
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), punch, mean_pressure=0.01, points=256)
+    >>> bool(0 < found.contact_area < 1)
+    True
     """
 
     rough: ClassVar[bool] = True

@@ -22,7 +22,14 @@ Faces = Annotated[int, Field(strict=True, ge=3), MustBe("a whole number >= 3")]
 
 
 class Parabola(Analytic):
-    """Height x^2/(2 radius) above the apex, Eq. (30); with two radii x^2/(2 Rx) + y^2/(2 Ry)."""
+    """Height x^2/(2 radius) above the apex, Eq. (30); with two radii x^2/(2 Rx) + y^2/(2 Ry).
+
+    Examples
+    --------
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=0.25), depth=0.01)
+    >>> float(found.pressure.idxmax("x"))
+    0.0
+    """
 
     shape: Literal["parabola"] = "parabola"
     """height r^2/(2 radius)"""
@@ -57,7 +64,15 @@ class Parabola(Analytic):
 
 
 class Sphere(Analytic):
-    """Sphere; `radius` >= half the period."""
+    """Sphere; `radius` >= half the period.
+
+    Examples
+    --------
+    >>> body = gfmdlayer.halfspace(1.0)
+    >>> found = gfmdlayer.solve(body, gfmdlayer.Sphere(radius=1.0), force=0.01, points=(64, 64))
+    >>> round(float(found.force), 4)
+    0.01
+    """
 
     shape: Literal["sphere"] = "sphere"
     """a sphere"""
@@ -80,7 +95,13 @@ class Sphere(Analytic):
 
 
 class Cylinder(Analytic):
-    """Circular cylinder that lies along an axis; `radius` >= half the period."""
+    """Circular cylinder that lies along an axis; `radius` >= half the period.
+
+    Examples
+    --------
+    >>> gfmdlayer.Config(name="a", punch=gfmdlayer.Cylinder(radius=1.0)).punch.along
+    'y'
+    """
 
     shape: Literal["cylinder"] = "cylinder"
     """a cylinder that lies along an axis"""
@@ -99,7 +120,14 @@ class Cylinder(Analytic):
 
 
 class Cone(Analytic):
-    """Height slope r."""
+    """Height slope r.
+
+    Examples
+    --------
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Cone(slope=0.1), depth=0.01)
+    >>> bool(found.pressure[512] > found.pressure[515] > 0)  # a peak at the tip
+    True
+    """
 
     shape: Literal["cone"] = "cone"
     """height slope r"""
@@ -118,7 +146,14 @@ class Cone(Analytic):
 
 
 class Wedge(Analytic):
-    """Height slope |x|; its edge lies along an axis."""
+    """Height slope |x|; its edge lies along an axis.
+
+    Examples
+    --------
+    >>> gfmdlayer.Wedge(slope=-1)
+    Traceback (most recent call last):
+    gfmdlayer.validation.problems.ConfigError: slope: got -1; must be a number > 0, finite
+    """
 
     shape: Literal["wedge"] = "wedge"
     """height slope |x|"""
@@ -137,6 +172,11 @@ class Pyramid(Analytic):
 
     Three faces at 65.27 degrees are Berkovich's, as modified to have the area of Vickers's, which has four at
     68 (ISO 14577-2). The first face is towards +x.
+
+    Examples
+    --------
+    >>> gfmdlayer.Pyramid().angle  # Berkovich's, in degrees
+    65.27
     """
 
     shape: Literal["pyramid"] = "pyramid"
@@ -168,6 +208,13 @@ class Flat(Analytic):
     """Flat over `width`, outside it a parabola of `edge_radius` that begins with zero slope.
 
     One width is that of a line or a disc, two are those of a rectangle.
+
+    Examples
+    --------
+    >>> punch = gfmdlayer.Flat(width=0.25, edge_radius=0.1)
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), punch, depth=0.01)
+    >>> bool(found.contact_area > 0.25)
+    True
     """
 
     shape: Literal["flat"] = "flat"
@@ -217,6 +264,12 @@ class Sinusoid(Analytic):
     """Height amplitude (1 - cos(2 pi x/wavelength)), summed over the directions.
 
     A whole number of waves fills the period.
+
+    Examples
+    --------
+    >>> punch = gfmdlayer.Sinusoid(amplitude=0.01, wavelength=0.5)
+    >>> gfmdlayer.run({"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 64}}, punch=punch).sizes["time"]
+    3
     """
 
     shape: Literal["sinusoid"] = "sinusoid"

@@ -27,7 +27,7 @@ INCOMPLETE = "no complete result file"
 SAME_TIME = 1e-9
 
 _NAMED = 5  # cases in a line of the notes
-_OF_ONE_CASE = {
+OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
 }
 
@@ -52,6 +52,31 @@ class CaseRecord:
     path: Path
     values: Mapping[str, object]
     failed: str | None = None
+
+
+class CommonTimes:
+    """Times at which all cases have a row; those that ended in a steady state have all later times too.
+
+    Attributes
+    ----------
+    times : ndarray, shape (rows,)
+        The times that all cases so far share.
+    """
+
+    def __init__(self) -> None:
+        self.times: NDArray[np.float64] = np.empty(0)
+        self._is_first = self._all_steady = True
+
+    def add(self, times: NDArray[np.float64], *, steady: bool) -> None:
+        """Add the times of a case, and whether it ended in a steady state."""
+        if self._is_first:
+            self.times = times
+        elif not np.array_equal(times, self.times):
+            common = self.times[rows_at(times, self.times, steady=steady) >= 0]
+            later = times > self.times.max(initial=0.0) if self._all_steady else slice(0)
+            self.times = np.append(common, times[later])
+        self._is_first = False
+        self._all_steady &= steady
 
 
 class SweepColumn(NamedTuple):
@@ -80,8 +105,7 @@ class CaseMetadata:
     failed : dict
         Number -> reason of the cases without results.
     common_times : ndarray, shape (rows,)
-        Times at which all complete cases have a row. A case that ended in a steady state counts as having
-        all later times too.
+        Times at which all complete cases have a row, see `CommonTimes`.
     columns : dict
         Columns of the sweep file by name: those of every case, and those that any complete case has.
     lacking : dict
@@ -92,16 +116,16 @@ class CaseMetadata:
 
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
-        self.common_times: NDArray[np.float64] = np.empty(0)
         self.columns: dict[str, SweepColumn] = {}
         self.shared: dict[str, object] = {}
-        self._is_first = self._all_steady = True
+        self._is_first, self._common = True, CommonTimes()
         self._of_first: frozenset[str] = frozenset()
         self._layouts: dict[tuple[bytes, ...], dict[str, SweepColumn]] = {}
         self._held: dict[int, frozenset[str]] = {}
         for record in records:
             if record.index not in self.failed and not self._add(record):
                 self.failed[record.index] = INCOMPLETE
+        self.common_times = self._common.times
         always = {each.name: SweepColumn(each.described) for each in ContactMeans.COLUMNS}
         self.columns = self.columns or always  # without a complete case, those of the paper
         self.columns.pop(TIME.name, None)
@@ -123,16 +147,10 @@ class CaseMetadata:
                 held = self._columns_of(file)
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        if self._is_first:
-            self.common_times = times
-        elif not np.array_equal(times, self.common_times):
-            common = self.common_times[rows_at(times, self.common_times, steady=steady) >= 0]
-            later = times > self.common_times.max(initial=0.0) if self._all_steady else slice(0)
-            self.common_times = np.append(common, times[later])
+        self._common.add(times, steady=steady)
         if self._is_first:
             self._of_first = frozenset(shared)
         self._is_first = False
-        self._all_steady &= steady
         self._held[record.index] = held
         self.shared = shared
         return True
@@ -140,14 +158,7 @@ class CaseMetadata:
     @property
     def notes(self) -> list[str]:
         """Lines on the columns that some cases lack, and on cases of other versions of the code."""
-        alike: dict[frozenset[int], list[str]] = {}
-        for name, lacking in self.lacking.items():
-            alike.setdefault(lacking, []).append(name)
-        lines = [
-            f"{', '.join(sorted(names))}: NaN in {_numbered(lacking)}"
-            for lacking, names in alike.items()
-            if len(lacking) < len(self._held)
-        ]
+        lines = notes_on(self.lacking, len(self._held))
         if (self._of_first - self.shared.keys()) & {"gfmdlayer_version", "git_commit"}:
             lines.append(
                 "the cases are of different versions of gfmdlayer (gfmdlayer_version and git_commit of their "
@@ -177,14 +188,40 @@ class CaseMetadata:
     def _shared_with(self, file: h5f.FileID) -> dict[str, object]:
         if self._is_first:
             names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
-            return {name: attribute(file, name) for name in names if name not in _OF_ONE_CASE}
+            return {name: attribute(file, name) for name in names if name not in OF_ONE_CASE}
         return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
+
+
+def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:
+    """Return lines on columns that some of the complete cases lack.
+
+    Parameters
+    ----------
+    lacking : mapping
+        Name of a column -> numbers of the cases that lack it.
+    complete : int
+        Number of complete cases.
+
+    Returns
+    -------
+    list of str
+    """
+    alike: dict[frozenset[int], list[str]] = {}
+    for name, cases in lacking.items():
+        alike.setdefault(cases, []).append(name)
+    return [
+        f"{', '.join(sorted(names))}: NaN in {_numbered(cases)}"
+        for cases, names in alike.items()
+        if len(cases) < complete
+    ]
 
 
 def _columns_in(h5: h5py.File) -> Iterator[tuple[str, SweepColumn]]:
     """Yield the columns of a case: the variables that grow with time."""
     for name, dataset in h5.items():
-        if name in {TIME.name, "snapshot", *FIELDS} or dataset.maxshape[:1] != (None,):
+        if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
+            continue
+        if name in {TIME.name, "snapshot", *FIELDS}:
             continue
         if dataset.ndim == 1:
             yield name, SweepColumn(_described(dataset))

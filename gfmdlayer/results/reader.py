@@ -167,6 +167,13 @@ def open_case(path: str | Path) -> xarray.Dataset:
     ------
     ResultsError
         If the file is missing or is not a complete case.
+
+    Examples
+    --------
+    >>> config = {"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 64}}
+    >>> _ = gfmdlayer.run(config, out="one")
+    >>> gfmdlayer.open_case("one/cases/0000.h5").time.values
+    array([0. , 0.5, 1. ])
     """
     if not is_complete(path):
         raise ResultsError(f"{path}: {_reason(Path(path))}")
@@ -188,6 +195,13 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     ------
     ResultsError
         If the folder is missing, or holds no results or no complete case.
+
+    Examples
+    --------
+    >>> config = {"time": {"end": 1.0, "step": 0.5}, "grid": {"points": 64}}
+    >>> _ = gfmdlayer.run(config, out="two", sweep={"layer.thickness": [0.1, 0.2]})
+    >>> gfmdlayer.open_results("two").sel(thickness=0.2).contact_area.dims
+    ('time',)
     """
     directory = Path(directory)
     if not directory.is_dir():
@@ -237,6 +251,8 @@ def _reason(path: Path) -> str:
         return "no such file"
     if path.is_dir():
         return "is a folder, not a result file"
+    if path.suffix in {".yaml", ".yml"}:
+        return "is a configuration; must be results, such as the folder results/NAME after its run"
     if not h5py.is_hdf5(path):
         return "not a result file (no HDF5)"
     return "not a complete result file"

@@ -83,6 +83,36 @@ PARAMETERS: dict[str, Parameter] = {
 }
 
 
+_BRANCH = {
+    "G": Parameter("modulus of a branch of the layer", "G", "G", "pressure"),
+    "tau": Parameter("relaxation time of a branch of the layer", "tau", r"\tau", "time"),
+}
+
+
+def parameter(key: str) -> Parameter | None:
+    """Return the meaning of a config key that may be swept; None where it has no symbol.
+
+    Layers and branches are counted from 1: `layers.0.thickness` is d_1, and the branches of its material have
+    the moduli G_1,1 and G_1,2.
+    """
+    parts = key.split(".")
+    places = [str(int(part) + 1) for part in parts if part.isdigit()]
+    section, *below = (part for part in parts if not part.isdigit())
+    owner = f"of layer {places[0]}" if section == "layers" else f"of the {section}"
+    index = [*(["bulk"] if (section, *below[:1]) == ("halfspace", "material") else []), *places]
+    plain = ".".join(["layer", *below] if section == "layers" or "bulk" in index else [section, *below])
+    known = _BRANCH.get(below[-1]) if below[:2] == ["material", "branches"] else PARAMETERS.get(plain)
+    if known is None or not index:
+        return known
+    letter, _, old = known.mathtext.partition("_")
+    return replace(
+        known,
+        long_name=known.long_name.replace("of the layer", owner),
+        symbol=f"{known.symbol}{',' if '_' in known.symbol else '_'}{','.join(index)}",
+        mathtext=rf"{letter}_{{{','.join(filter(None, [old, *index]))}}}".replace("bulk", r"\mathrm{bulk}"),
+    )
+
+
 def variable(name: str) -> Variable:
     """Return a coordinate or field of the result files.
 

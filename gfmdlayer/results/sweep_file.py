@@ -9,7 +9,8 @@ A case that ended in a steady state keeps its last row at all later times.
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
 one dimension, `case`, with the swept values along it. Labels are numbers if all values of the key are, else
-text.
+text. Arguments of xarray's `sel` do not name a dimension: that of solver.method has the whole key, and
+`sel({"solver.method": "fire"})` selects from it.
 """
 
 from __future__ import annotations
@@ -29,22 +30,28 @@ from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, SweepColumn, rows_at
 from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
-from gfmdlayer.results.schema import PARAMETERS, VARIABLES
+from gfmdlayer.results.schema import VARIABLES, parameter
 
 CHUNK = 1 << 16  # values: half a megabyte, which fits the chunk cache of HDF5
 
 
-class _Labels(NamedTuple):
+# These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
+_ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
+
+
+class Labels(NamedTuple):
+    """Labels along a dimension: the swept key that they are values of, numbers or texts."""
+
     key: str
     dimension: str
     values: NDArray[np.generic]
 
 
-class _Layout(NamedTuple):
+class Layout(NamedTuple):
     """Lengths of the dimensions, labels by coordinate, and the place of each case along the dimensions."""
 
     lengths: dict[str, int]
-    labels: dict[str, _Labels]
+    labels: dict[str, Labels]
     places: list[tuple[int, ...]]
 
 
@@ -90,7 +97,7 @@ def collect(
     path = sweep_path(directory)
     cases = CaseMetadata(records)
     failed, rows = cases.failed, cases.common_times
-    layout = _layout(records, keys, listed)
+    layout = lay_out([record.values for record in records], keys, listed)
     with new_file(path) as file:
         h5 = file.begin()
         numbers = np.empty(tuple(layout.lengths.values()), dtype=VARIABLES["case"].dtype)
@@ -121,26 +128,41 @@ def collect(
 def dimension_names(keys: Sequence[str]) -> list[str]:
     """Name the swept keys by their last parts, or by the whole key where that is taken."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *VARIABLES])
+    taken = Counter([*last, "time", "case", *VARIABLES, *_ARGUMENTS_OF_SEL])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
-def _layout(records: Sequence[CaseRecord], keys: Sequence[str], listed: bool) -> _Layout:
-    columns = [_labels(key, [record.values[key] for record in records]) for key in keys]
+def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
+    """Return the dimensions of a sweep and the places of its cases.
+
+    Parameters
+    ----------
+    values : sequence of mapping
+        The swept values of each case, by dotted key.
+    keys : sequence of str
+        The swept keys, dotted, in the order of the dimensions.
+    listed : bool
+        Whether the cases are a list, along the one dimension `case`.
+
+    Returns
+    -------
+    Layout
+    """
+    columns = [_labels(key, [each[key] for each in values]) for key in keys]
     named = list(zip(dimension_names(keys), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
-    is_product = len(set(cells)) == len(records) == math.prod(map(len, axes))
+    is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
     if listed or not is_product:
-        along = {name: _Labels(key, "case", np.array(column)) for name, key, column in named}
-        return _Layout({"case": len(records)}, along, [(i,) for i in range(len(records))])
+        along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
+        return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
     lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
     labels = {
-        name: _Labels(key, name, np.array(list(axis)))
+        name: Labels(key, name, np.array(list(axis)))
         for (name, key, _), axis in zip(named, axes, strict=True)
     }
     places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
-    return _Layout(lengths, labels, places)
+    return Layout(lengths, labels, places)
 
 
 def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
@@ -154,7 +176,7 @@ def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | lis
 
 def _add_coordinates(
     h5: h5py.File,
-    layout: _Layout,
+    layout: Layout,
     numbers: NDArray[np.generic],
     rows: NDArray[np.float64],
     unit: Callable[[str], str],
@@ -164,11 +186,7 @@ def _add_coordinates(
     if "case" in layout.lengths:
         add_variable(h5, "case", ("case",), data=numbers)
     for name, (key, dimension, labels) in layout.labels.items():
-        described = {"key": key}
-        if key in PARAMETERS:
-            meaning = PARAMETERS[key]
-            described |= {"long_name": meaning.long_name, "symbol": meaning.symbol}
-            described["units"] = unit(meaning.units)
+        described = described_key(key, unit)
         text: dict[str, Any] = {"data": labels.astype(object), "dtype": h5py.string_dtype()}
         add_variable(
             h5, name, (dimension,), described, **text if labels.dtype.kind == "U" else {"data": labels}
@@ -177,8 +195,15 @@ def _add_coordinates(
         add_variable(h5, "case", tuple(layout.lengths), data=numbers)
 
 
+def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
+    """Return the attributes of the labels of a swept key, with the label of a unit from its words."""
+    if (known := parameter(key)) is None:
+        return {"key": key}
+    return {"key": key, "long_name": known.long_name, "symbol": known.symbol, "units": unit(known.units)}
+
+
 def _add_columns(
-    h5: h5py.File, layout: _Layout, shape: tuple[int, ...], declared: Mapping[str, SweepColumn]
+    h5: h5py.File, layout: Layout, shape: tuple[int, ...], declared: Mapping[str, SweepColumn]
 ) -> dict[str, h5py.Dataset]:
     """Add the columns, NaN until they are written, in chunks of whole curves of neighbouring cases."""
     beside = {"case", *layout.labels} - layout.lengths.keys()

@@ -65,8 +65,8 @@ class Problem:
 
     @property
     def key(self) -> str:
-        """Dotted key without indices."""
-        return ".".join(part for part in self.location if isinstance(part, str))
+        """Dotted key, of a value that is a list without the place in it: ``layers.1.thickness``."""
+        return dotted_key(without_last_places(self.location))
 
     def within(self, location: Location, *others: str) -> Problem:
         """Return the problem of a section as a problem of the configuration that holds it.
@@ -78,7 +78,7 @@ class Problem:
         *others : str
             Further keys that the problem depends on, relative to the configuration.
         """
-        prefix = "".join(f"{part}." for part in location if isinstance(part, str))
+        prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
         return replace(self, location=(*location, *self.location), others=keys)
 
@@ -100,6 +100,43 @@ def dotted(location: Location) -> str:
     for part in location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
     return text
+
+
+def dotted_key(location: Location) -> str:
+    """Return a location as it is swept and set: ``layers.1.thickness``."""
+    return ".".join(map(str, location))
+
+
+def location_of_key(key: str) -> Location:
+    """Return the location that a dotted key names; numbers are places in lists."""
+    return tuple(int(part) if part.isascii() and part.isdigit() else part for part in key.split("."))
+
+
+def without_last_places(location: Location) -> Location:
+    """Return the location of the key that holds a value, which may be in a list."""
+    while location and isinstance(location[-1], int):
+        location = location[:-1]
+    return location
+
+
+def not_in_list(part: str | int, length: int, key: str) -> str:
+    """Return why a part of a dotted key names no entry of a list; nothing if it does.
+
+    Parameters
+    ----------
+    part : str or int
+        The part after the key of the list.
+    length : int
+        Number of entries.
+    key : str
+        Dotted key of the list.
+    """
+    if isinstance(part, int) and part < length:
+        return ""
+    places = [f"{key}.{i}" for i in range(length)]
+    allowed = f"{places[0]} to {places[-1]}" if length > 2 else " or ".join(places)
+    entries = "1 entry" if length == 1 else f"{length} entries"
+    return f"{key} is a list of {entries}, and {part} is none of its places; must be {allowed}"
 
 
 def shown(value: object) -> str:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
+from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.validation.fields import MustBe, Word
 from gfmdlayer.validation.problems import (
     ConfigError,
@@ -106,7 +107,7 @@ def plain(value: object) -> Any:
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | range):
         return [plain(entry) for entry in value]
-    if isinstance(value, os.PathLike):
+    if isinstance(value, os.PathLike) and not isinstance(value, MemoryFile):
         return os.fspath(value)
     return value.tolist() if hasattr(value, "tolist") else value
 
@@ -165,7 +166,7 @@ class OneOf(Generic[Member]):
 
 def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
     """Return the section that a field holds, alone, in a list or as plain data, or the choice of several."""
-    for note in field.metadata:
+    for note in (*field.metadata, *_notes(field.annotation)):
         if isinstance(note, OneOf):
             return note
         if section := getattr(note, "section", None):
@@ -210,6 +211,12 @@ def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
             yield from keys_of_files(member, f"{prefix}{key}.")
         if Path in _types(field.annotation):
             yield prefix + key
+
+
+def _notes(annotation: Any) -> Iterator[Any]:
+    """Yield the notes of Annotated members of a union."""
+    for part in get_args(annotation):
+        yield from getattr(part, "__metadata__", ())
 
 
 def _types(annotation: Any) -> Iterator[type]:

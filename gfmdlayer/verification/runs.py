@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case, Parts
 from gfmdlayer.config import Config
 from gfmdlayer.punch.trajectory import Trajectory
+from gfmdlayer.results import recording
 from gfmdlayer.simulation import simulate, warm_up
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
@@ -20,33 +20,21 @@ ELASTIC: dict[str, object] = {"layer.material.Ginf": 1.0}
 ONE_STEP: dict[str, object] = {"time.end": 1.0, "time.step": 1.0}
 
 
-class Recording:
+class Recording(recording.Recording):
     """A recorder in memory; `recording["contact_area"]` is a column of its rows."""
 
-    def __init__(self) -> None:
-        self._rows: list[dict[str, Any]] = []
-        self.snapshots: list[tuple[float, FloatArray, FloatArray]] = []
-
-    def row(self, **values: float | FloatArray) -> None:
-        """Keep the observables of a step."""
-        self._rows.append(values)
-
-    def snapshot(
-        self, time: float, displacement: FloatArray, pressure: FloatArray, _gap: FloatArray, /
-    ) -> None:
-        """Keep time, displacement and pressure."""
-        self.snapshots.append((time, displacement, pressure))
-
-    def note(self, **attributes: float) -> None:
-        """Ignore the attributes of the run."""
+    @property
+    def snapshots(self) -> list[tuple[float, FloatArray, FloatArray]]:
+        """Time, displacement and pressure of the snapshots."""
+        return [(time, displacement, pressure) for time, displacement, pressure, _ in self.fields]
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column of the rows."""
-        return np.array([row[name] for row in self._rows])
+        return np.array([row[name] for row in self.rows])
 
     def last(self, name: str) -> float:
         """Return the last value of a column."""
-        return float(self._rows[-1][name])
+        return float(self.rows[-1][name])
 
     def at(self, name: str, times: Iterable[float]) -> FloatArray:
         """Return the values of a column at times that are rows.
@@ -70,10 +58,10 @@ def run(*values: Mapping[str, object], trajectory: Trajectory | None = None) -> 
     A trajectory takes the place of that of the configuration.
     """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
-    recording = Recording()
+    found = Recording()
     parts: Parts = {} if trajectory is None else {"trajectory": trajectory}
-    simulate(Case(config, warm_up(config), **parts), recording)
-    return recording
+    simulate(Case(config, warm_up(config), **parts), found)
+    return found
 
 
 def difference(found: Recording, reference: Recording, column: str = "mean_pressure") -> float:

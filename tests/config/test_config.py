@@ -34,6 +34,7 @@ def problems(path: Path, *overrides: str) -> list[str]:
 
 # --- what is refused: the text after "name: x", then place and key, then words of the message ---
 
+WLF = "shift: {law: wlf, C1: 17.44, C2: 51, reference: 20}"
 REFUSED = {
     "unknown key": (
         "gird: {}",
@@ -127,15 +128,55 @@ REFUSED = {
         "2:27: layer.material.model:",
         "mean 'zener'?",
     ),
-    "prony without branches": (
-        "layer: {material: {model: prony}}",
-        "layer.material.branches: missing",
-        "a list",
+    "unknown law": (
+        "layer: {material: {model: fractional}}",
+        "2:27: layer.material.model: got the text 'fractional'",
+        "fractional_zener",
     ),
-    "prony of no branches": (
-        "layer: {material: {model: prony, branches: []}}",
-        "branches: got an empty",
-        "at least",
+    "exponent above one": (
+        "layer: {material: {model: fractional_zener, exponent: 1.5}}",
+        "2:55: layer.material.exponent: got 1.5",
+        "from 0.01 to 1",
+    ),
+    "exponent of zero": (
+        "layer: {material: {model: power_law, exponent: 0}}",
+        "2:48: layer.material.exponent: got 0",
+        "from 0.01 to 0.99",
+    ),
+    "asymmetry without a spectrum": (
+        "layer: {material: {model: havriliak_negami, alpha: 0.8, gamma: 1.5}}",
+        "2:64: layer.material.gamma: got 1.5",
+        "at most 1/alpha",
+    ),
+    "temperature below the range of WLF": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{value: -31}}",
+        "3:22: temperature.value: got -31",
+        "above -31 degrees Celsius",
+    ),
+    "temperature at which times leave all range": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{value: -30.5}}",
+        "3:22: temperature.value: got -30.5",
+        "at most 100",
+    ),
+    "temperature without a shift": (
+        "temperature: {value: 20}",
+        "2:14: temperature: given, but no material",
+        "have one",
+    ),
+    "shift without a temperature": (
+        f"layer: {{material: {{{WLF}}}}}",
+        "2:27: layer.material.shift: given, but there is no temperature",
+        "must be left out",
+    ),
+    "temperature of no kind": (
+        f"layer: {{material: {{{WLF}}}}}\ntemperature: {{}}",
+        "3:14: temperature: holds neither",
+        "{value: ...}",
+    ),
+    "unknown law of shift": (
+        "layer: {material: {shift: {law: vft, reference: 20}}}",
+        "2:33: layer.material.shift.law: got the text 'vft'",
+        "wlf or arrhenius",
     ),
     "branch without tau": (
         "layer: {material: {model: prony, branches: [{G: 1}]}}",
@@ -418,6 +459,82 @@ REFUSED = {
         "from 1 to 1000",
     ),
     "patches by number": ("output: {patches: 1}", "2:19: output.patches: got 1", "true or false"),
+    "tab behind a colon": ("layer:\n  thickness:\t1", "3:13: not YAML: a tab", "must be spaces"),
+    "colon without a space": (
+        "layer:\n  thickness:0.05",
+        "3:3: layer: got the text 'thickness:0.05'",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space before other keys": (
+        "layer:\n  thickness:0.05\n  poisson: 0.4",
+        "3:3: not YAML: no value",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space behind other keys": (
+        "layer:\n  poisson: 0.4\n  thickness:0.05",
+        "4:3: not YAML: no value",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space in braces": (
+        "layer: {thickness:0.05}",
+        "2:9: layer.thickness:0.05: unknown key",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "decimal comma": (
+        "time: {step: 0.5}\ngrid:\n  period: 2,5",
+        "4:11: grid.period: got",
+        "mean 2.5, with a point?",
+    ),
+    "decimal comma in braces": (
+        "layer: {thickness: 0,05}",
+        "2:22: layer.05: unknown key",
+        "a decimal comma?",
+    ),
+    "number with a unit": (
+        "layer: {thickness: 200 um}",
+        "2:20: layer.thickness: got the text '200 um'",
+        "did you mean 200, without um? Lengths share one unit",
+    ),
+    "number with a Greek unit": (
+        "time: {step: 5\u03bcs}",
+        "2:14: time.step:",
+        "did you mean 5, without \u03bcs?",
+    ),
+    "Young's modulus": (
+        "layer: {poisson: 0.25, material: {E0: 5.0e+6}}",
+        "2:35: layer.material.E0: unknown key",
+        "G = E/(2 (1 + nu)); did you mean G0: 2e+06, for poisson 0.25?",
+    ),
+    "Young's modulus of a branch": (
+        "layer: {material: {model: prony, branches: [{E: 3, tau: 1, G: 1}]}}",
+        "2:46: layer.material.branches[0].E: unknown key",
+        "did you mean G: 1, for poisson 0.5?",
+    ),
+    "Young's modulus of the halfspace": (
+        "halfspace: {E: 4, poisson: 0.0}",
+        "2:13: halfspace.E: unknown key",
+        "did you mean shear_modulus: 2, for poisson 0?",
+    ),
+    "nested sweep": (
+        "sweep: {layer: {thickness: [1, 2]}}",
+        "2:9: sweep.layer: got a mapping",
+        "did you mean layer.thickness?",
+    ),
+    "nested sweep of two keys": (
+        "sweep: {layer: {material: {tau: [1]}, thicknes: [1, 2]}}",
+        "2:9: sweep.layer: got a mapping",
+        "did you mean layer.thickness and layer.material.tau?",
+    ),
+    "nested keys of a section that can be swept": (
+        "sweep: {punch: {radius: [1, 2]}}",
+        "2:9: sweep.punch: got a mapping",
+        "did you mean punch.radius?",
+    ),
+    "nested zip": (
+        "sweep: {zip: {layer: {thickness: [1, 2]}}}",
+        "2:15: sweep.zip.layer: got a mapping",
+        "did you mean layer.thickness?",
+    ),
     "empty sweep": ("sweep: {}", "2:8: sweep: got an empty mapping", "dotted key"),
     "sweep of nothing": ("sweep:", "2:7: sweep: got nothing", "mapping"),
     "swept key misspelt": (
@@ -425,7 +542,7 @@ REFUSED = {
         "2:9: sweep.layer.thicknes: unknown",
         "'layer.thickness'?",
     ),
-    "swept section": ("sweep: {layer: [1]}", "2:9: sweep.layer: unknown key", "allowed: grid.points"),
+    "swept section": ("sweep: {layer: [1]}", "2:9: sweep.layer: unknown key", "allowed: layer.thickness"),
     "swept name": ("sweep: {name: [a]}", "2:9: sweep.name: cannot be swept", "dotted key"),
     "swept sweep": ("sweep: {sweep.a: [1]}", "2:9: sweep.sweep.a: cannot be swept", "dotted key"),
     "swept over no values": (
@@ -593,7 +710,7 @@ REFUSED = {
     "alias": ("grid: *a", "not YAML:", "undefined alias"),
     "tag": ("grid: {points: !!python/tuple [8, 8]}", "grid.points: the tag", "must be written without it"),
     "list as a key": ("? [a]\n: 1", "2:3: a key that is a list", "must be a word"),
-    "tab": ("grid:\n\tpoints: 8", "3:1: not YAML:", "cannot start any token"),
+    "tab": ("grid:\n\tpoints: 8", "3:1: not YAML: a tab", "must be spaces"),
     "unclosed": ("grid: {points: 8", "not YAML:", "expected ',' or '}'"),
     "control character": ("grid: \x01", "2:7: not YAML: the character", "not allowed"),
     "two documents": ("---\nname: y", "not YAML:", "but found another document"),
@@ -608,6 +725,24 @@ REFUSED = {
         "as a number",
     ),
 }
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "punch: {shape: wegde, slope: 1, radius: 2}",
+        "layer: {material: {model: pronny, G0: 1, branches: []}}",
+        "punch: {shape: array, counts: 4, element: {shape: spher, slope: 3}}",
+    ],
+)
+def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
+    (found,) = problems(write(tmp_path, f"name: x\n{content}\n"))
+    assert "did you mean" in found
+
+
+def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
+    config = load(write(tmp_path, "name: x\nlayer: {\n\tthickness: 0.5}\n"))
+    assert config.layer.thickness == 0.5
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,40 @@ time: {step: adaptive, tolerance: 1.0e-3, steady: 0.1}
 output: {times: 0.1}
 """,
     LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
+    LINE
+    + """\
+layer:
+  material:
+    model: fractional_zener
+    G0: 1
+    Ginf: 10
+    tau: 1.0
+    exponent: 0.4
+    tolerance: 1.0e-3
+    shift: {law: wlf, C1: 17.4, C2: 51.6, reference: 25}
+temperature: {value: 20}
+""",
+    LINE
+    + """\
+layer: {material: {model: power_law, G: 1, G0: 0.1, exponent: 0.4, shift: {law: arrhenius,
+  activation_energy: 8.0e+4, reference: 25}}}
+temperature: {file: degrees.txt}
+""",
+    LINE + "layer: {material: {model: havriliak_negami, Ginf: 10, alpha: 0.4, gamma: 1.5}}\n",
+    LINE + "layer: {material: {model: kohlrausch, exponent: 1}}\n",
+    LINE + "layer: {material: {model: elastic, G: 2}}\n",
+    LINE
+    + """\
+layers:
+  - {thickness: 0.01, poisson: 0.4, material: {model: prony, branches: [{G: 1, tau: 0.1}]}}
+  - {thickness: .inf}
+halfspace: {poisson: 0.3, material: {Ginf: 20}}
+sweep:
+  layers.0.thickness: [0.01, 0.02]
+  layers.0.material.branches.0.G: [1, 2]
+  layers.1.material: [{Ginf: 3}, {model: elastic, G: 2}]
+""",
+    LINE + "layer: {material: {file: fitted.yaml}}\n",
     LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
@@ -100,6 +134,8 @@ def plain(content: str) -> Any:
 def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("heights.txt").write_text("0 0\n1 1\n")
+    Path("degrees.txt").write_text("0 20\n8 30\n")
+    Path("fitted.yaml").write_text("layer: {material: {model: prony, branches: [{G: 1.0, tau: 2.0}]}}\n")
 
 
 def is_refused(data: Any) -> bool:
@@ -163,6 +199,7 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
         for content in SOUND
         for place in places(plain(content))
     }
+    used |= {key.replace("layer.", "halfspace.", 1) for key in used if key.startswith("layer.material.")}
     swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
     known = SCHEMA["properties"].keys() | swept
     assert known <= used

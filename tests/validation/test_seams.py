@@ -48,7 +48,7 @@ class Frustum(Analytic):
         return Problem(("radius",), f"got {self.radius!r}; must be below half {extent.words}")
 '''
 
-POWER_LAW = '''
+DECADES = '''
 """Relaxation by a power of time, as a Prony series of one branch a decade."""
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ from gfmdlayer.validation.fields import Positive
 from gfmdlayer.validation.problems import Problem
 
 
-class PowerLaw(Material):
+class Decades(Material):
     """G(t) falls from Ginf to G0 about like t^(-exponent) from `shortest` to `longest`."""
 
-    model: Literal["power_law"] = "power_law"
+    model: Literal["decades"] = "decades"
     """G(t) falls like a power of time"""
     G0: Positive = 1.0
     """relaxed shear modulus"""
@@ -182,16 +182,16 @@ trajectory: {depth: 0.01, ramp_time: 0.5}
 time: {end: 2.0, step: 0.125}
 solver: {tolerance: 1.0e-9}
 """
-    law = "model: power_law, G0: 2.0, Ginf: 20.0"
+    law = "model: decades, G0: 2.0, Ginf: 20.0"
     (tmp_path / "case.yaml").write_text(flat + f"layer: {{thickness: .inf, material: {{{law}}}}}\n")
     (tmp_path / "bad.yaml").write_text(flat + f"layer: {{material: {{{law.replace('20.0', '1.0')}}}}}\n")
     said = newcomer(
-        *(tmp_path, "body/power_law.py", POWER_LAW, "body/laws.py", '"gfmdlayer.body.materials:Prony",'),
+        *(tmp_path, "body/decades.py", DECADES, "body/laws.py", '"gfmdlayer.body.materials:Prony",'),
         *("run case.yaml --out out", "check bad.yaml", "schema", "new"),
     )
     assert "\n0 2 0 0\n" in said
-    assert "bad.yaml:7:53: layer.material.Ginf: got 1.0; must be a number >= G0" in said
-    assert "# one of zener, prony, power_law" in (tmp_path / "indentation.yaml").read_text()
+    assert "bad.yaml:7:51: layer.material.Ginf: got 1.0; must be a number >= G0" in said
+    assert "# one of zener, prony, decades, elastic" in (tmp_path / "indentation.yaml").read_text()
     found = open_case(tmp_path / "out/cases/0000.h5").load()
     t, pressure = found["time"].to_numpy(), found["mean_pressure"].to_numpy()
     tau, weights = 0.01 * 10.0 ** np.arange(3), 10.0 ** (-0.5 * np.arange(3))

@@ -1,0 +1,256 @@
+"""`gfmdlayer.solve`: one elastic contact of a rigid punch with a body, as labelled data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gfmdlayer.body.body import Body
+from gfmdlayer.case import Case
+from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.config.reader import from_python
+from gfmdlayer.contact.loading import CONTROLS
+from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.inputs import too_deep
+from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.punch.height_files import fitting
+from gfmdlayer.punch.outward import numbers, outward_heights
+from gfmdlayer.punch.shape import Cell, Shape
+from gfmdlayer.punch.trajectory import Constant
+from gfmdlayer.results.provenance import provenance
+from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.simulation import ConvergenceError
+from gfmdlayer.validation.problems import shown
+
+if TYPE_CHECKING:
+    import xarray
+
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.contact.loading import Surface
+    from gfmdlayer.contact.problem import Problem, Solution
+
+POINTS = 1024  # of a line, where neither `points` nor an array says how many
+
+
+class Options(TypedDict, total=False):
+    """Options of `solve`, in addition to its arguments."""
+
+    instantaneous: bool
+    method: str
+    tolerance: float
+    max_iterations: int
+
+
+def solve(
+    body: Body,
+    punch: ArrayLike | Callable[..., ArrayLike] | Shape,
+    *,
+    depth: float | None = None,
+    mean_pressure: float | None = None,
+    force: float | None = None,
+    period: float | tuple[float, float] = 1.0,
+    points: int | tuple[int, ...] | None = None,
+    interface: InterfaceLaw = HARD_WALL,
+    **options: Unpack[Options],
+) -> xarray.Dataset:
+    """Solve the contact of a rigid punch with an elastic body in a periodic cell.
+
+    Parameters
+    ----------
+    body : Body
+        Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed.
+    punch : array_like, callable or Shape
+        Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
+        largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`.
+    depth, mean_pressure, force : float
+        One of them: depth of the punch below the height at which it touches the surface at rest; mean
+        pressure over the cell; force over the cell, per length for a line.
+    period : float, or pair of float
+        Length of the cell, along each axis.
+    points : int, or pair of int, optional
+        Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
+    interface : InterfaceLaw
+        Interaction across the gap; by default the hard wall alone.
+    **options
+        instantaneous : whether a viscoelastic body is glassy instead of relaxed. method, tolerance,
+        max_iterations : of the solver, as in a configuration.
+
+    Returns
+    -------
+    xarray.Dataset
+        pressure, displacement (positive upward), gap and contact along x[, y]; contact_area (part of the
+        cell), mean_pressure, force, depth, residual and FFT pairs, in the units of the arguments.
+
+    Raises
+    ------
+    ConfigError
+        If an argument cannot be used.
+    ConvergenceError
+        If the solver does not reach its tolerance, with its last state.
+
+    Notes
+    -----
+    An incompressible body, or one on a halfspace, keeps its mean height: depths are counted from there, and
+    are by 1/period corrections smaller than those of an isolated punch.
+
+    Examples
+    --------
+    Hertz: a sphere of radius R = 8 on a halfspace of E* = 2 G/(1 - nu) = 4, in a cell that is 12 times as
+    wide as the contact. The contact radius is (3 F R/(4 E*))^(1/3), the largest pressure 3 F/(2 pi a^2).
+
+    >>> F, R, E = 0.0004, 8.0, 4.0
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=R), force=F,
+    ...                         points=(256, 256))
+    >>> a = (3 * F * R / (4 * E)) ** (1 / 3)
+    >>> abs(float(np.sqrt(found.contact_area / np.pi) / a) - 1) < 0.02  # half a grid spacing
+    True
+    >>> abs(float(found.pressure.max() / (3 * F / (2 * np.pi * a**2))) - 1) < 0.01
+    True
+
+    Westergaard: a wave h (1 - cos 2 pi x/L) is in contact over |x| < a under the mean pressure
+    (pi E* h/L) sin^2(pi a/L), of which the largest pressure is 2/sin(pi a/L).
+
+    >>> mean = 0.5 * np.pi * E * 0.01
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), lambda x: 0.01 * np.cos(2 * np.pi * x),
+    ...                         mean_pressure=mean)
+    >>> abs(float(found.contact_area) - 0.5) <= 1 / 1024  # a grid spacing
+    True
+    >>> abs(float(found.pressure.max() / (mean * 2 / 0.5**0.5)) - 1) < 1e-6  # the solver's tolerance
+    True
+
+    A parabola on a thin compressible layer, bonded to a rigid base: springs of 2 G (1 - nu)/((1 - 2 nu) d),
+    so that the force per length is 4/3 of this times depth^(3/2) (2 R)^(1/2), but for terms in (d/a)^2.
+
+    >>> bonded = gfmdlayer.bonded_layer(0.0005, 1.0, poisson=0.25)
+    >>> found = gfmdlayer.solve(bonded, lambda x: -x**2 / 2, depth=0.005, points=4096)
+    >>> spring = 2 * 0.75 / (0.5 * 0.0005)
+    >>> abs(float(found.force / (4 / 3 * spring * 0.005**1.5 * 2**0.5)) - 1) < (0.0005 / 0.1) ** 2
+    True
+    """
+    if not hasattr(body, "spectrum"):
+        raise TypeError(
+            f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or bonded_layer(...)"
+        )
+    instantaneous = options.pop("instantaneous", False)
+    config = _config(_points(punch, points), period, options)
+    grid = Grid(config.grid.points, config.grid.period)
+    control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), interface)
+    heights = _heights(punch, grid)
+    if control == "depth" and (message := too_deep(target, heights, body.mean_stiffness)):
+        raise ConfigError([f"depth: {message}"])
+    loading = CONTROLS[control](heights, Constant(target), interface)
+    spectrum = body.spectrum(grid.wavenumbers)
+    kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
+    nothing = np.zeros(kappa.shape, dtype=np.complex128)
+    problem = loading.problem(kappa, nothing, 0.0)
+    case = Case(config, grid=grid, body=body, punch=heights, interface=interface)
+    solution = case.solver.solve(problem, case.guess.at(0.0))
+    if not solution.converged:
+        given = config.solver
+        reached = f"residual {solution.residual:.2e} after {solution.iterations} iterations of {given.method}"
+        raise ConvergenceError(f"{reached}; the tolerance is {given.tolerance:.2e}", problem, solution)
+    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0))
+
+
+def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
+    """Return the points of the grid, where nothing else is given those of an array."""
+    if points is not None:
+        return points
+    return POINTS if callable(punch) or isinstance(punch, Shape) else numbers(punch).shape  # type: ignore[arg-type]
+
+
+def _config(points: Any, period: Any, solver: Mapping[str, object]) -> Config:
+    """Return grid and solver, checked."""
+    try:
+        return from_python({"name": "solve", "grid": {"points": points, "period": period}, "solver": solver})
+    except ConfigError as error:
+        lines = (line.removeprefix("grid.").removeprefix("solver.") for line in error.problems)
+        raise ConfigError(lines) from None
+
+
+def _prescribed(
+    depth: float | None,
+    mean_pressure: float | None,
+    force: float | None,
+    area: float,
+    interface: InterfaceLaw,
+) -> tuple[str, float]:
+    """Return the kind of control and the depth or the mean pressure."""
+    values = {"depth": depth, "mean_pressure": mean_pressure, "force": force}
+    given = {name: value for name, value in values.items() if value is not None}
+    if len(given) != 1:
+        found = " and ".join(given) or "nothing"
+        raise ConfigError([f"solve: got {found}; must be one of depth, mean_pressure and force"])
+    ((name, value),) = given.items()
+    number = float(value)
+    if not math.isfinite(number) or (number < 0 and not interface.attracts):
+        raise ConfigError([f"{name}: got {shown(number)}; must be a number >= 0, finite"])
+    if name == "depth":
+        return "depth", number
+    return "load", number / (area if name == "force" else 1.0)
+
+
+def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:
+    """Return heights above the lowest point, one value a point."""
+    if not isinstance(punch, Shape):
+        outward = outward_heights(punch, grid).ravel()
+        return np.asarray(outward.max() - outward)
+    if misfits := list(punch.misfits(Cell(grid.points, grid.period))):
+        raise ConfigError(f"punch.{each}" for each in misfits)
+    try:
+        return fitting("punch", punch.heights(grid), grid.shape).ravel()
+    except TableError as error:
+        raise ConfigError([f"punch: {error}"]) from None
+
+
+def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface) -> xarray.Dataset:
+    """Return fields and scalars of a solution."""
+    import xarray
+
+    wall = problem.wall_pressure(solution.pressure, solution.gap)
+    pressure_scale, depth_scale = residual_scales(wall, solution.displacement, problem.residual_floor)
+    fields = {
+        "displacement": surface.displacement,
+        "pressure": solution.pressure,
+        "gap": solution.gap,
+        "contact": wall / pressure_scale > solution.gap / depth_scale,
+    }
+    scalars = {
+        "contact_area": solution.contact_area,
+        "mean_pressure": solution.mean_pressure,
+        "force": solution.mean_pressure * math.prod(grid.period),
+        "depth": surface.depth,
+        "residual": solution.residual,
+        "transforms": solution.transforms,
+        "iterations": solution.iterations,
+    }
+    axes = dict(zip("xy", grid.coordinates, strict=False))
+    held: dict[str, Any] = {
+        name: (tuple(axes), values.reshape(grid.shape), _MEANINGS[name]) for name, values in fields.items()
+    }
+    held |= {name: ((), value, _MEANINGS[name]) for name, value in scalars.items()}
+    coords = {name: ((name,), x, _MEANINGS[name]) for name, x in axes.items()}
+    return xarray.Dataset(held, coords, provenance())
+
+
+def _meaning(long_name: str, units: str = "1") -> dict[str, str]:
+    return {"long_name": long_name, "units": units}
+
+
+_MEANINGS = {
+    **{name: _meaning(entry.long_name, entry.units) for name, entry in VARIABLES.items()},
+    "contact": _meaning("whether the point is in contact"),
+    "contact_area": _meaning("relative contact area, contact points / all points"),
+    "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
+    "force": _meaning("force over the cell, of a line per length", "pressure area"),
+    "depth": _meaning("depth of the punch below its first touch", "length"),
+    "residual": _meaning("residual of the contact problem"),
+    "transforms": _meaning("pairs of Fourier transforms, forward and backward"),
+    "iterations": _meaning("iterations of the contact solver"),
+}
