@@ -101,7 +101,7 @@ def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing() -> N
         r = np.linspace(0.0, 1.5, rows)
         table = revolution.of_table(r, 2 - np.sqrt(4 - r**2))
         errors.append(press(layer(1.0, 0.45, INF), table, 0.2).force[-1] / exact - 1)
-    assert abs(errors[1]) < 3e-5
+    assert abs(errors[1]) < 5e-5
     assert 3.5 < errors[0] / errors[1] < 4.6
 
 
