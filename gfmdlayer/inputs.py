@@ -10,10 +10,11 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, PronySeries
+from gfmdlayer.body.materials import Material, PronySeries
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -86,8 +87,7 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
-    divided = given.control == "force" and not config.grid.axisymmetric
-    unit = math.prod(config.grid.period) if divided else 1.0
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0  # 1 of an isolated contact
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)

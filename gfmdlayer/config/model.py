@@ -18,11 +18,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.temperature import Temperature, temperature_problems
 from gfmdlayer.config.units import Units
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
@@ -159,13 +159,7 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        if self.grid.axisymmetric:
-            return self.trajectory.file is None and not hasattr(self.punch, "file")
-        given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
-        tables = given.file, given.velocity_file, self.temperature and self.temperature.file
-        if any(table is not None for table in tables) or mean_height is None:
-            return False
-        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+        return admissible.plainly_possible(self)
 
     @property
     def stacked(self) -> tuple[sections.Layer, ...]:

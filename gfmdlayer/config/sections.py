@@ -20,7 +20,8 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.body.materials import Law
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell

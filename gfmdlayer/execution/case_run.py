@@ -17,7 +17,7 @@ from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label, notes
 from gfmdlayer.files.whole import write_text
@@ -73,14 +73,14 @@ def run_case(
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
 
-def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
+def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
     """Record why a case failed, in cases/NNNN.failed.
 
     Parameters
     ----------
     folder : Folder
         A claimed results folder.
-    case : Case
+    case : Labelled
         The case.
     reason : str
         One line.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
@@ -101,6 +101,10 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
     kind: Kind | None = options.get("kind") or ("curves" if options.get("x") or options.get("y") else None)
     with ExitStack() as stack:
         opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
+        if "fitted" in opened.attrs:
+            if kind not in (None, "map"):
+                raise ResultsError(f"{path}: is a map of fits, which has no {kind}; must be --kind map")
+            kind = "map"
         dataset = select(opened, options.get("select", {}))
         cases, said = _cases(stack, path, dataset, kind, options)
         title, first = next(iter(cases.items()), ("", dataset))
@@ -158,6 +162,8 @@ def _map(dataset: Dataset, options: Options) -> Figure:
     if len(y) > 1:
         raise ResultsError(f"a map has one key along y, not {len(y)}")
     look = STYLES[options.get("style", "paper")]
+    if "fitted" in dataset.attrs:
+        return fit_map_figure(dataset, look, options.get("z", ()))
     return map_figure(
         dataset, options.get("time"), look, x=options.get("x", ""), y="".join(y), z=options.get("z", ())
     )

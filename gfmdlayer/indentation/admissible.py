@@ -109,3 +109,21 @@ def table_errors(config: Any, trajectory: Any) -> Iterator[tuple[str, str]]:
     if control == "depth" and config.halfspace.shear_modulus == math.inf and most >= thickness:
         message = f"{file}: holds a depth of {most:.6g}, beyond the rigid base"
         yield "trajectory.file", f"{message}; must be below the thickness above it, {thickness!r}"
+
+
+def plainly_possible(config: Any) -> bool:
+    """Whether no table has to be read, and the depth is well below a mean height in closed form.
+
+    Parameters
+    ----------
+    config : Config
+        A configuration.
+    """
+    given = config.trajectory
+    if config.grid.axisymmetric:
+        return given.file is None and not hasattr(config.punch, "file")
+    mean_height = config.punch.mean_height(config.grid.cell)
+    tables = given.file, given.velocity_file, config.temperature and config.temperature.file
+    if any(table is not None for table in tables) or mean_height is None:
+        return False
+    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)

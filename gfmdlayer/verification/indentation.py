@@ -9,7 +9,7 @@ import numpy as np
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.body.maxwell import Prony, Zener
 from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.indentation.solve import follow, on_steps
