@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
+
+import numpy as np
 
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
@@ -26,11 +28,19 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.indentation.history import History
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
 from gfmdlayer.resumable import CompositeState, Resumable
+
+if TYPE_CHECKING:
+    from gfmdlayer.indentation.isolated import IsolatedIndentation
+
+
+# Error for which an isolated indentation on fixed steps has its nodes.
+_TOLERANCE = 1e-4
 
 
 class Integrator(Energy, Resumable, Protocol):
@@ -137,6 +147,34 @@ class Case:
         """The periodic grid."""
         return inputs.make_grid(self.config)
 
+    @property
+    def coordinates(self) -> dict[str, FloatArray]:
+        """Coordinates of the snapshots by name: x, and y of a surface in two directions.
+
+        Those of an isolated, axisymmetric contact lie along x from its axis.
+        """
+        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else self.grid.coordinates
+        return dict(zip("xy", axes, strict=False))
+
+    @cached_property
+    def indentation(self) -> IsolatedIndentation:
+        """The isolated contact of an indenter of revolution."""
+        from gfmdlayer.indentation.isolated import IsolatedIndentation
+
+        given, grid, time = self.config.trajectory, self.config.grid, self.config.time
+        times = [0.0, *sorted({kink for kink in self.trajectory.kinks if 0 < kink < time.end}), time.end]
+        return IsolatedIndentation(
+            self.body,
+            self.config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
+            History(np.array(times), np.array([*map(self.trajectory, times)]), given.control == "force"),
+            tolerance=time.tolerance or _TOLERANCE,
+            step=None if isinstance(time.step, str) else time.step,
+            snapshots=self.config.output.snapshot_times,
+            stops=output_times(self.config),
+            points=grid.points[0],
+            extent=grid.extent,
+        )
+
     @cached_property
     def transforms(self) -> Transforms:
         """Fourier transforms of the grid."""
@@ -187,7 +225,8 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        return inputs.kinks(self.loading.trajectory, self.velocity, self.reduced_time)
+        trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
+        return inputs.kinks(trajectory, self.velocity, self.reduced_time)
 
     @cached_property
     def loading(self) -> Loading:
@@ -218,7 +257,7 @@ class Case:
     @cached_property
     def steps(self) -> Steps:
         """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-        time, snapshots = self.config.time, self.config.output.snapshots
+        time, snapshots = self.config.time, self.config.output.snapshot_times
         if isinstance(time.step, str):
             assert isinstance(self.integrator, ErrorControlledModes)
             assert time.tolerance is not None

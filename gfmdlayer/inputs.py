@@ -10,10 +10,11 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, PronySeries
+from gfmdlayer.body.materials import Material, PronySeries
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -85,13 +86,30 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
-    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
+    divided = given.control == "force" and not config.grid.axisymmetric
+    unit = math.prod(config.grid.period) if divided else 1.0
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
     target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
     return RampHold(target / unit, given.ramp_time)
+
+
+def short_tables(configs: Iterable[Config]) -> Iterator[str]:
+    """Yield notes on the tables of cases that end before their runs do.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    every = [(config.trajectory, config.time.end) for config in configs]
+    depths = [(given.file, given.control, end) for given, end in every]
+    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
+    for file, quantity, end in dict.fromkeys(depths + velocities):
+        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -225,6 +243,9 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
 def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
+    if config.grid.axisymmetric:
+        yield from _errors_of_indentation(config, key)
+        return
     try:
         heights = make_punch(config, make_grid(config))
         key = "trajectory.file"
@@ -272,3 +293,23 @@ def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
         f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
         f"must be below the mean height of the punch, {mean_height:.6g}"
     )
+
+
+def _errors_of_indentation(config: Config, key: str) -> Iterator[tuple[str, str]]:
+    given, floor = config.trajectory, sum(layer.thickness for layer in config.stacked)
+    try:
+        config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+        key = "trajectory.file"
+        trajectory = make_trajectory(config)
+    except TableError as error:
+        yield key, str(error)
+        return
+    if not isinstance(trajectory, Table):
+        return
+    least, most = float(trajectory.values.min()), float(trajectory.values.max())
+    if given.control == "force" and least < 0:
+        yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
+    rigid = config.halfspace.shear_modulus == math.inf
+    if given.control == "depth" and rigid and most >= floor:
+        message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
+        yield key, f"{message}; must be below the thickness of the layers, {floor!r}"

@@ -48,7 +48,7 @@ def check(options: argparse.Namespace) -> int:
         lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
     lines += [
         f"steps      {cost.steps:,}",
-        f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
+        *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
         *_laws([case.config for case in every]),

@@ -27,8 +27,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def new(options: argparse.Namespace) -> int:
     """Write a configuration to start from."""
+    from gfmdlayer.cli.templates import commented
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.config.templates import commented
     from gfmdlayer.files.whole import write_text
 
     path = Path(options.file or f"{options.like}.yaml")

@@ -14,14 +14,14 @@ KINDS = {
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
 # The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.
-KINDS_WITH: dict[str, set[str | None]] = {
-    "log_time": {None, "curves"},
-    "inset": {None, "curves"},
-    "x": {None, "curves", "map"},
-    "y": {None, "curves", "map"},
-    "z": {"map"},
-    "time": {"map"},
-    "fps": {"movie"},
+KINDS_WITH: dict[str, tuple[str | None, ...]] = {
+    "log_time": (None, "curves"),
+    "inset": (None, "curves"),
+    "x": (None, "curves", "map"),
+    "y": (None, "curves", "map"),
+    "z": ("map",),
+    "time": ("map", "curves", None),
+    "fps": ("movie",),
 }
 
 MOST_FRAMES = 100  # in a second; more than a GIF can have
@@ -84,7 +84,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--time",
         metavar="T",
         type=_time,
-        help="time of the map, or its extremes: a number, end (default), max, min",
+        help="time of a map, or of curves against a swept key: a number, end (default), or for the extremes "
+        "over time max or min",
     )
     parser.add_argument("--fps", metavar="N", type=_rate, help="frames of a movie in a second")
 

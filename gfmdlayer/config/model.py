@@ -18,12 +18,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.temperature import Temperature, temperature_problems
 from gfmdlayer.config.units import Units
+from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
@@ -108,8 +109,11 @@ class Config(Section):
         """Yield contradictions between sections."""
         yield from self._problems_of_the_body()
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        fit = self.punch.misfits(self.grid.cell)
-        yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        if self.grid.axisymmetric:
+            yield from admissible.problems(self)
+        else:
+            fit = self.punch.misfits(self.grid.cell)
+            yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
 
@@ -152,13 +156,15 @@ class Config(Section):
         if output.times is not None and time.step != "adaptive":
             message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
-        for i, snapshot in enumerate(output.snapshots):
+        for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
 
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
+        if self.grid.axisymmetric:  # what can be wrong else has been refused
+            return self.trajectory.file is None and not hasattr(self.punch, "file")
         given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
         tables = given.file, given.velocity_file, self.temperature and self.temperature.file
         if any(table is not None for table in tables) or mean_height is None:
@@ -186,7 +192,7 @@ class Config(Section):
 
         Without `units` the words stay: "length", "pressure / time".
         """
-        if len(self.grid.points) == 1 and words == "force":
+        if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 
@@ -252,8 +258,7 @@ def digest(config: Config) -> str:
 def stem(config: Config) -> str:
     """Return the same hash without the end, the snapshots and the rows: equal for runs that may begin alike.
 
-    A law with a continuous spectrum becomes a series over the times of the run, to whose end it belongs.
-
+    A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
 
     Raises
@@ -261,7 +266,12 @@ def stem(config: Config) -> str:
     OSError
         A file named by the configuration cannot be read any more.
     """
-    left_out = {"name": True, "sweep": True, "output": {"keep_state", "snapshots", "times"}}
+    times = (
+        {"keep_state", "times"}
+        if config.output.snapshots == "every"
+        else {"keep_state", "times", "snapshots"}
+    )
+    left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
     if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
         left_out["time"] = {"end"}
     return _hash(config, left_out)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Discriminator, Field, Tag
 
 from gfmdlayer.validation.fields import (
     MustBe,
@@ -28,6 +28,11 @@ Rows = Annotated[
     number_or_list,
 ]
 Bins = Annotated[int, Field(strict=True, ge=1, le=1000), MustBe("a whole number from 1 to 1000")]
+Snapshots = Annotated[
+    Annotated[tuple[NotNegative, ...], Tag("list")]
+    | Annotated[Literal["every"], MustBe("a list of times, or the word every", ("every",)), Tag("word")],
+    Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "word"),
+]
 MOST_ROWS = 1_000_000  # of a case
 
 
@@ -71,13 +76,14 @@ class Histograms(Section):
 class Output(Section):
     """What is kept besides the curves: `snapshots` of the surface; `times` of the rows for adaptive steps.
 
+    Snapshots of every accepted step make a film of all that happened, and take as much room on the disk.
     Without `times` the steps are free but for the snapshots, the kinks of the trajectory and the end. In each
     row `patches` counts the connected patches of contact, and `histograms` hold the distributions of contact
     pressure and gap.
     """
 
-    snapshots: tuple[NotNegative, ...] = ()
-    """times at which displacement, pressure and gap are kept"""
+    snapshots: Snapshots = ()
+    """times at which displacement, pressure and gap are kept, or every: after every step"""
     times: Annotated[Rows | None, given] = None
     """rows of the curves, for adaptive steps: a spacing, or a list of times"""
     patches: Switch = False
@@ -86,6 +92,11 @@ class Output(Section):
     """distributions that are kept in each row"""
     keep_state: Switch = False
     """whether to keep the state before the end, from which a run to a later end goes on"""
+
+    @property
+    def snapshot_times(self) -> tuple[float, ...]:
+        """The times of the snapshots that a run must land on."""
+        return () if self.snapshots == "every" else self.snapshots
 
     def problems(self) -> Iterator[Problem]:
         """Refuse times that do not increase."""

@@ -20,7 +20,8 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.body.materials import Law
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
@@ -57,12 +58,26 @@ Step = Annotated[
 
 
 class Grid(Section):
-    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly)."""
+    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact.
 
-    points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = (16384,)
-    """grid points n, or [nx, ny]: a surface in two directions"""
+    Attributes
+    ----------
+    geometry
+        None for a periodic surface.
+    extent
+        Of an isolated contact: radius up to which profiles are kept.
+    """
+
+    geometry: Annotated[Annotated[str, Word("periodic", "axisymmetric")] | None, given] = None
+    """periodic, as without it; or axisymmetric: an isolated indenter of revolution"""
+    points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = Field(
+        default_factory=lambda data: (256 if data.get("geometry") == "axisymmetric" else 16384,)
+    )
+    """grid points n, or [nx, ny]: a surface in two directions; axisymmetric: of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """length L of the periodic cell, or [Lx, Ly]"""
+    extent: Optional = None
+    """axisymmetric: radius up to which profiles are kept: length"""
 
     @field_validator("points", "period")
     @classmethod
@@ -82,12 +97,24 @@ class Grid(Section):
         return values[0] if same else values
 
     @property
+    def axisymmetric(self) -> bool:
+        """Whether the contact is isolated, and not periodic."""
+        return self.geometry == "axisymmetric"
+
+    @property
     def cell(self) -> Cell:
         """The cell as shapes of the punch see it."""
         return Cell(self.points, self.period)
 
     def problems(self) -> Iterator[Problem]:
         """Refuse periods that do not match the directions, and more points than FFTW counts."""
+        if self.axisymmetric and len(self.points) > 1:
+            message = f"got {shown(self.points)}; must be one number, or geometry be periodic"
+            yield Problem(("points",), message, ("geometry",))
+            return
+        if self.extent is not None and not self.axisymmetric:
+            message = "given, but geometry is periodic; must be left out, or geometry be axisymmetric"
+            yield Problem(("extent",), message, ("geometry",))
         if len(self.period) != len(self.points):
             message = (
                 f"got {len(self.period)} lengths for {len(self.points)} "

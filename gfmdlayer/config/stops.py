@@ -24,7 +24,7 @@ def stops(config: Config, kinks: Iterable[float]) -> list[Instant]:
     -------
     list of Instant
     """
-    time, snapshots = config.time, config.output.snapshots
+    time, snapshots = config.time, config.output.snapshot_times
     if isinstance(time.step, str):
         return time_points.stops(time.end, snapshots, kinks, output_times(config))
     equal = time.integrator == "backward_euler"

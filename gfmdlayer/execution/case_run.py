@@ -136,20 +136,19 @@ def _stem(config: Config) -> str:
 def _compute(
     config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
 ) -> str:
-    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.case import Case as Simulation
     from gfmdlayer.observables import columns
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
 
-    axes = Grid(config.grid.points, config.grid.period).coordinates
-    coordinates = dict(zip("xy", axes, strict=False))
+    simulation = Simulation(config, wisdom, threads)
     described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
     elapsed = checkpoints.elapsed
     with CaseWriter(
-        path, coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
+        path, simulation.coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
     ) as writer:
         recorder = checkpoints.recorder(writer)
-        warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+        warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
     return "; ".join(warnings)
 
 
@@ -158,7 +157,8 @@ def attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.surface.material.unit
+    found |= {"G0": config.surface.material.unit, "L": config.grid.period[0]}
+    found["control"] = config.trajectory.control
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

@@ -45,6 +45,8 @@ THIN, THINNEST = 0.05, 1 / 9
 # points. Seconds of a case beside its steps.
 STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e-4, 2, 3.5, 1.5, 2.2, 6
 CASE_SECONDS = 0.03
+# Steps of an isolated contact at least, their work in points times pairs, and their seconds.
+FEWEST_INDENTING, INDENTING, INDENTING_SECONDS = 150, 500, 2e-4
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
@@ -80,6 +82,8 @@ def estimate(config: Config) -> Cost:
     """Estimate the cost of a case."""
     size = math.prod(config.grid.points)
     steps, turns = _steps(config)
+    if config.grid.axisymmetric:
+        return _of_indentation(config, steps)
     solver = SOLVERS[config.solver.method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
@@ -90,7 +94,8 @@ def estimate(config: Config) -> Cost:
         pairs *= max(thin, THINNEST) ** -0.5
     branches = len(config.surface.material.roughly(config.time.end)[1])
     width = sum(column.size for column in columns(config))
-    rows, snapshots = math.ceil((steps + 1) / ROWS) * ROWS, len(config.output.snapshots)
+    rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
+    snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     return Cost(
         steps=steps,
         pairs=pairs,
@@ -98,6 +103,14 @@ def estimate(config: Config) -> Cost:
         memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
         storage=HEADER + REAL * (width * rows + sum(config.grid.points) + 3 * size * snapshots),
     )
+
+
+def _of_indentation(config: Config, steps: int) -> Cost:
+    """Estimate an isolated contact, which has no FFT pairs; its work is that of the integral equations."""
+    steps = max(steps, FEWEST_INDENTING) if config.time.step == "adaptive" else steps
+    width, kept = len(columns(config)), len(config.output.snapshots)
+    storage = HEADER + REAL * (width * max(steps, ROWS) + config.grid.points[0] * (1 + 3 * kept))
+    return Cost(steps=steps, pairs=0.0, work=INDENTING * steps, memory=PROGRAM, storage=storage)
 
 
 def total(costs: Iterable[Cost]) -> Cost:
@@ -114,7 +127,10 @@ def total(costs: Iterable[Cost]) -> Cost:
 
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
-    cost, seconds = estimate(config), pair(config.grid.points)
+    cost = estimate(config)
+    if config.grid.axisymmetric:
+        return CASE_SECONDS + INDENTING_SECONDS * cost.steps
+    seconds = pair(config.grid.points)
     branches = len(config.surface.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
@@ -185,7 +201,14 @@ def kind(config: Config) -> Hashable:
     solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
     numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
     histograms = kept.pressure is not None or kept.gap is not None
-    return config.grid.points, *numerics, trajectory.control, trajectory.moves, histograms
+    return (
+        config.grid.geometry,
+        config.grid.points,
+        *numerics,
+        trajectory.control,
+        trajectory.moves,
+        histograms,
+    )
 
 
 def _steps(config: Config) -> tuple[int, int]:

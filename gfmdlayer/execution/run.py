@@ -228,7 +228,11 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(dict.fromkeys(case.config.solver.method for case in todo))
+    solvers = ", ".join(
+        dict.fromkeys(
+            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
+        )
+    )
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 

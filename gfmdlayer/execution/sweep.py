@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
 from gfmdlayer.config import Config
+from gfmdlayer.config.notes import notes as notes_on
 from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
 
@@ -91,15 +92,27 @@ def input_errors(config: Config) -> Iterable[tuple[str, str]]:
 
 
 def notes(configs: Iterable[Config]) -> list[str]:
-    """Return the changes made to the measured surfaces of the cases, each once.
+    """Return notes on the cases, each once.
+
+    These are the changes made to measured surfaces, tables that end before the run does, and values that are
+    perhaps not meant (`gfmdlayer.config.notes`).
 
     Raises
     ------
     TableError
         If a file cannot be used.
     """
-    surfaces = dict.fromkeys((config.grid.cell, config.punch) for config in configs)
-    return list(dict.fromkeys(note for cell, punch in surfaces for note in punch.notes(cell)))
+    every = list(configs)
+    surfaces = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    )
+    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
+    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
+        from gfmdlayer import inputs
+
+        found += inputs.short_tables(every)
+    found += [note for config in every for note in notes_on(config)]
+    return list(dict.fromkeys(found))
 
 
 def label(values: dict[str, object]) -> str:

@@ -27,12 +27,13 @@ from gfmdlayer.figures.selection import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from xarray import DataArray, Dataset
 
 LEGEND_MOST = 6
-MOST_TICKS = 8  # of a colour bar of values in their order
+MOST_TICKS = 12  # of a colour bar of values in their order
 
 
 class Scale(NamedTuple):
@@ -81,6 +82,19 @@ class Scale(NamedTuple):
             getattr(axes, f"set_{name}ticks")([], minor=True)
         else:
             axes.set(**{f"{name}scale": self.kind})
+            if self.kind == "log":
+                _round_ticks(axes.xaxis if name == "x" else axes.yaxis)
+
+
+def _round_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis of up to three decades at 1, 2 and 5, without powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    if high / low <= 1e3:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low <= 100 else (1,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: value_labels([value])[0]))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _off_middle(values: Any) -> float:
@@ -114,10 +128,12 @@ class ColourBar(NamedTuple):
 
     def draw(self, figure: Figure, panels: Any) -> None:
         """Draw it beside panels."""
-        bar = figure.colorbar(self.mappable, ax=panels, label=self.label, aspect=30)
+        bar = figure.colorbar(self.mappable, ax=panels, label=self.label, aspect=30, pad=0.02)
         if self.scale.kind == "order":
             bar.set_ticks(self.scale.ticks, labels=self.scale.labels)
             bar.minorticks_off()
+        elif self.scale.kind == "log":
+            _round_ticks(bar.ax.yaxis)
 
 
 class Curve(NamedTuple):

@@ -15,8 +15,17 @@ import numpy as np
 from gfmdlayer.figures.curve_family import Family, Scale, family
 from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
-from gfmdlayer.figures.quantities import Quantity, finish, quantity
-from gfmdlayer.figures.selection import case_dimensions, column_name, default_columns, notes, swept
+from gfmdlayer.figures.quantities import finish, quantity
+from gfmdlayer.figures.selection import (
+    Time,
+    at_time,
+    case_dimensions,
+    column_name,
+    default_columns,
+    notes,
+    swept,
+)
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +47,7 @@ def curves_figure(
     inset: Inset | None = None,
     x: str = "time",
     y: Sequence[str] = (),
+    time: Time | None = None,
 ) -> Figure:
     """Draw columns of results, in a panel each, against time, another column, or a swept key.
 
@@ -54,28 +64,40 @@ def curves_figure(
     inset : Inset, optional
         Punch and surface at chosen times, drawn into the first panel and marked on the curve of their case.
     x : str
-        Time, a column, or a swept key, against which the last row is drawn.
+        Time, a column, or a swept key.
     y : sequence of str
         Columns; by default contact area and mean pressure, or depth under a prescribed load, and friction.
+    time : float or str, optional
+        Against a swept key: the time, in the units of the config, or "max" or "min", the extremes over time;
+        by default "end".
 
     Raises
     ------
     ResultsError
-        If there is no such column.
+        If there is no such column, or an option has no effect.
     """
     names = [column_name(dataset, name) for name in y] or default_columns(dataset)
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     x = along or column_name(dataset, x)
+    for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
+        if given and x != needed:
+            meant = "time" if needed == "time" else "a swept key"
+            raise ResultsError(f"{name} has no effect on curves against {x}; must be with {meant} along x")
     with styled(style):
         drawn = family(dataset, along if along in case_dimensions(dataset) else "")
         across = len(names) if len(names) <= 3 else 2 + (len(names) % 2)
         shape = (-(-len(names) // across), across) if columns == 2 else (len(names), 1)
-        figure = new_figure(columns, (66.0 if columns == 2 else 62.5) * shape[0], style)
+        figure = new_figure(
+            columns, (66.0 if columns == 2 else 62.5) * shape[0] * (1.25 if len(names) == 1 else 1.0), style
+        )
         panels = figure.subplots(*shape, sharex=columns == 1, squeeze=False)
         for axes in panels.flat[len(names) :]:
             axes.remove()
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
-            _draw_panel(axes, drawn, x, name, log_time=log_time)
+            if along:
+                when = _draw_against_key(axes, drawn, x, name, time)
+            else:
+                when = _draw_against_column(axes, drawn, x, name, log_time=log_time)
             axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
             axes.set_xlabel(
                 quantity(dataset[x], dataset.attrs).label if columns == 2 or i == len(names) - 1 else ""
@@ -85,24 +107,20 @@ def curves_figure(
         more = _draw_legend(figure, panels, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
-        said = notes(drawn.sweep) if "case" in dataset.coords else []
-        finish(figure, [*said, *drawn.notes, *more])
+        finish(figure, [*when, *notes(drawn.sweep, names), *drawn.notes, *more])
     return figure
 
 
-def _draw_panel(axes: Axes, drawn: Family, x: str, y: str, *, log_time: bool) -> None:
-    """Draw a column of each case."""
-    sweep, along = drawn.sweep, quantity(drawn.sweep[x], drawn.sweep.attrs)
-    up = quantity(sweep[y], sweep.attrs)
-    if "key" in sweep[x].attrs:
-        _draw_against_key(axes, drawn, x, y, up)
-    else:
-        shown = sweep["time"].to_numpy() > 0 if log_time else np.ones(sweep.sizes["time"], dtype=bool)
-        for curve in drawn.curves:
-            place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
-            across = sweep[x].isel(place).to_numpy()[shown] / along.scale
-            values = sweep[y].isel(curve.place).to_numpy()[shown] / up.scale
-            axes.plot(across, values, color=curve.colour, linestyle=curve.dashes)
+def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, *, log_time: bool) -> list[str]:
+    """Draw a column of each case against time or another column."""
+    sweep = drawn.sweep
+    along, up = (quantity(sweep[name], sweep.attrs) for name in (x, y))
+    shown = sweep["time"].to_numpy() > 0 if log_time else np.ones(sweep.sizes["time"], dtype=bool)
+    for curve in drawn.curves:
+        place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
+        across = sweep[x].isel(place).to_numpy()[shown] / along.scale
+        values = sweep[y].isel(curve.place).to_numpy()[shown] / up.scale
+        axes.plot(across, values, color=curve.colour, linestyle=curve.dashes)
     if log_time:
         axes.set_xscale("log")
     if x == "time" and np.count_nonzero(shown) > 1:
@@ -110,27 +128,27 @@ def _draw_panel(axes: Axes, drawn: Family, x: str, y: str, *, log_time: bool) ->
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
     axes.set_ylabel(up.label)
+    return []
 
 
-def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, up: Quantity) -> None:
-    """Draw the last row of a column against a swept key; a case that failed is a gap in the line."""
-    key = drawn.sweep[x]
+def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | None) -> list[str]:
+    """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
+    key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
     scale = Scale.of(key.to_numpy().tolist())
     order = np.argsort(scale.positions, kind="stable")
-    last = drawn.sweep[y].isel(time=-1)
+    row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):
-        axes.scatter(scale.positions, last / up.scale, s=12, color=[curve.colour for curve in drawn.curves])
+        axes.scatter(scale.positions, row / up.scale, s=12, color=[curve.colour for curve in drawn.curves])
     else:
         for curve in drawn.curves:
-            values = last.isel(curve.place).to_numpy()[order] / up.scale
-            look: dict[str, Any] = {
-                "color": curve.colour,
-                "linestyle": curve.dashes,
-                "marker": "o",
-                "markersize": 3,
-            }
-            axes.plot(scale.positions[order], values, **look)
+            values = row.isel(curve.place).to_numpy()[order] / up.scale
+            look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "marker": "o"}
+            axes.plot(scale.positions[order], values, markersize=3, **look)
     scale.apply(axes, "x")
+    if axes.dataLim.y0 >= 0:
+        axes.set_ylim(bottom=0)
+    axes.set_ylabel(up.label)
+    return [when]
 
 
 def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:

@@ -12,16 +12,23 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import PARAMETERS
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
+OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
+    "depth": r"\delta",
+    "mean_stress": r"\bar{p}",
+    "force": "F",
+    "mean_gap": r"\bar{g}",
+    **{column.name: column.symbol for column in INDENTATION if column.symbol},
     "displacement": "u",
     "pressure": "p",
+    "gap": "g",
     "x": "x",
     "y": "y",
     "time": "t",
@@ -39,7 +46,7 @@ def symbol(array: DataArray) -> str:
     """Return the symbol of a variable or swept key as mathtext, or its name in words if it has no symbol."""
     if "symbol" in array.attrs:
         return f"${mathtext(array.attrs['symbol'])}$"
-    name = str(array.name)
+    name = str(array.name).removesuffix(OVER_TIME)
     return f"${PAPER_SYMBOLS[name]}$" if name in PAPER_SYMBOLS else name.replace("_", " ")
 
 

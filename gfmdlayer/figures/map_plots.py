@@ -6,15 +6,17 @@ Also of the parameters fitted to the curves of a force map, with their standard 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Scale
 from gfmdlayer.figures.labels import symbol, value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
-from gfmdlayer.figures.quantities import Quantity, finish, quantity
+from gfmdlayer.figures.quantities import finish, quantity
 from gfmdlayer.figures.selection import (
+    Time,
+    at_time,
     case_dimensions,
     chosen,
     column_name,
@@ -27,12 +29,16 @@ from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
     from xarray import DataArray, Dataset
 
-Time = float | Literal["end", "max", "min"]
+    from gfmdlayer.arrays import FloatArray
+
 MOST_TICKS = 10
-MOST_NUMBERS = 8  # along each axis for which the cells can hold a readable number
+MOST_NUMBERS, MOST_LETTERS = 8, 42  # numbers along an axis, and letters across, that the cells can hold
+WIDE = 100.0  # ratio of values beyond which colours may be logarithmic
 
 
 def map_figure(
@@ -69,10 +75,10 @@ def map_figure(
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
     for name in held:
         sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
-    said = notes(sweep)
+    columns = [column_name(sweep, name) for name in z] or default_columns(sweep)[:2]
+    said = notes(sweep, columns)
     if sweep[x].dims == ("case",) and (others := [key for key in swept(sweep) if key.name not in (x, y)]):
         said.append(f"also varied: {', '.join(map(symbol, others))}")
-    columns = [column_name(sweep, name) for name in z] or default_columns(sweep)[:2]
     with styled(style):
         across = min(len(columns), 2)
         rows = -(-len(columns) // across)
@@ -80,7 +86,7 @@ def map_figure(
         panels = figure.subplots(rows, across, sharey="row", squeeze=False)
         for i, name in enumerate(columns):
             axes, up = panels.flat[i], quantity(sweep[name], sweep.attrs)
-            values, when = _at(sweep[name], time, quantity(sweep["time"], sweep.attrs))
+            values, when = at_time(sweep, name, time)
             if values.dims == ("case",):
                 _draw_dots(axes, values / up.scale, x, y, up.label)
             else:
@@ -110,22 +116,17 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
     return x, y
 
 
-def _at(column: DataArray, time: Time | None, clock: Quantity) -> tuple[DataArray, str]:
-    """Return a column at a time or at its extreme over time, and when that is."""
-    if time in ("max", "min"):
-        return getattr(column, str(time))("time"), f"{time}. over {clock.symbol}"
-    row = (
-        column.isel(time=-1) if time in (None, "end") else column.sel(time=float(time or 0), method="nearest")
-    )
-    return row, clock.equals(f"{float(row['time']) / clock.scale:.4g}")
-
-
 def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> None:
     """Draw a dot for each case of a list; one that failed is an open circle."""
     across, up = (Scale.of(values[name].to_numpy().tolist()) for name in (x, y))
     lost = np.isnan(values.to_numpy())
     dots = axes.scatter(
-        across.positions[~lost], up.positions[~lost], c=values.to_numpy()[~lost], cmap="viridis", s=18
+        across.positions[~lost],
+        up.positions[~lost],
+        c=values.to_numpy()[~lost],
+        cmap="viridis",
+        norm=_norm(values.to_numpy()),
+        s=18,
     )
     axes.scatter(across.positions[lost], up.positions[lost], s=18, facecolors="none", edgecolors="0.6")
     axes.figure.colorbar(dots, ax=axes, label=label)
@@ -196,7 +197,9 @@ def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
     across, up = (values[name] for name in values.dims)
     cells = values.to_numpy().T
     axes.patch.set(facecolor="white", hatch="////", edgecolor="0.8")
-    mesh = axes.imshow(cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis")
+    mesh = axes.imshow(
+        cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis", norm=_norm(cells)
+    )
     axes.figure.colorbar(mesh, ax=axes, label=label)
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
@@ -205,16 +208,25 @@ def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
         labels = value_labels(coordinate.to_numpy().tolist())
         axis.set_ticks(ticks, [labels[i] for i in ticks])
         axis.set_label_text(quantity(coordinate).label)
-    if max(cells.shape) <= MOST_NUMBERS:
-        _write_numbers(axes, cells)
+    _write_numbers(axes, mesh, cells)
 
 
-def _write_numbers(axes: Axes, values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
-    """Write the values into their cells, dark on light and light on dark."""
-    finite = values[np.isfinite(values)]
-    middle = (finite.min() + finite.max()) / 2 if finite.size else 0.0
-    for (row, column), value in np.ndenumerate(values):
-        if np.isfinite(value):
-            colour = "black" if value > middle else "white"
-            text = f"{value:#.3g}".rstrip(".")
-            axes.text(column, row, text, ha="center", va="center", color=colour, fontsize="small")
+def _norm(values: FloatArray) -> Normalize:
+    """Return a logarithmic scale of colours for values that are spread over decades, else a linear one."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    finite: list[float] = values[np.isfinite(values)].tolist()
+    if finite and min(finite) > 0 and max(finite) > WIDE * min(finite) and Scale.of(finite).kind == "log":
+        return LogNorm(min(finite), max(finite))
+    return Normalize(min(finite, default=0.0), max(finite, default=1.0))
+
+
+def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray) -> None:
+    """Write the values into their cells, where all of them have room, dark on light and light on dark."""
+    texts = {at: f"{value:#.3g}".rstrip(".") for at, value in np.ndenumerate(cells) if np.isfinite(value)}
+    longest = max(map(len, texts.values()), default=0)
+    if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:
+        return
+    for (row, column), text in texts.items():
+        colour = "black" if np.asarray(mesh.norm(cells[row, column])) > 0.5 else "white"
+        axes.text(column, row, text, ha="center", va="center", color=colour, fontsize="small")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.map_plots import Time, fit_map_figure, map_figure
+from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
-from gfmdlayer.figures.selection import Wanted, notes, select
+from gfmdlayer.figures.selection import Time, Wanted, notes, select
 from gfmdlayer.figures.snapshot_plots import MOST_CASES, snapshots_figure
 from gfmdlayer.figures.snapshot_selection import cases_with_snapshots
 from gfmdlayer.figures.waterfall import waterfall_figure
@@ -38,14 +38,15 @@ class Options(TypedDict, total=False):
     select : mapping
         Swept key -> the value of the cases that are drawn, of which the nearest is taken, or a range.
     x : str
-        Of curves: time, a column, or a swept key, against which the last row is drawn. Of a map: a swept key.
+        Of curves: time, a column, or a swept key. Of a map: a swept key.
     y : sequence of str
         Of curves: columns, in a panel each; by default contact area and mean pressure, or depth where the
         load is prescribed, and any friction. Of a map: a swept key.
     z : sequence of str
         Of a map: columns.
     time : float or str
-        Of a map: in the units of the config, or end (the default), max or min.
+        Of a map, or of curves against a swept key: in the units of the config, or end (the default), or the
+        extremes max and min.
     case : int
         Number of the case whose snapshots are drawn; by default all of a few, or some, or the first.
     inset : sequence of float
@@ -108,10 +109,10 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         cases, said = _cases(stack, path, dataset, kind, options)
         title, first = next(iter(cases.items()), ("", dataset))
         if kind == "movie":
-            picture = _beside(path, dataset, kind, default_suffix()) if out is None else Path(out)
+            picture = _beside(path, dataset, kind, default_suffix(), options) if out is None else Path(out)
             write_movie(first, picture, title, look, options.get("fps"))
             return [picture]
-        picture = _beside(path, dataset, kind or "curves", ".png") if out is None else Path(out)
+        picture = _beside(path, dataset, kind or "curves", ".png", options) if out is None else Path(out)
         check_suffix(picture)
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: _curves(dataset, first, options),
@@ -138,10 +139,9 @@ def _cases(
     cases = stack.enter_context(cases_with_snapshots(path, dataset, options.get("case"), most))
     if not cases and (inset or kind is not None):
         raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
-    if "case" not in dataset.coords:
-        return cases, []
-    part = f"{len(cases)} of {dataset['case'].size} cases"
-    return cases, [*notes(dataset), *[part] * (len(cases) < dataset["case"].size)]
+    among = dataset["case"].size if "case" in dataset.coords else 1
+    part = [f"{len(cases)} of {among} cases"] * (len(cases) < among)
+    return cases, [*notes(dataset), *part]
 
 
 def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
@@ -153,6 +153,7 @@ def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
         inset=Inset.of(first, inset) if inset else None,
         x=options.get("x") or "time",
         y=options.get("y", ()),
+        time=options.get("time"),
     )
 
 
@@ -168,9 +169,12 @@ def _map(dataset: Dataset, options: Options) -> Figure:
     )
 
 
-def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str) -> Path:
-    """Return the path of a picture that lies with the results and is named after them."""
-    ending = suffix if kind in ("curves", "movie") else f"-{kind}{suffix}"
+def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str, options: Options) -> Path:
+    """Return the path of a picture that lies with the results and is named after them and what it shows."""
+    columns = [*options.get("y", ()), *(["over", options["x"]] if options.get("x") else [])]
+    ending = suffix if kind == "movie" else f"-{kind}{suffix}"
+    if kind == "curves":
+        ending = "".join(f"-{name}" for name in columns) + suffix
     if path.is_file():
         return path.with_name(path.stem + ending)
     return path / f"{dataset.attrs.get('name') or path.resolve().name}{ending}"

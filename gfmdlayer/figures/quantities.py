@@ -26,7 +26,7 @@ SCALES = {"length": ("L", "L"), "pressure": ("G0", "G_0"), "time": ("tau", r"\ta
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 PLAIN = (1e-3, 1e5)  # magnitudes whose ticks are written without a power of ten
 
-_FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:(?:\^|\*\*)(-?\d+))?")
+_FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
 _SI = re.compile(r"(?:m|Pa|s|N|J|W)(?![\w^])")
 _UNIT = re.compile(r"\(([^()]*)\)$")
 
@@ -81,11 +81,13 @@ def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({}))
 
 
 def _factors(units: str) -> dict[str, int]:
-    """Split units such as "pressure length^2 / time" into factors and their powers."""
+    """Split units such as "force / length" into factors and their powers; a force is pressure times area."""
     found: dict[str, int] = {}
     for over, name, power in _FACTOR.findall(units):
         if name != "1":
-            found[name] = found.get(name, 0) + int(power or 1) * (-1 if over else 1)
+            signed = int(power or 1) * (-1 if over else 1)
+            for part, times in {"pressure": 1, "length": 2}.items() if name == "force" else [(name, 1)]:
+                found[part] = found.get(part, 0) + signed * times
     return {name: power for name, power in found.items() if power}
 
 
@@ -100,8 +102,8 @@ def _over(written: str, scales: dict[str, int]) -> str:
 
 
 def mathtext_units(units: str) -> str:
-    """Write powers in units as mathtext."""
-    return re.sub(r"(?:\^|\*\*)(-?\d+)", r"$^{\1}$", units)
+    """Write powers in units, and micro, as in print."""
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", re.sub(r"\bu(?=m\b|s\b|Pa\b|N\b)", "µ", units))
 
 
 def power_of_ten(values: Sequence[float]) -> int:

@@ -7,24 +7,24 @@ it, and `asked`, the value that was asked for. From these `notes` writes what a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol, value_labels
+from gfmdlayer.figures.labels import OVER_TIME, symbol, value_labels
 from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
+Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
 MOST_NAMED = 3  # failed cases
-PRESCRIBED = {"depth": "depth", "load": "mean_pressure", "force": "mean_pressure"}
 
 
 def swept(dataset: Dataset) -> list[DataArray]:
@@ -77,7 +77,7 @@ def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
         A sweep, as the reader opens it.
     wanted : mapping
         Swept key, whole or as its dimension is named, to a number, of which the nearest value is taken; a
-        range (from, to), as text "from:to", that includes its ends; or the text of a value.
+        range (from, to), as text "from:to", that includes its ends; or the text of a value, or a part of it.
 
     Raises
     ------
@@ -126,10 +126,25 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
     return taken
 
 
-def notes(sweep: Dataset) -> list[str]:
-    """Return what a figure of the cases of a sweep says of the others: held values, parts, failed cases."""
+def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
+    """Return what a figure says of what it does not show.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        What is drawn: of a single case there is nothing to say.
+    columns : sequence of str
+        The columns that are drawn, of which some cases may have none.
+
+    Returns
+    -------
+    list of str
+        Held values, numbers of values and of cases, failed cases, cases without one of the columns.
+    """
+    if "case" not in dataset.coords or not swept(dataset):
+        return []
     held, parts = [], []
-    for key in swept(sweep):
+    for key in swept(dataset):
         among, asked = int(key.attrs.get("among", 1)), key.attrs.get("asked")
         said = [f"of {among} values"] * (among > 1) + [f"nearest to {asked}"] * (asked is not None)
         if key.ndim == 0:
@@ -138,11 +153,14 @@ def notes(sweep: Dataset) -> list[str]:
             parts.append(f"{value_titles(key)[0]}, nearest to {asked}")
         elif key.size < among:
             parts.append(f"{key.size} of {among} values of {symbol(key)}")
-    cases = sweep["case"]
+    cases = dataset["case"]
     if cases.size < int(cases.attrs.get("among", 0)):
         parts.append(f"{cases.size} of {cases.attrs['among']} cases")
-    if lost := _failed(sweep):
+    if lost := _failed(dataset):
         parts.append(f"{len(lost)} of {cases.size} case{'s' * (cases.size > 1)} failed: {_named(lost)}")
+    drawn = {name.removesuffix(OVER_TIME) for name in columns}
+    lines = str(dataset.attrs.get("notes", "")).splitlines()
+    parts += [line for line in lines if drawn & set(line.partition(":")[0].split(", "))]
     return [f"held: {', '.join(held)}"] * bool(held) + parts
 
 
@@ -168,29 +186,31 @@ def _places(key: DataArray, wanted: Wanted) -> tuple[list[int], str]:
     """Return the indices of the wanted values, and the value that was asked for if only others are near."""
     values = key.to_numpy()
     if values.dtype.kind not in "if":
-        texts = [str(value) for value in values]
-        places = [i for i, pair in enumerate(zip(texts, value_labels(texts), strict=True)) if wanted in pair]
-        if not places:
-            raise ResultsError(
-                f"{key.name} has no value {wanted!r}; must be one of {', '.join(dict.fromkeys(texts))}"
-            )
-        return places, ""
+        return _places_of_text([str(value) for value in values], str(wanted), str(key.name)), ""
     low, high = _ends(str(key.name), wanted)
     if low < high:
         places = np.flatnonzero((values >= low) & (values <= high)).tolist()
     else:
-        distance = np.where(values == low, 0.0, np.abs(values - low))
-        places = (
-            np.flatnonzero(values == values[distance.argmin()]).tolist()
-            if np.isfinite(distance.min())
-            else []
-        )
+        near = low if low in values or not math.isfinite(low) else values[np.abs(values - low).argmin()]
+        places = np.flatnonzero(values == near).tolist()
     if not places:
         known = ", ".join(dict.fromkeys(f"{value:g}" for value in values))
         sought = f"from {low:g} to {high:g}" if low < high else f"{low:g}"
         raise ResultsError(f"{key.name} has no value {sought}; it has {known}")
     is_near = low < high or np.isclose(values[places[0]], low, rtol=1e-9, atol=0)
     return places, "" if is_near else f"{low:g}"
+
+
+def _places_of_text(values: list[str], wanted: str, name: str) -> list[int]:
+    """Return the places of a text among the values, as a file or a figure writes them, or of a part of it."""
+    shown = [label.replace("$", "") for label in value_labels(values)]
+    both = list(zip(values, shown, strict=True))
+    places = [i for i, pair in enumerate(both) if wanted in pair]
+    places = places or [i for i, pair in enumerate(both) if any(wanted in text for text in pair)]
+    if not places:
+        known = " | ".join(dict.fromkeys(shown))
+        raise ResultsError(f"{name} has no value {wanted!r}; must be one of {known}, or a part of it")
+    return places
 
 
 def _ends(name: str, wanted: Wanted) -> tuple[float, float]:
@@ -215,24 +235,44 @@ def _number(text: str | float) -> float:
 
 
 def default_columns(dataset: Dataset) -> list[str]:
-    """Return the columns with a symbol, without the one that the trajectory prescribes."""
+    """Return the columns that have a panel: those declared with a symbol.
+
+    Under a prescribed load or force the depth is in place of the mean pressure; where cases differ in what is
+    prescribed, both are drawn.
+    """
+    names = [name for name, column in known_columns().items() if column.symbol]
+    control, depth = dataset.attrs.get("control"), _own_name(dataset, "depth")
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
-    prescribed = "" if is_swept else PRESCRIBED[str(dataset.attrs.get("control", "depth"))]
-    names = [name for name, column in known_columns().items() if column.symbol and name != prescribed]
-    return [name for name in map(_in_sweep(dataset), names) if name in dataset.data_vars]
+    if "contact_radius" in dataset:
+        return [column.name for column in INDENTATION if column.symbol and column.name in dataset.data_vars]
+    if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
+        at = names.index("mean_pressure")
+        names[at : at + (0 if is_swept else 1)] = [depth]
+    return [name for name in names if name in dataset.data_vars]
 
 
 def column_name(dataset: Dataset, name: str) -> str:
     """Return the name of a column, or of time, as the results have it; ResultsError if there is none."""
     along = {"time", *case_dimensions(dataset)}
     columns = [str(each) for each, column in dataset.data_vars.items() if {"time"} <= {*column.dims} <= along]
-    found = _in_sweep(dataset)(name)
+    found = _own_name(dataset, name)
     if found not in ("time", *columns):
         known = ", ".join(["time", *columns])
         raise ResultsError(f"there is no column {name}{nearest(name, columns)}; must be one of {known}")
     return found
 
 
-def _in_sweep(dataset: Dataset) -> Callable[[str], str]:
-    """Return the name that a column has in a sweep over a key of its own name."""
-    return lambda name: f"{name}_over_time" if f"{name}_over_time" in dataset.data_vars else name
+def _own_name(dataset: Dataset, name: str) -> str:
+    """Return the name of a column, which differs in a sweep over a key of this name."""
+    return f"{name}{OVER_TIME}" if f"{name}{OVER_TIME}" in dataset.data_vars else name
+
+
+def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
+    """Return a column at a time, by default the last one, or at its extreme over time, and when that is."""
+    column, clock = dataset[name], quantity(dataset["time"], dataset.attrs)
+    if time in ("max", "min"):
+        return getattr(column, str(time))("time"), f"{time}. over {clock.symbol}"
+    row = (
+        column.isel(time=-1) if time in (None, "end") else column.sel(time=float(time or 0), method="nearest")
+    )
+    return row, clock.equals(f"{float(row['time']) / clock.scale:.4g}")

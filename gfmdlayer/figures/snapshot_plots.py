@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
 
 MOST_CASES = 6
+MOST_PROFILES = 60  # of a line contact
 MOST_MAPS = 4  # beside each other
 MOST_ROWS = 2  # of maps of a single case
 MAP_POINTS = 1024  # along each axis of a map: more than its dots in print
@@ -73,7 +74,9 @@ def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER, notes: 
     with styled(style):
         first, more = next(iter(cases.values())), list[str]()
         if "y" not in first["pressure"].dims:
-            figure = _profiles(cases, style)
+            parts = {title: part_of(case, MOST_PROFILES) for title, case in cases.items()}
+            figure = _profiles({title: case for title, (case, _) in parts.items()}, style)
+            more = list(dict.fromkeys(note for _, notes in parts.values() for note in notes))
         elif len(cases) == 1 and "gap" in first:
             figure, more = _surface(next(iter(cases)), first, style)
         else:
@@ -160,7 +163,8 @@ def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str
     gap = limits(whole["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
     case, notes = part_of(whole, MOST_MAPS * MOST_ROWS)
     count = case.sizes["snapshot"]
-    columns, rows = min(count, MOST_MAPS), -(-count // MOST_MAPS)
+    rows = -(-count // MOST_MAPS)
+    columns = -(-count // rows)
     height = _height_of_map(columns, seen.view)
     figure = new_figure(2, 14.0 + (2 * height + 74.0) * rows, style)
     ratios = (height, height, 30.0, 30.0) * rows
@@ -180,7 +184,8 @@ def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str
         if place == 0:
             for axes, label in zip(column, (y.label, y.label, f"{u.label}, punch", p.label), strict=True):
                 axes.set_ylabel(label)
-        if place == columns - 1 or i == count - 1:
+        column[3].tick_params(labelbottom=True)
+        if place == columns - 1:
             for axes, mesh, name in zip(column, meshes, ranges, strict=False):
                 draw_bar(axes, mesh, quantity(case[name], case.attrs).label)
     for axes in panels[-4:, (count - 1) % columns + 1 :].flat:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, spread, styled
 from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshot_selection import Extremes, section, snapshot_times
+from gfmdlayer.figures.snapshot_selection import Extremes, part_of, section, snapshot_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 OVERLAP = 2.5  # height of the largest profile relative to the distance between profiles
 MOST_TICKS = 12
+MOST_PROFILES = 60
 
 
 def waterfall_figure(
@@ -38,8 +39,8 @@ def waterfall_figure(
     notes : sequence of str
         What the figure says of other cases.
     """
-    cut = section(case)
-    clock, seconds = snapshot_times(case)
+    cut, more = part_of(section(case), MOST_PROFILES)
+    clock, seconds = snapshot_times(cut)
     times, count = value_labels(seconds), len(seconds)
     along, up = (quantity(cut[name], case.attrs) for name in ("x", "pressure"))
     x = cut["x"].to_numpy() / along.scale
@@ -63,7 +64,7 @@ def waterfall_figure(
         axes.set(ylabel=clock.label, ylim=(-0.3, count - 0.8 + OVERLAP))
         axes.set_title(title, loc="left")
         _draw_scale(axes, up, pressure.max(), scale, count - 1)
-        finish(figure, notes)
+        finish(figure, [*notes, *more])
     return figure
 
 

@@ -30,11 +30,12 @@ COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
 _MARKS = 3  # radii at which chi may have kinks, remembered
 _APART = 0.02  # part of a by which they differ
+_GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
-_SECANTS = 20  # steps for the radius; then bisection, for a residual that jumps at the last radius
+_SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
 _SUBSTEPS = 12  # of one step: contact found and lost
-_FRONT = 1e-6  # weight of x beside H in the coordinate of the moving edge, for flat ends
+_FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 
 
 class Nodes(NamedTuple):
@@ -122,6 +123,8 @@ class Step(NamedTuple):
     fade_q: FloatArray  # (nm, nq)
     before_q: FloatArray
     after_q: FloatArray
+    loss: FloatArray  # (3, nb), of `_loss_weights`
+    loss_q: FloatArray  # (3, nm, nq)
     effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
 
@@ -138,6 +141,7 @@ class Work(NamedTuple):
     far_past: FloatArray  # (n + 2,), and of the integral of C
     transform: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
+    obstacle: FloatArray  # (n + 2,), H on the fixed grid
 
 
 class Marched(NamedTuple):
@@ -169,34 +173,55 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
 
 
 @kernel(inner=True)
+def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
+    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
+
+    y is chi - eta at its beginning.
+    """
+    z = h / T
+    if z == 0:
+        return 0.0, 0.0, 0.0
+    if z < _GENTLE:
+        # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
+        fade = math.exp(-z / 2)
+        mean = -math.expm1(-z / 2) / z
+        end = -math.expm1(-z) / z
+        yy = 1 + 4 * fade**2 + fade**4
+        return z / 6 * yy, z / 3 * (4 * fade * mean + fade**2 * end), z / 6 * (4 * mean**2 + end**2)
+    once, twice = -math.expm1(-z), -math.expm1(-2 * z) / 2
+    return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
+
+
+@kernel(inner=True)
 def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
     """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
-    z, y, rate = h / T, before - old, after - before
-    if z < 0.05:
-        m = -math.expm1(-z / 2) / (z / 2)
-        middle = y * (1 - z / 2 * m) + rate / 2 * m
-        m = -math.expm1(-z) / z
-        end = y * (1 - z * m) + rate * m
-        return z / 6 * (y * y + 4 * middle * middle + end * end)
-    r = rate / z
-    d = y - r
-    return r * r * z - 2 * r * d * math.expm1(-z) - d * d / 2 * math.expm1(-2 * z)
+    yy, yc, cc = _loss_weights(h, T)
+    y, c = before - old, after - before
+    return yy * y * y + yc * y * c + cc * c * c
+
+
+class Sweep(NamedTuple):
+    """A moving edge: the coordinate H + slope x in which it moves evenly through a step, at either end."""
+
+    slope: float
+    small: float
+    large: float
 
 
 @kernel(inner=True)
-def _front(profile: Revolution, x: float) -> float:
-    """Coordinate in which the edge of the contact moves evenly through a step."""
-    return abel_transform(profile, x) + _FRONT * x
+def _sweep(profile: Revolution, small: float, large: float) -> Sweep:
+    """Return how the edge moves between two radii; a flat end comes into contact at once."""
+    slope = _FRONT if small > 0 else 0.0
+    H_small = abel_transform(profile, small) + slope * small
+    return Sweep(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
 @kernel(inner=True)
-def _swept(profile: Revolution, a_old: float, a: float, x: float) -> float:
-    """Part of the step for which a growing contact has covered x."""
-    if a_old == 0:
-        total = abel_transform(profile, a)
-        return 1 - abel_transform(profile, x) / total if total > 0 else 1.0
-    end = _front(profile, a)
-    part = (end - _front(profile, x)) / (end - _front(profile, a_old))
+def _swept(sweep: Sweep, x: float, H: float) -> float:
+    """Part of the step for which a growing contact has covered x, or a shrinking one will."""
+    if sweep.large == sweep.small:
+        return 1.0
+    part = (sweep.large - H - sweep.slope * x) / (sweep.large - sweep.small)
     return float(min(max(part, 0.0), 1.0))
 
 
@@ -260,6 +285,7 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
     after, before = body.local, 0.0
     for k in range(body.local_times.size):
         step.fade[k], step.before[k], step.after[k] = _linear_weights(h, body.local_times[k])
+        step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h, body.local_times[k])
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
     for j in range(body.q.size):
@@ -267,6 +293,8 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
         for m in range(body.times.shape[0]):
             e, b, a = _linear_weights(h, body.times[m, j])
             step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = e, b, a
+            yy, yc, cc = _loss_weights(h, body.times[m, j])
+            step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = yy, yc, cc
             C += body.modes[m, j] * a
         step.effective[j] = C
         work.transform[j] = body.weights[j] * C / math.pi
@@ -393,18 +421,20 @@ def _solve(
     n = _place_nodes(a, nodes, state, work)
     after, before = weights
     rows, root, coupled = work.rows, work.root, body.q.size > 0
+    sweep = _sweep(profile, a_old, a)
     for i in range(n):
         x = work.x[i]
+        H = abel_transform(profile, x)
         diagonal, past = after, _past_at(x, nodes, work)
         if x < a_old:
             past += before * _cubic(state.chi, x / nodes.spacing)
         elif a > a_old and body.local_times.size:
-            part = _swept(profile, a_old, a, x)
+            part = _swept(sweep, x, H)
             diagonal = body.local
             for k in range(body.local_times.size):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
         rows[0, i] = root[i]
-        rows[1, i] = -(abel_transform(profile, x) + past) * root[i]
+        rows[1, i] = -(H + past) * root[i]
         if coupled:
             for j in range(i + 1):
                 y = work.x[j]
@@ -446,31 +476,31 @@ def _find_radius(
     state: State,
     step: Step,
     work: Work,
-) -> tuple[float, float, float, int, int]:
+) -> tuple[float, float, float, int, int, int]:
     """Find the contact radius at the end of a step.
 
     Returns
     -------
-    float, float, float, int, int
-        Radius, 0 where there is no contact; force; depth; the number of nodes; the outcome.
+    float, float, float, int, int, int
+        Radius, 0 where there is no contact; force; depth; the number of nodes; the solutions; the outcome.
     """
     stop = min(profile.rim, nodes.reach)
     low, high, slope, a = 0.0, stop, 0.0, guess
     last_a, last_r = -1.0, 0.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
-    for trial in range(_MOST_ITERATIONS):
+    for trial in range(1, _MOST_ITERATIONS):
         edge, rest, unit, other, n = _solve(a, a_old, h, weights, body, profile, nodes, state, step, work)
         if n < 0:
-            return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
+            return 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED
         depth = (target - other) / unit if drive.by_force else target
         r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * body.local)
         force = depth * unit + other
         if a >= stop and r >= 0:
             scale = max(abs(depth), abs(rest))
             left = stop < profile.rim and r > drive.tolerance * scale
-            return stop, force, depth, n, LEFT_GRID if left else COMPLETE
-        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < 1e-14 * stop:
-            return a, force, depth, n, COMPLETE
+            return stop, force, depth, n, trial, LEFT_GRID if left else COMPLETE
+        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < _SAME_RADIUS * high:
+            return a, force, depth, n, trial, COMPLETE
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
         if r > 0:
@@ -479,11 +509,11 @@ def _find_radius(
             high = a
             if drive.adhesion > 0 and low == 0:
                 if falling and slope >= 0:
-                    return 0.0, 0.0, target, 0, COMPLETE
+                    return 0.0, 0.0, target, 0, trial, COMPLETE
                 new = a * (1 - 1e-4) if not falling else a - r / slope
                 falling = True
                 if new <= 0:
-                    return 0.0, 0.0, target, 0, COMPLETE
+                    return 0.0, 0.0, target, 0, trial, COMPLETE
                 last_a, last_r, a = a, r, new
                 continue
         if last_a < 0:
@@ -492,10 +522,10 @@ def _find_radius(
         new = a - r / slope if slope < 0 else -1.0
         if new >= stop and high == stop:
             new = stop
-        elif not low < new < high or trial >= _SECANTS:
+        elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
-    return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
+    return 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
 
 
 @kernel(inner=True)
@@ -526,7 +556,9 @@ def _close(
             s += math.cos(body.q[j] * work.x[i]) * work.rows[0, i]
         part = 0.0
         for m in range(nm):
-            part += body.modes[m, j] * _loss(h, body.times[m, j], state.zeta[m, j], state.X[j], s)
+            y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
+            yy, yc, cc = step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j]
+            part += body.modes[m, j] * (yy * y * y + yc * y * c + cc * c * c)
             state.zeta[m, j] = (
                 step.fade_q[m, j] * state.zeta[m, j]
                 + step.before_q[m, j] * state.X[j]
@@ -537,16 +569,17 @@ def _close(
         work.transform[j] = s * step.effective[j] * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
+    sweep = _sweep(profile, min(a, a_old), max(a, a_old))
     for i in range(state.chi.size):
-        x = i * nodes.spacing
+        x, H = i * nodes.spacing, work.obstacle[i]
         inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
         was_inside = a_old > 0 and (x < a_old or a_old >= stop)
         before = state.chi[i] if was_inside else 0.0
-        value = depth - abel_transform(profile, x) - work.past[i] - work.far_past[i] - work.far[i]
+        value = depth - H - work.past[i] - work.far_past[i] - work.far[i]
         diagonal, part = after_weight, 1.0
         growing = inside and not was_inside
         if touches and a > a_old and not was_inside:
-            part = _swept(profile, a_old, a, x)
+            part = _swept(sweep, x, H)
             diagonal = body.local
             for k in range(nb):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
@@ -554,7 +587,7 @@ def _close(
             value -= before_weight * before
         leaving = was_inside and not inside
         if leaving:
-            part = _swept(profile, a, a_old, x) if a > 0 else _swept(profile, 0.0, a_old, x)
+            part = _swept(sweep, x, H)
         value /= diagonal
         after = value if inside else 0.0
         weight = nodes.spacing * (0.5 if i in (0, state.chi.size - 3) else 1.0)
@@ -581,7 +614,9 @@ def _close(
                 )
                 state.eta[k, i] = rest * middle
             else:
-                lost += weight * J * _loss(h, T, old, before, after)
+                y, c = before - old, after - before
+                quadratic = step.loss[0, k] * y * y + step.loss[1, k] * y * c + step.loss[2, k] * c * c
+                lost += weight * J * quadratic
                 state.eta[k, i] = step.fade[k] * old + step.before[k] * before + step.after[k] * after
         state.chi[i] = value
     return 4 * lost
@@ -665,13 +700,15 @@ def march(  # noqa: C901
     )
     step = Step(
         np.zeros(nb), np.zeros(nb), np.zeros(nb), np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)),
-        np.zeros(nq), np.zeros(2 * size - 1),
+        np.zeros((3, nb)), np.zeros((3, nm, nq)), np.zeros(nq), np.zeros(2 * size - 1),
     )  # fmt: skip
     most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros((2, most)), np.zeros(_MARKS + 2),
-        np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size),
+        np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size), np.zeros(size),
     )  # fmt: skip
+    for i in range(size):
+        work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
     stop = min(profile.rim, nodes.reach)
     a_old, depth, h_old, rate, lost, status, taken, snapshot = 0.0, 0.0, -1.0, 0.0, 0.0, COMPLETE, 0, 0
     weights = (0.0, 0.0)
@@ -693,11 +730,11 @@ def march(  # noqa: C901
             free = work.past[0] + work.far_past[0] + (weights[1] * state.chi[0] if a_old > 0 else 0.0)
             touches = target > 0 if drive.by_force else target > free
             if touches or (drive.adhesion > 0 and a_old > 0):
-                if a_old == 0 and not met and at > 0 and done < 1:
+                if a_old == 0 and not met and at > 0:
                     part = _event(h, now, target, drive.by_force, body, state, False)
                 if part > 1e-9 and part < 1 - 1e-9:
                     touches, met = False, True
-                elif part >= 1 - 1e-9 and a_old == 0 and at > 0:
+                elif part > 0.5 and a_old == 0 and not met and at > 0:  # at the end of the step, to rounding
                     touches, part = False, 1.0
                 else:
                     part = 1.0
@@ -708,10 +745,10 @@ def march(  # noqa: C901
                             guess = a_old
                     elif drive.adhesion == 0:
                         guess = 0.3 * stop
-                    a, force, depth, n, status = _find_radius(
+                    a, force, depth, n, trials, status = _find_radius(
                         h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
                     )
-                    taken += 1
+                    taken += trials
                     touches = a > 0
                     if status != COMPLETE:
                         break

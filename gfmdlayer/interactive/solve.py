@@ -64,7 +64,7 @@ def solve(
     Parameters
     ----------
     body : Body
-        Such as `halfspace`, or a `layer`; a viscoelastic one is relaxed.
+        Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed.
     punch : array_like, callable or Shape
         Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
         largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`.
@@ -127,7 +127,7 @@ def solve(
     A parabola on a thin compressible layer, bonded to a rigid base: springs of 2 G (1 - nu)/((1 - 2 nu) d),
     so that the force per length is 4/3 of this times depth^(3/2) (2 R)^(1/2), but for terms in (d/a)^2.
 
-    >>> bonded = gfmdlayer.layer(0.0005, 1.0, poisson=0.25)
+    >>> bonded = gfmdlayer.bonded_layer(0.0005, 1.0, poisson=0.25)
     >>> found = gfmdlayer.solve(bonded, lambda x: -x**2 / 2, depth=0.005, points=4096)
     >>> spring = 2 * 0.75 / (0.5 * 0.0005)
     >>> abs(float(found.force / (4 / 3 * spring * 0.005**1.5 * 2**0.5)) - 1) < (0.0005 / 0.1) ** 2
@@ -135,7 +135,7 @@ def solve(
     """
     if not hasattr(body, "spectrum"):
         raise TypeError(
-            f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or layer(...)"
+            f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or bonded_layer(...)"
         )
     instantaneous = options.pop("instantaneous", False)
     config = _config(_points(punch, points), period, options)

@@ -21,6 +21,8 @@ from xarray.core import indexing
 
 from gfmdlayer.results.schema import FIELDS, ResultsError
 
+SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
+
 if TYPE_CHECKING:
     from xarray import Dataset
 
@@ -37,21 +39,24 @@ def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_])
     files : ndarray of Path, shape of `case`
         The files of the cases.
     """
+    axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
+    times = axes["snapshot"].to_numpy()
     added = {}
     for name in FIELDS:
         if name in example:
             field = example[name].variable
-            lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape))
+            lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape, times))
             added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
-    axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
     return sweep.assign_coords(axes).assign(added)
 
 
 class _FieldOfCases(BackendArray):
     """One field of all cases, along the swept keys and then the field's own axes."""
 
-    def __init__(self, files: NDArray[np.object_], name: str, shape: tuple[int, ...]) -> None:
-        self._files, self._name, self._inner = files, name, shape
+    def __init__(
+        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
+    ) -> None:
+        self._files, self._name, self._inner, self._times = files, name, shape, times
         self.shape = (*files.shape, *shape)
         self.dtype = np.dtype(np.float64)
 
@@ -76,5 +81,10 @@ class _FieldOfCases(BackendArray):
                 raise ResultsError(
                     f"{file}: {self._name} of shape {field.shape}, where the first case has {self._inner}; "
                     "open the cases one by one with open_case"
+                )
+            if not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                raise ResultsError(
+                    f"{file}: snapshots at other times than in the first case; open the cases one by one "
+                    "with open_case"
                 )
             return np.asarray(field[part])

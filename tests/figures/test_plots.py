@@ -112,13 +112,6 @@ def test_two_keys_differ_by_colour_and_line_style(tmp_path: Path) -> None:
     assert labels == ["$d$ = 0.1", "$d$ = 0.2", *bulk]
 
 
-def test_three_keys_are_refused(tmp_path: Path) -> None:
-    write_sweep(tmp_path, {"a.b": [1, 2], "a.c": [1, 2], "a.d": [1]})
-    with pytest.raises(ResultsError, match=r"3 keys \(b, c, d\): at most 2"):
-        plot_results(tmp_path)
-    assert list(tmp_path.glob("*.png")) == []
-
-
 def test_list_of_combinations_names_every_value_in_the_order_swept(tmp_path: Path) -> None:
     keys = ["layer.thickness", "layer.material.Ginf"]
     pairs = [(0.1, 10.0), (0.2, 5.0)]

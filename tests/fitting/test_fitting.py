@@ -14,7 +14,8 @@ from scipy.integrate import quad
 
 from gfmdlayer import cli
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.materials import Material
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
