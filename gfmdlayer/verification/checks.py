@@ -9,7 +9,14 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from gfmdlayer.verification import (
-    closed_forms, crosschecks, energy, indentation, limits, orders, peers, stacks,
+    closed_forms,
+    crosschecks,
+    energy,
+    indentation,
+    limits,
+    orders,
+    peers,
+    stacks,
 )
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
