@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
-    from gfmdlayer.body.materials import Prony, Zener
+    from gfmdlayer.body.maxwell import Elastic, Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
@@ -86,8 +85,7 @@ _MODULES = {
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
-    "gfmdlayer.body.materials": ("Prony", "Zener"),
-    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.maxwell": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),

@@ -21,7 +21,7 @@ from scipy.optimize import brentq, least_squares
 from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.fitting.indentation import forward
 from gfmdlayer.fitting.indentation.intervals import covariance
 from gfmdlayer.fitting.indentation.parameters import Model, free_parameters

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gfmdlayer.body.elastic import Elastic
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.body.maxwell import Elastic
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.validation.problems import ConfigError
 
