@@ -39,7 +39,7 @@ _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint|state){_PART})")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
-_FOLDERS = ("cases", "inputs")  # those of a run that was killed in its first instant
+_FOLDERS = ("cases", "arrays", "inputs")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
 
 

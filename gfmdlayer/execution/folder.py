@@ -10,7 +10,7 @@
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/inputs/            the files that the configuration names, as the cases read them
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
-    DIR/inputs             punch and history of a run from Python that were arrays
+    DIR/arrays/            punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
 
 Every file is written whole (`gfmdlayer.files.whole`), so that a reader never sees half of one.

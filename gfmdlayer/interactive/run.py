@@ -7,41 +7,36 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Future, as_completed
-from contextlib import closing, contextmanager
+from contextlib import closing
 from multiprocessing import current_process
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from gfmdlayer.case import Case
-from gfmdlayer.config import Config, ConfigError, digest
+from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
-from gfmdlayer.execution import case_run, interrupts, workers
+from gfmdlayer.execution import interrupts
 from gfmdlayer.execution.claim import refuse_foreign_folder
 from gfmdlayer.execution.folder import Folder, read_config
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case as SweptCase
-from gfmdlayer.execution.sweep import cases, input_errors, label
+from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch
+from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
-from gfmdlayer.observables import columns
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.results.labelled import labelled
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.results.recording import Recording
-from gfmdlayer.simulation import ConvergenceError, simulate
+from gfmdlayer.simulation import ConvergenceError
 
 if TYPE_CHECKING:
     import xarray
-
-_GUARD = 'a script with jobs must call run under `if __name__ == "__main__":`'
 
 Punch = ArrayLike | Callable[..., ArrayLike] | Shape | Mapping[str, Any]
 
@@ -116,7 +111,7 @@ def run(
     {'thickness': 2, 'tau': 2, 'time': 3}
     """
     if getattr(current_process(), "_inheriting", False):  # it is being started, and imports the script
-        raise RuntimeError(f"run was called while a process of another run starts: {_GUARD}")
+        raise RuntimeError(f"run was called while a process of another run starts: {GUARD}")
     if not isinstance(jobs, int) or jobs < 1:
         raise ConfigError([f"jobs: got {jobs!r}; must be a whole number >= 1"])
     found = _configuration(config, punch, history, {k.replace("__", "."): v for k, v in values.items()})
@@ -126,15 +121,15 @@ def run(
     if not found.sweep:
         wisdom = planned(found.grid.points, user_cache(), threads)
         with closing(Watch(chosen_display(progress), 1)) as watch:
-            data, said = _compute(every[0], wisdom, threads, watch.case(0, found.time.end))
+            data, said = compute(every[0], wisdom, threads, watch.case(0, found.time.end))
             watch.ended(Outcome(0, "complete"))
         _warn(said)
         return data
     with closing(Watch(chosen_display(progress), len(every))) as watch:
         if jobs == 1:
-            outcomes = {case.index: outcome for case, outcome in _here(every, threads, watch)}
+            outcomes = {case.index: outcome for case, outcome in here(every, threads, watch)}
         else:
-            outcomes = dict(_in_processes(every, min(jobs, len(every)), threads, watch))
+            outcomes = dict(in_processes(every, min(jobs, len(every)), threads, watch))
     return _gathered(found, every, [outcomes[case.index] for case in every])
 
 
@@ -159,121 +154,7 @@ def _configuration(
     return found if punch is None else from_python(found, with_punch(found, punch), input_errors)
 
 
-class _Result(NamedTuple):
-    """Data of a case, or the error that it ended with, and the warnings of its observables."""
-
-    data: xarray.Dataset | None
-    error: Exception | None = None
-    said: Sequence[str] = ()
-
-    @property
-    def reason(self) -> str:
-        """Why it failed."""
-        return f"{type(self.error).__name__}: {self.error}" if self.error else ""
-
-
-def _compute(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
-) -> tuple[xarray.Dataset, Sequence[str]]:
-    """Run a case in memory; return its data and the warnings of its observables."""
-    config = case.config
-    parts, recording = Case(config, wisdom, threads), Recording()
-    described = case_run.attributes(config) | {"digest": digest(config)}
-    coordinates = parts.coordinates
-    try:
-        said = simulate(parts, recording, advance)
-    except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, columns(config), described, config.unit)
-        raise
-    return recording.dataset(coordinates, columns(config), described, config.unit), said
-
-
-def _attempt(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
-) -> _Result:
-    """Run a case of a sweep; an error becomes its result."""
-    try:
-        data, said = _compute(case, wisdom, threads, advance)
-    except interrupts.Stopped:
-        raise
-    except Exception as error:
-        return _Result(None, error)
-    return _Result(data, said=said)
-
-
-def _here(every: Sequence[SweptCase], threads: int, watch: Watch) -> Iterator[tuple[SweptCase, _Result]]:
-    """Run the cases one after the other."""
-    for case in every:
-        wisdom = planned(case.config.grid.points, user_cache(), threads)
-        advance = watch.case(case.index, case.config.time.end, label(case.values))
-        result = _attempt(case, wisdom, threads, advance)
-        watch.ended(_outcome(case.index, result))
-        yield case, result
-
-
-def _in_processes(
-    every: Sequence[SweptCase], jobs: int, threads: int, watch: Watch
-) -> Iterator[tuple[int, _Result]]:
-    """Run the cases in several processes."""
-    wisdom = case_run.warm_up(every, threads)
-    with _pool(jobs) as pool:
-        futures: dict[Future[_Result], int] = {}
-        try:
-            with pool.starting():
-                for case in every:
-                    plan = wisdom.get(case.config.grid.points)
-                    futures[pool.executor.submit(_attempt_in_process, case, plan, threads)] = case.index
-            for future in as_completed(futures):
-                result = _received(future)
-                watch.ended(_outcome(futures[future], result))
-                yield futures[future], result
-        finally:
-            for future in futures:
-                future.cancel()
-
-
-@contextmanager
-def _pool(jobs: int) -> Iterator[workers.WorkerPool]:
-    """Start processes, and wait for the first: none starts where the script calls `run` when imported."""
-    if jobs == 1:
-        with workers.alone() as pool:
-            yield pool
-        return
-    with workers.processes(jobs) as pool:
-        with pool.starting():
-            first = pool.executor.submit(int)
-        try:
-            first.result()
-        except BrokenExecutor as error:
-            raise RuntimeError(f"no process starts ({error}): {_GUARD}") from None
-        yield pool
-
-
-def _attempt_in_process(case: SweptCase, wisdom: str | None, threads: int) -> _Result:
-    """Run a case of a sweep, unless this process is asked to stop."""
-    result = _attempt(case, wisdom, threads, _stop_where_asked)
-    if result.error is None or isinstance(result.error, ConvergenceError):
-        return result
-    return _Result(None, RuntimeError(result.reason))  # errors of any class may not be sent
-
-
-def _stop_where_asked(_time: float) -> None:
-    if interrupts.stop_requested():
-        raise interrupts.Stopped
-
-
-def _received(future: Future[_Result]) -> _Result:
-    try:
-        return future.result()
-    except BrokenExecutor as error:
-        return _Result(None, RuntimeError(f"its process ended: {error}"))
-
-
-def _outcome(index: int, result: _Result) -> Outcome:
-    return Outcome(index, "failed" if result.error else "complete", result.reason)
-
-
-def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[_Result]) -> xarray.Dataset:
+def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[Result]) -> xarray.Dataset:
     """Return the cases of a sweep as one dataset."""
     failures = {case.index: result for case, result in zip(every, results, strict=True) if result.error}
     if len(failures) == len(every):
@@ -292,10 +173,10 @@ def _run_in_folder(
 ) -> xarray.Dataset:
     """Run the cases as the command line does; return what its reader opens."""
     refuse_foreign_folder(Folder(out))
-    config = on_disk(config, out / "inputs")
+    config = on_disk(config, out / "arrays")
     display = chosen_display(progress)
     show = None if display is None else lambda: display
-    with interrupts.listening(), _pool(jobs) as pool:
+    with interrupts.listening(), pool_of(jobs) as pool:
         summary = run_sweep(config, out, pool, RunOptions(threads=threads), show)
     if summary.count("stopped"):
         raise KeyboardInterrupt

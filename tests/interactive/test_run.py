@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 import warnings
 from pathlib import Path
@@ -17,6 +19,7 @@ from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zene
 from gfmdlayer.config import digest
 from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.interrupts import STOP_SIGNALS
+from gfmdlayer.observables.effort import Effort
 
 X = np.arange(256) / 256 - 0.5
 SHORT: dict[str, Any] = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
@@ -139,7 +142,7 @@ def test_arrays_lie_with_the_results_that_are_run_again_from_them() -> None:
     with gfmdlayer.run(SHORT, out="out", **given) as written:  # type: ignore[arg-type]
         assert written.attrs["digest"] == found.attrs["digest"]
         xarray.testing.assert_equal(found, written)
-    assert sorted(path.suffix for path in Path("out/inputs").iterdir()) == [".npy", ".txt"]
+    assert sorted(path.suffix for path in Path("out/arrays").iterdir()) == [".npy", ".txt"]
     assert digest(gfmdlayer.load("out/config.yaml")) == found.attrs["digest"]
     begun = Path("out/cases/0000.h5").stat().st_mtime_ns
     gfmdlayer.run(SHORT, out="out", **given).close()  # type: ignore[arg-type]
@@ -303,8 +306,6 @@ def test_a_sweep_without_a_complete_case_raises(options: dict[str, Any]) -> None
 
 
 def test_signals_have_their_effect_again_after_a_run() -> None:
-    import signal
-
     before = [signal.getsignal(each) for each in STOP_SIGNALS]
     gfmdlayer.run(LINE, out="out").close()
     assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
@@ -314,6 +315,29 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel() -> None:
     found = gfmdlayer.run(LINE, sweep={"solver.method": ["fire", "active_set"], "layer.thickness": [0.1]})
     assert found.contact_area.dims == ("solver.method", "thickness", "time")
     assert found.contact_area.sel({"solver.method": "fire"}).dims == ("thickness", "time")
+
+
+def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted, measure = gfmdlayer.run(LINE), Effort.measure
+    rows = 0
+
+    def interrupting(self: Effort, step: Any) -> Any:
+        nonlocal rows
+        rows += 1
+        if rows == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return measure(self, step)
+
+    for options in ({}, {"out": "out"}):
+        rows = 0
+        with monkeypatch.context() as once:
+            once.setattr(Effort, "measure", interrupting)
+            once.setattr("gfmdlayer.execution.run.warm_up", lambda *_: {})  # it takes steps, too
+            with pytest.raises(KeyboardInterrupt):
+                gfmdlayer.run(LINE, **options)  # type: ignore[arg-type]
+    assert Path("out/cases/0000.checkpoint").exists()
+    with gfmdlayer.run(LINE, out="out") as found:
+        xarray.testing.assert_equal(found, wanted)
 
 
 # --- progress ---
@@ -388,6 +412,6 @@ def test_a_notebook_has_a_bar_of_its_own(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_nothing_is_said_where_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        gfmdlayer.run(LINE)
-        gfmdlayer.run(LINE, progress=False, sweep={"layer.thickness": [0.1]})
+        gfmdlayer.run(LINE, grid__points=1024)
+        gfmdlayer.run(LINE, grid__points=1024, progress=False, sweep={"layer.thickness": [0.1]})
     assert capfd.readouterr() == ("", "")

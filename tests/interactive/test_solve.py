@@ -119,7 +119,7 @@ def test_the_punch_is_an_array_a_function_or_a_shape() -> None:
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "nothing prescribed": ({}, "solve: got nothing; must be one of depth, mean_pressure and force"),
     "two prescribed": ({"depth": 1, "force": 1}, "solve: got depth and force; must be one of"),
-    "a negative force": ({"force": -1}, "force: got -1.0; must be a number >= 0, finite"),
+    "a negative force": ({"force": -1}, "force: got -1; must be a number >= 0, finite"),
     "no number": ({"mean_pressure": np.nan}, "mean_pressure: got .nan; must be a number >= 0"),
     "too deep": ({"depth": 1.0}, "depth: got 1 with this punch and a body whose mean height cannot change"),
     "few points": ({"depth": 0.01, "points": 4}, "points: got 4; must be a whole number >= 8"),

@@ -45,6 +45,12 @@ class ForceCurve:
     ------
     CurveError
         Naming every row that cannot be used.
+
+    Examples
+    --------
+    >>> curve = gfmdlayer.ForceCurve("first", [0.0, 1.0, 2.0], [0.0, 1e-7, 2e-7], [0.0, 1e-9, 3e-9])
+    >>> curve.name
+    'first'
     """
 
     name: str

@@ -77,6 +77,18 @@ def fit_indentation(
         A curve cannot be used.
     FitError
         The fit is not possible.
+
+    Examples
+    --------
+    The modulus of a halfspace, 3 for these forces of 4/3 E* R^(1/2) depth^(3/2) with E* = 4 G:
+
+    >>> t = np.linspace(0.0, 1.0, 40)
+    >>> curve = gfmdlayer.ForceCurve("hertz", t, 0.01 * t, 4 / 3 * 12 * (0.01 * t) ** 1.5)
+    >>> halfspace = {"thickness": np.inf, "material": {"model": "elastic", "G": 1.0}}
+    >>> model = {"layer": halfspace, "punch": {"shape": "parabola", "radius": 1.0}}
+    >>> fit = gfmdlayer.fit_indentation(curve, model, ["layer.material.G"])
+    >>> abs(fit.parameters[0].value - 3.0) < 1e-3
+    True
     """
     options = FitOptions(loss, profile, contact)
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
