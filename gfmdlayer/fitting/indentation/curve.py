@@ -48,7 +48,8 @@ class ForceCurve:
 
     Examples
     --------
-    >>> curve = gfmdlayer.ForceCurve("first", [0.0, 1.0, 2.0], [0.0, 1e-7, 2e-7], [0.0, 1e-9, 3e-9])
+    >>> t = np.linspace(0.0, 1.0, 20)
+    >>> curve = gfmdlayer.ForceCurve("first", time=t, depth=1e-7 * t, force=1e-9 * t**1.5)
     >>> curve.name
     'first'
     """
