@@ -213,14 +213,9 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """
     seen = set()
     for config in configs:
+        held = mean_stiffness(config.stacked, config.halfspace)
         inputs = (
-            *(
-                config.grid,
-                config.punch,
-                config.trajectory,
-                config.time.steady,
-                mean_stiffness(config.stacked, config.halfspace),
-            ),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, held),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:

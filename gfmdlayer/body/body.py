@@ -186,8 +186,11 @@ def layered_body(
     ValueError
         If the layers are not possible.
     """
-    law = base if isinstance(base, Material) and not base.elastic else None
-    modulus: float = base.relaxed if isinstance(base, Material) else base
+    law: Material | None = None
+    if isinstance(base, Material):
+        law, modulus = (None if base.elastic else base), base.relaxed
+    else:
+        modulus = base
     if len(layers) == 1 and law is None:
         (single,) = layers
         known = LayeredHalfspace(single.thickness, single.poisson, modulus, base_poisson)
