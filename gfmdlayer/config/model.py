@@ -108,11 +108,7 @@ class Config(Section):
         """Yield contradictions between sections."""
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        if self.grid.axisymmetric:
-            yield from admissible.problems(self)
-        else:
-            fit = self.punch.misfits(self.grid.cell)
-            yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        yield from admissible.problems(self)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
 
@@ -142,13 +138,7 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        if self.grid.axisymmetric:  # what can be wrong else has been refused
-            return self.trajectory.file is None and not hasattr(self.punch, "file")
-        given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
-        tables = given.file, given.velocity_file, self.temperature and self.temperature.file
-        if any(table is not None for table in tables) or mean_height is None:
-            return False
-        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+        return admissible.plainly_possible(self)
 
     @property
     def stacked(self) -> tuple[Layer, ...]:

@@ -8,7 +8,16 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import closed_forms, crosschecks, energy, limits, orders, peers, stacks
+from gfmdlayer.verification import (
+    closed_forms,
+    crosschecks,
+    energy,
+    indentation,
+    limits,
+    orders,
+    peers,
+    stacks,
+)
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -42,6 +51,10 @@ CHECKS: tuple[Check, ...] = (
     Check("Independent methods", crosschecks.load_against_depth),
     Check("Independent methods", crosschecks.lines_and_surfaces),
     Check("Independent methods", crosschecks.recorded_results),
+    Check("Isolated indentation", indentation.indented_halfspace),
+    Check("Isolated indentation", indentation.indented_layer),
+    Check("Isolated indentation", indentation.indented_over_time),
+    Check("Isolated indentation", indentation.peeled_sphere),
     Check("Other codes", peers.tamaas, peer="tamaas"),
     Check("Other codes", peers.contact_mechanics, peer="ContactMechanics"),
 )
