@@ -23,14 +23,17 @@ if TYPE_CHECKING:
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
+    from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
-    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sphere, Wedge
+    from gfmdlayer.punch.sinusoid import Sinusoid
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
     "WLF",
     "Arrhenius",
+    "BluntedCone",
     "Case",
     "Cone",
     "Config",
@@ -39,6 +42,7 @@ __all__ = [
     "Cylinder",
     "Elastic",
     "Flat",
+    "FlatPunch",
     "ForceCurve",
     "FractionalZener",
     "HavriliakNegami",
@@ -50,6 +54,7 @@ __all__ = [
     "PowerLaw",
     "Prony",
     "Pyramid",
+    "RadialProfile",
     "SelfAffine",
     "Sinusoid",
     "Sphere",
@@ -79,9 +84,9 @@ _MODULES = {
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.case": ("Case",),
-    "gfmdlayer.punch.simple_shapes": (
-        *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
-    ),
+    "gfmdlayer.punch.simple_shapes": ("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sphere", "Wedge"),
+    "gfmdlayer.punch.sinusoid": ("Sinusoid",),
+    "gfmdlayer.punch.indenters": ("BluntedCone", "FlatPunch", "RadialProfile"),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),

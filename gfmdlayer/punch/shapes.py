@@ -57,7 +57,7 @@ SHAPES: Mapping[str, type[Shape]] = {
     **ELEMENTS,
     "array": Array,
     **load_table(
-        "gfmdlayer.punch.simple_shapes:Sinusoid",
+        "gfmdlayer.punch.sinusoid:Sinusoid",
         "gfmdlayer.punch.self_affine:SelfAffine",
         "gfmdlayer.punch.measured:Profile",
         "gfmdlayer.punch.measured:Topography",

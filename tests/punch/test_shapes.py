@@ -18,7 +18,8 @@ from gfmdlayer.punch.measured import Profile
 from gfmdlayer.punch.revolution import heights
 from gfmdlayer.punch.shape import Analytic, Shape
 from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
-from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sphere, Wedge
+from gfmdlayer.punch.sinusoid import Sinusoid
 
 LINE = Grid((16,), (1.0,))
 ISOLATED = {FlatPunch, RadialProfile}

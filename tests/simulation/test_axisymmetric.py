@@ -30,7 +30,13 @@ AFM: dict[str, Any] = {
 
 def changed(**sections: object) -> Config:
     """Return the configuration with other sections."""
-    return Config.model_validate({**AFM, **sections})
+    return Config(**{**AFM, **sections})
+
+
+def loaded(config: Config, folder: Path) -> Config:
+    """Write a configuration and read it, with the files that it names."""
+    (folder / "case.yaml").write_text(config.dump())
+    return load(folder / "case.yaml")
 
 
 def simulated(config: Config) -> Recording:
@@ -121,7 +127,7 @@ def test_a_stack_of_equal_layers_is_one_layer() -> None:
 )
 def test_keys_without_meaning_are_refused_with_their_place(sections: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
-        load({**AFM, **sections})
+        changed(**sections)
 
 
 @pytest.mark.parametrize(
@@ -133,15 +139,15 @@ def test_keys_without_meaning_are_refused_with_their_place(sections: dict[str, A
 )
 def test_tables_of_impossible_values_are_refused(table: str, control: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "table.txt").write_text(table)
-    trajectory = {"kind": "table", "control": control, "file": str(tmp_path / "table.txt")}
+    trajectory = {"kind": "table", "control": control, "file": tmp_path / "table.txt"}
     with pytest.raises(ConfigError, match=said):
-        load({**AFM, "trajectory": trajectory})
+        loaded(changed(trajectory=trajectory), tmp_path)
 
 
 def test_a_concave_profile_is_refused(tmp_path: Path) -> None:
     (tmp_path / "tip.txt").write_text("0 0\n1 1\n2 1.5\n")
     with pytest.raises(ConfigError, match="the profile must be convex"):
-        load({**AFM, "punch": {"shape": "radial_profile", "file": str(tmp_path / "tip.txt")}})
+        loaded(changed(punch={"shape": "radial_profile", "file": tmp_path / "tip.txt"}), tmp_path)
 
 
 def test_a_sweep_is_run_plotted_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
