@@ -21,9 +21,9 @@ ELEMENTS: Mapping[str, type[Analytic]] = load_table(
     "gfmdlayer.punch.simple_shapes:Parabola",
     "gfmdlayer.punch.simple_shapes:Sphere",
     "gfmdlayer.punch.simple_shapes:Cylinder",
-    "gfmdlayer.punch.simple_shapes:Cone",
-    "gfmdlayer.punch.simple_shapes:Wedge",
-    "gfmdlayer.punch.simple_shapes:Pyramid",
+    "gfmdlayer.punch.flanked_shapes:Cone",
+    "gfmdlayer.punch.flanked_shapes:Wedge",
+    "gfmdlayer.punch.flanked_shapes:Pyramid",
     "gfmdlayer.punch.simple_shapes:Flat",
     "gfmdlayer.punch.indenters:BluntedCone",
 )
@@ -57,7 +57,7 @@ SHAPES: Mapping[str, type[Shape]] = {
     **ELEMENTS,
     "array": Array,
     **load_table(
-        "gfmdlayer.punch.sinusoid:Sinusoid",
+        "gfmdlayer.punch.simple_shapes:Sinusoid",
         "gfmdlayer.punch.self_affine:SelfAffine",
         "gfmdlayer.punch.measured:Profile",
         "gfmdlayer.punch.measured:Topography",

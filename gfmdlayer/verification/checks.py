@@ -8,7 +8,16 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import closed_forms, crosschecks, energy, indentation, limits, orders, peers
+from gfmdlayer.verification import (
+    closed_forms,
+    crosschecks,
+    energy,
+    indentation,
+    limits,
+    orders,
+    peers,
+    stacks,
+)
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -33,6 +42,10 @@ CHECKS: tuple[Check, ...] = (
     Check("Energy", energy.stored_energy),
     Check("Energy", energy.balance),
     Check("Energy", energy.cycle),
+    Check("Stacks", stacks.spectrum),
+    Check("Stacks", stacks.limits),
+    Check("Stacks", stacks.pavement),
+    Check("Stacks", stacks.runs),
     Check("Independent methods", crosschecks.three_solvers),
     Check("Independent methods", crosschecks.two_forms_of_backward_euler),
     Check("Independent methods", crosschecks.load_against_depth),

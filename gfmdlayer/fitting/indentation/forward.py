@@ -140,10 +140,3 @@ def _graded(times: FloatArray, force: FloatArray, drive: Drive) -> list[FloatArr
         parts[piece][[0, -1]] = 0.0, 1.0
         begin = end
     return parts
-
-
-def warm_up(config: Config) -> None:
-    """Compile the kernels."""
-    time = np.linspace(0.0, 1.0, 8)
-    length = float(np.sqrt(np.finfo(float).eps)) * min(config.surface.thickness, 1.0)
-    Prediction(ForceCurve("warm-up", time, length * time, time)).force(config)
