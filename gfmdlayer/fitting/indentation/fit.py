@@ -83,6 +83,23 @@ def fit_indentation(
         A curve cannot be used.
     FitError
         The fit is not possible.
+
+    Examples
+    --------
+    Hertz's force on a halfspace of G = 7, nu = 1/2 under a paraboloid of radius 5:
+
+    >>> import numpy as np
+    >>> from gfmdlayer import ForceCurve, fit_indentation
+    >>> depth = np.linspace(0.0, 0.1, 50)
+    >>> force = 8 / 3 * 7.0 * 5.0**0.5 * depth**1.5 / (1 - 0.5)
+    >>> material = {"model": "zener", "G0": 1.0, "Ginf": 1.0}
+    >>> model = {
+    ...     "layer": {"thickness": float("inf"), "material": material},
+    ...     "punch": {"shape": "parabola", "radius": 5.0},
+    ... }
+    >>> fit = fit_indentation(ForceCurve("ramp", depth, depth, force), model, ["layer.material.G0"])
+    >>> print(f"{fit['G0'].value:.2f}")
+    7.00
     """
     options = FitOptions(loss, profile, contact)
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
