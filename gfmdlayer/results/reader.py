@@ -235,7 +235,8 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
         return sweep
     with _open(first) as example:
-        return with_snapshots(sweep, example, files) if example.sizes["snapshot"] else sweep
+        alike = example.sizes["snapshot"] and "axes" not in example.attrs  # each case has its own
+        return with_snapshots(sweep, example, files) if alike else sweep
 
 
 def _open(path: Path) -> xarray.Dataset:
