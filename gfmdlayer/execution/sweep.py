@@ -58,12 +58,15 @@ class Case:
         The swept keys, dotted, and their values in this case.
     earlier : Earlier, optional
         A complete case from whose state this one goes on.
+    given : Config, optional
+        Its configuration as it is stored, where `config` names copies of the input files.
     """
 
     index: int
     config: Config
     values: dict[str, object]
     earlier: Earlier | None = None
+    given: Config | None = None
 
 
 def cases(config: Config) -> list[Case]:
