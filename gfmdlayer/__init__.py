@@ -9,16 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.body import ViscoelasticLayer, halfspace, layer
+    from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-    from gfmdlayer.body.elastic import Elastic
     from gfmdlayer.body.layer import LayeredHalfspace
-    from gfmdlayer.body.materials import Prony, Zener
+    from gfmdlayer.body.maxwell import Elastic, Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
+    from gfmdlayer.fitting.indentation.curve import ForceCurve
+    from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
@@ -38,6 +39,7 @@ __all__ = [
     "Cylinder",
     "Elastic",
     "Flat",
+    "ForceCurve",
     "FractionalZener",
     "HavriliakNegami",
     "Kohlrausch",
@@ -54,9 +56,10 @@ __all__ = [
     "ViscoelasticLayer",
     "Wedge",
     "Zener",
+    "bonded_layer",
+    "fit_indentation",
     "halfspace",
     "indent",
-    "layer",
     "load",
     "open_case",
     "open_results",
@@ -68,6 +71,8 @@ __all__ = [
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
+    "gfmdlayer.fitting.indentation.curve": ("ForceCurve",),
+    "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
@@ -78,10 +83,9 @@ _MODULES = {
         *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
-    "gfmdlayer.body.body": ("ViscoelasticLayer", "halfspace", "layer"),
+    "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
-    "gfmdlayer.body.materials": ("Prony", "Zener"),
-    "gfmdlayer.body.elastic": ("Elastic",),
+    "gfmdlayer.body.maxwell": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
@@ -31,6 +31,9 @@ from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
 from gfmdlayer.resumable import CompositeState, Resumable
+
+if TYPE_CHECKING:
+    from gfmdlayer.indentation.isolated import IsolatedIndentation
 
 
 class Integrator(Energy, Resumable, Protocol):
@@ -137,6 +140,22 @@ class Case:
         """The periodic grid."""
         return inputs.make_grid(self.config)
 
+    @property
+    def coordinates(self) -> dict[str, FloatArray]:
+        """Coordinates of the snapshots by name: x, and y of a surface in two directions.
+
+        Those of an isolated, axisymmetric contact lie along x from its axis.
+        """
+        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else self.grid.coordinates
+        return dict(zip("xy", axes, strict=False))
+
+    @cached_property
+    def indentation(self) -> IsolatedIndentation:
+        """The isolated contact of an indenter of revolution."""
+        from gfmdlayer.indentation.isolated import IsolatedIndentation
+
+        return IsolatedIndentation.of(self.config, self.body, self.trajectory, output_times(self.config))
+
     @cached_property
     def transforms(self) -> Transforms:
         """Fourier transforms of the grid."""
@@ -150,15 +169,8 @@ class Case:
     @cached_property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
-        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks)
-        return tuple(law.prony(*self._reduced(*times)) for law in self.config.laws)
-
-    def _reduced(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Return a range of times in reduced time, at all temperatures of the run."""
-        if self.reduced_time is None:
-            return shortest, longest
-        least, most = self.reduced_time.extremes
-        return shortest / most, longest / least
+        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks, self.reduced_time)
+        return tuple(law.prony(*times) for law in self.config.laws)
 
     @cached_property
     def reduced_time(self) -> ReducedTime | None:
@@ -194,7 +206,8 @@ class Case:
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
-        return inputs.kinks(self.loading.trajectory, self.velocity, self.reduced_time)
+        trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
+        return inputs.kinks(trajectory, self.velocity, self.reduced_time)
 
     @cached_property
     def loading(self) -> Loading:

@@ -10,13 +10,15 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony
+from gfmdlayer.body.materials import Material, PronySeries
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.config.temperature import shifts
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
@@ -85,13 +87,29 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
-    unit = math.prod(config.grid.period) if given.control == "force" else 1.0
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0  # 1 of an isolated contact
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
     target = getattr(given, given.control)
     assert target is not None and given.ramp_time is not None  # noqa: PT018
     return RampHold(target / unit, given.ramp_time)
+
+
+def short_tables(configs: Iterable[Config]) -> Iterator[str]:
+    """Yield notes on the tables of cases that end before their runs do.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    every = [(config.trajectory, config.time.end) for config in configs]
+    depths = [(given.file, given.control, end) for given, end in every]
+    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
+    for file, quantity, end in dict.fromkeys(depths + velocities):
+        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -141,14 +159,18 @@ def kinks(
 
 
 def times_of_response(
-    config: Config, grid: Grid, velocity: Constant | Table | None, kinks: Iterable[float]
+    config: Config,
+    grid: Grid,
+    velocity: Constant | Table | None,
+    kinks: Iterable[float],
+    reduced_time: ReducedTime | None,
 ) -> tuple[float, float]:
     """Return the shortest and the longest time over which the body's response matters.
 
     The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part of
     the shortest ramp, between kinks of the trajectory, that their tolerance is: what relaxes within it
     changes the pressure by no more than that. A punch that moves along the surface also drives the grid's
-    shortest waves.
+    shortest waves. With a temperature these are reduced times, at any time of the run.
 
     Parameters
     ----------
@@ -160,6 +182,8 @@ def times_of_response(
         Of the punch along x.
     kinks : iterable of float
         Times at which the slope of a prescribed quantity jumps.
+    reduced_time : ReducedTime, optional
+        In which the body relaxes.
 
     Returns
     -------
@@ -176,7 +200,23 @@ def times_of_response(
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
         fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
-    return min(shortest, 1 / fastest if fastest else shortest), time.end
+    shortest = min(shortest, 1 / fastest) if fastest else shortest
+    least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
+    return shortest / most, time.end / least
+
+
+def make_series(config: Config) -> tuple[PronySeries, ...]:
+    """Return the laws of layers and halfspace as series of Maxwell branches, over the times of a case.
+
+    Raises
+    ------
+    TableError
+        If a file that the times follow from cannot be used.
+    """
+    velocity, reduced_time = make_velocity(config), make_reduced_time(config)
+    every = kinks(make_trajectory(config), velocity, reduced_time)
+    times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
+    return tuple(law.prony(*times) for law in config.laws)
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -203,6 +243,14 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
 def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
+    if config.grid.axisymmetric:
+        try:
+            config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+            key = "trajectory.file"
+            yield from admissible.table_errors(config, make_trajectory(config))
+        except TableError as error:
+            yield key, str(error)
+        return
     try:
         heights = make_punch(config, make_grid(config))
         key = "trajectory.file"

@@ -17,6 +17,7 @@ from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.pair_time import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.observables import AcceptedStep
+from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
 from gfmdlayer.resumable import CompositeState
 
@@ -119,6 +120,8 @@ def simulate(
     []
     """
     case = config if isinstance(config, Case) else Case(config, wisdom, threads)
+    if case.config.grid.axisymmetric:
+        return _indent(case, recorder, progress, resume)
     loading, integrator, steps, solver, guess = (
         case.loading, case.integrator, case.steps, case.solver, case.guess,
     )  # fmt: skip
@@ -157,7 +160,7 @@ def simulate(
                 finished = finished or observable.finished
             recorder.row(**row)
             if instant.snapshot or finished or keeps_all:
-                fields = surface.displacement, solution.pressure, solution.gap
+                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break
@@ -167,6 +170,45 @@ def simulate(
         if observable.attributes:
             recorder.note(**observable.attributes)
     return [observable.warning for observable in observables if observable.warning]
+
+
+def _indent(
+    case: Case,
+    recorder: Recorder,
+    progress: Callable[[float], None] | None,
+    resume: Callable[[CompositeState], None] | None,
+) -> list[str]:
+    """Run a case of one isolated indenter: as a whole, in less time than a checkpoint takes.
+
+    Parameters
+    ----------
+    case : Case
+        With grid.geometry: axisymmetric.
+    recorder, progress, resume
+        As in `simulate`. `progress` is called before the first row alone: a run that is stopped has none.
+
+    Raises
+    ------
+    ConvergenceError
+        If the tolerance is not reached.
+    """
+    if resume is not None:
+        resume(CompositeState())
+    if progress is not None:
+        progress(0.0)
+    run = case.indentation
+    try:
+        solved = run.solved
+    except ArithmeticError as error:
+        raise ConvergenceError(str(error)) from error
+    for row in run.rows():
+        recorder.row(**row)
+    if run.snapshots:
+        kept = run.profiles()
+        for snapshot in zip(kept.time.tolist(), kept.displacement, kept.pressure, kept.gap, strict=True):
+            recorder.snapshot(*snapshot)
+    recorder.note(error=solved.error, solutions=solved.solutions)
+    return run.warnings
 
 
 def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1) -> str:
@@ -189,6 +231,9 @@ def warm_up(config: Config, wisdom_folder: Path | None = None, threads: int = 1)
     str
         FFTW's wisdom, for `simulate`.
     """
+    if config.grid.axisymmetric:
+        simulate(_indented_in_small(config), _NoRecorder())
+        return ""
     small = _in_small(config)
     simulate(small, _NoRecorder())
     solver = Case(small).solver
@@ -213,6 +258,19 @@ def _in_small(config: Config) -> Config:
             "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             "output": output.model_dump(include={"patches", "histograms"}, exclude_none=True) | times,
+        }
+    )
+
+
+def _indented_in_small(config: Config) -> Config:
+    """An isolated case of one ramp."""
+    control = config.trajectory.control
+    return config.with_values(
+        {
+            "punch": {"shape": "parabola"},
+            "trajectory": {"control": control, control: 1e-3},
+            "time": {"end": 2.0, "step": 1.0},
+            "output": {},
         }
     )
 

@@ -16,7 +16,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 ORDER = (
     "arrays", "resumable", "kernels", "files", "validation", "body", "grid", "punch", "interface", "contact",
     "history", "indentation", "config", "inputs", "observables", "results", "figures", "case", "simulation",
-    "fitting", "execution", "interactive", "verification", "cli", "__main__", "__init__",
+    "fitting", "execution", "force_maps", "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

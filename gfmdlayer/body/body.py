@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gfmdlayer.body.elastic import Elastic
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.body.maxwell import Elastic
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.validation.problems import ConfigError
 
@@ -48,7 +48,7 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class ViscoelasticLayer:
-    """A viscoelastic layer bonded to an elastic halfspace; `layer` and `halfspace` make one.
+    """A viscoelastic layer bonded to an elastic halfspace; `bonded_layer` and `halfspace` make one.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class ViscoelasticLayer:
         return relaxation_spectrum(self.layer, self.material, q)
 
 
-def layer(
+def bonded_layer(
     thickness: float,
     material: Material | float,
     *,
@@ -117,7 +117,7 @@ def layer(
     --------
     The stiffness K(q, s), stress over displacement, of a layer under slow and under fast loads:
 
-    >>> body = gfmdlayer.layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), base=1.0)
+    >>> body = gfmdlayer.bonded_layer(0.1, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0), base=1.0)
     >>> q = np.array([1.0, 10.0, 100.0])
     >>> body.stiffness(q, 0.0) / q  # on a halfspace it is 2 G q
     array([2., 2., 2.])
@@ -156,4 +156,4 @@ def halfspace(material: Material | float, *, poisson: float = 0.5) -> Viscoelast
     >>> gfmdlayer.halfspace(3.0, poisson=0.25).stiffness(q, 0.0)  # q G/(1 - nu)
     array([4., 8.])
     """
-    return layer(math.inf, material, poisson=poisson, base=0.0)
+    return bonded_layer(math.inf, material, poisson=poisson, base=0.0)

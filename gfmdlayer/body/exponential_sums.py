@@ -25,7 +25,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.body.materials import Prony, PronySeries
+from gfmdlayer.body.materials import PronySeries
+from gfmdlayer.body.maxwell import Prony
 
 if TYPE_CHECKING:
     from gfmdlayer.body.materials import Law

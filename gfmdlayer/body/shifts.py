@@ -77,7 +77,16 @@ class Shift(Kind):
 
 
 class WLF(Shift):
-    """Williams, Landel and Ferry, above the glass transition; C1 and C2 belong to the reference."""
+    """Williams, Landel and Ferry, above the glass transition; C1 and C2 belong to the reference.
+
+    Examples
+    --------
+    >>> shift = gfmdlayer.WLF(C1=17.44, C2=51.6, reference=20.0)
+    >>> round(shift.factor(30.0), 6)
+    0.001475
+    >>> shift.refused(-40.0)
+    'got -40, where the wlf law has no value; must be above -31.6 degrees Celsius'
+    """
 
     law: Literal["wlf"] = "wlf"
     """log10 aT = -C1 (T - reference)/(C2 + T - reference)"""
@@ -98,7 +107,13 @@ class WLF(Shift):
 
 
 class Arrhenius(Shift):
-    """A thermally activated process."""
+    """A thermally activated process.
+
+    Examples
+    --------
+    >>> round(gfmdlayer.Arrhenius(activation_energy=8e4, reference=20.0).factor(30.0), 6)
+    0.33868
+    """
 
     law: Literal["arrhenius"] = "arrhenius"
     """ln aT = E/R (1/T - 1/reference), with absolute temperatures"""

@@ -51,6 +51,11 @@ class Layer:
         nu, in (-1, 0.5].
     material : Material
         Shear response.
+
+    Examples
+    --------
+    >>> gfmdlayer.Layer(thickness=0.1, poisson=0.4, material=gfmdlayer.Zener()).thickness
+    0.1
     """
 
     thickness: float
@@ -81,6 +86,16 @@ class LayerStack:
     ------
     ValueError
         If there is no layer of a thickness, or an infinite one above another.
+
+    Examples
+    --------
+    >>> film = gfmdlayer.Layer(0.01, 0.4, gfmdlayer.Prony(5.0))
+    >>> base = gfmdlayer.Layer(np.inf, 0.5, gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=1.0))
+    >>> body = gfmdlayer.LayerStack((film, base))
+    >>> found = gfmdlayer.solve(body, gfmdlayer.Parabola(radius=0.25), depth=0.005, points=256)
+    >>> bool(found.force > gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=0.25),
+    ...                                    depth=0.005, points=256).force)
+    True
     """
 
     layers: tuple[Layer, ...]

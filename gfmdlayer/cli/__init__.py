@@ -14,10 +14,22 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from gfmdlayer.cli import check, clean, completion, fit_material, new, plot, run, schema, status, verify
+from gfmdlayer.cli import (
+    check,
+    clean,
+    completion,
+    fit_indentation,
+    fit_material,
+    new,
+    plot,
+    run,
+    schema,
+    status,
+    verify,
+)
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, input_problems, refuse
 
-VERBS = (new, run, check, status, clean, plot, fit_material, verify, schema, completion)
+VERBS = (new, run, check, status, clean, plot, fit_material, fit_indentation, verify, schema, completion)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

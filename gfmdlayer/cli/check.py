@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.execution.sweep import Case
 
+MOST_LAWS = 8  # whose series are computed
+
 EXAMPLE = "gfmdlayer check configs/figure2.yaml"
 
 
@@ -46,9 +48,10 @@ def check(options: argparse.Namespace) -> int:
         lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
     lines += [
         f"steps      {cost.steps:,}",
-        f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}",
+        *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
+        *_laws([case.config for case in every]),
         _time(directory, every),
         *found,
     ]
@@ -57,6 +60,27 @@ def check(options: argparse.Namespace) -> int:
     lines += [f"warning: {text}" for text in (*notes(case.config for case in every), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
+
+
+def _laws(configs: Sequence[Config]) -> list[str]:
+    """Describe the series that replace laws with a continuous spectrum, in some cases of a long sweep."""
+    from gfmdlayer.body.continuous import ContinuousLaw
+
+    continuous = [config for config in configs if any(isinstance(law, ContinuousLaw) for law in config.laws)]
+    if not continuous:
+        return []
+    from gfmdlayer import inputs
+
+    found = []
+    for config in continuous[:: -(-len(continuous) // MOST_LAWS)]:
+        found += [
+            f"law        {law.model} by {len(series.material.maxwell_branches)} branches: "
+            f"error at most {series.error_in_time:.1e} of G(t), {series.error_in_frequency:.1e} of G(omega), "
+            f"t and 1/omega from {series.shortest:.3g} to {series.longest:.3g}"
+            for law, series in zip(config.laws, inputs.make_series(config), strict=True)
+            if isinstance(law, ContinuousLaw)
+        ]
+    return list(dict.fromkeys(found))
 
 
 def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[Sequence[Case], list[str]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
-LIKE = ("indentation", "sweep", "prony", "sliding", "sphere", "rough")
+LIKE = ("indentation", "sweep", "prony", "stack", "sliding", "sphere", "rough")
 
 EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first"
 
@@ -27,8 +27,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def new(options: argparse.Namespace) -> int:
     """Write a configuration to start from."""
+    from gfmdlayer.cli.templates import commented
     from gfmdlayer.config import ConfigError
-    from gfmdlayer.config.templates import commented
     from gfmdlayer.files.whole import write_text
 
     path = Path(options.file or f"{options.like}.yaml")

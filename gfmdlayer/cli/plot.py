@@ -12,6 +12,7 @@ KINDS = {
     "friction) against time, or the columns of --y against that of --x",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
+    "body": "the layers and their moduli; also of a configuration, DIR then being its file",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
 # The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.

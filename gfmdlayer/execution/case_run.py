@@ -14,10 +14,10 @@ from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
-from gfmdlayer.execution.cost import kind
+from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label, notes
 from gfmdlayer.files.whole import write_text
@@ -73,14 +73,14 @@ def run_case(
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
 
-def record_failure(folder: Folder, case: Case, reason: str, trace: str = "") -> None:
+def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
     """Record why a case failed, in cases/NNNN.failed.
 
     Parameters
     ----------
     folder : Folder
         A claimed results folder.
-    case : Case
+    case : Labelled
         The case.
     reason : str
         One line.
@@ -105,7 +105,7 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     config, hashed = case.config, digest(case.config)
     compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
     with (
-        StatusFile(folder, case.index, config.time.end, label(case.values)) as status,
+        StatusFile(folder, case.index, config.time.end, label(case.values), estimate(config).steps) as status,
         closing(
             Checkpoints(
                 folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
@@ -136,20 +136,19 @@ def _stem(config: Config) -> str:
 def _compute(
     config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
 ) -> str:
-    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.case import Case as Simulation
     from gfmdlayer.observables import columns
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.simulation import simulate
 
-    axes = Grid(config.grid.points, config.grid.period).coordinates
-    coordinates = dict(zip("xy", axes, strict=False))
+    simulation = Simulation(config, wisdom, threads)
     described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
     elapsed = checkpoints.elapsed
     with CaseWriter(
-        path, coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
+        path, simulation.coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
     ) as writer:
         recorder = checkpoints.recorder(writer)
-        warnings = simulate(config, recorder, checkpoints.advance, wisdom, threads, checkpoints.resume)
+        warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
     return "; ".join(warnings)
 
 
@@ -158,8 +157,12 @@ def attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found |= {"G0": config.surface.material.unit, "L": config.grid.period[0]}
+    found["G0"] = config.surface.material.unit
     found["control"] = config.trajectory.control
+    if not config.grid.axisymmetric:
+        found["L"] = config.grid.period[0]
+    elif config.grid.extent is None:
+        found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

@@ -13,7 +13,7 @@ import random
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from statistics import median
@@ -31,9 +31,13 @@ from gfmdlayer.observables import columns
 FIRST_STEPS, STRETCH_STEPS, RELAXING_STEPS, DOUBLING_STEPS, LONG = 4, 2, 5, 6, 3
 ADAPTIVE_POWER = -1 / 3
 ADAPTIVE = 2  # pairs of an adaptive step, with attempts that are rejected, over those of a short fixed one
+AT_TURN = 2  # further steps that a fixed step after a kink stands for in pairs; measured on random tables
+SURFACE = 1.3  # pairs of a step on a surface over those on a line
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
 # Adaptive steps under a moving punch over those under a resting one, up to FAST periods in a relaxation time.
 SLIDING_STEPS, FAST = 2, 10
+# Steady sliding sets in after so many passages of the period, or times in which a free surface relaxes.
+SETTLING = 3
 # Thickness over the period below which contact is harder to find, the pairs growing with its root; the limit.
 THIN, THINNEST = 0.05, 1 / 9
 # Seconds of a step beside its pairs, and in pairs: for all, and for each branch; of a pair with the work of
@@ -41,6 +45,8 @@ THIN, THINNEST = 0.05, 1 / 9
 # points. Seconds of a case beside its steps.
 STEP_SECONDS, STEP_PAIRS, BRANCH_PAIRS, AROUND, ADAPTIVE_STEP, SLIDING_STEP = 3e-4, 2, 3.5, 1.5, 2.2, 6
 CASE_SECONDS = 0.03
+# Steps of an isolated contact at least, their work in points times pairs, and their seconds.
+FEWEST_INDENTING, INDENTING, INDENTING_SECONDS = 150, 500, 2e-4
 REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
@@ -75,11 +81,14 @@ class Cost:
 def estimate(config: Config) -> Cost:
     """Estimate the cost of a case."""
     size = math.prod(config.grid.points)
-    steps = _steps(config)
+    steps, turns = _steps(config)
+    if config.grid.axisymmetric:
+        return _of_indentation(config, steps)
     solver = SOLVERS[config.solver.method]
-    pairs = steps * solver.pairs_per_step(size, config.solver.model_dump())
+    pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
+    pairs *= SURFACE if len(config.grid.points) == 2 else 1
     pairs *= solver.rough if config.punch.rough else 1
     if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
@@ -96,6 +105,14 @@ def estimate(config: Config) -> Cost:
     )
 
 
+def _of_indentation(config: Config, steps: int) -> Cost:
+    """Estimate an isolated contact, which has no FFT pairs; its work is that of the integral equations."""
+    steps = max(steps, FEWEST_INDENTING) if config.time.step == "adaptive" else steps
+    width, kept = len(columns(config)), len(config.output.snapshots)
+    storage = HEADER + REAL * (width * max(steps, ROWS) + config.grid.points[0] * (1 + 3 * kept))
+    return Cost(steps=steps, pairs=0.0, work=INDENTING * steps, memory=PROGRAM, storage=storage)
+
+
 def total(costs: Iterable[Cost]) -> Cost:
     """Add up cases; the memory is that of the largest, as they run one after the other."""
     every = list(costs)
@@ -110,7 +127,10 @@ def total(costs: Iterable[Cost]) -> Cost:
 
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
     """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
-    cost, seconds = estimate(config), pair(config.grid.points)
+    cost = estimate(config)
+    if config.grid.axisymmetric:
+        return CASE_SECONDS + INDENTING_SECONDS * cost.steps
+    seconds = pair(config.grid.points)
     branches = len(config.surface.material.roughly(config.time.end)[1])
     step = STEP_SECONDS + (STEP_PAIRS + BRANCH_PAIRS * branches) * seconds
     step *= ADAPTIVE_STEP if config.time.step == "adaptive" else 1
@@ -181,24 +201,38 @@ def kind(config: Config) -> Hashable:
     solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
     numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
     histograms = kept.pressure is not None or kept.gap is not None
-    return config.grid.points, *numerics, trajectory.control, trajectory.moves, histograms
+    return (
+        config.grid.geometry,
+        config.grid.points,
+        *numerics,
+        trajectory.control,
+        trajectory.moves,
+        histograms,
+    )
 
 
-def _steps(config: Config) -> int:
-    """Count the steps: fixed ones exactly, adaptive ones by the relaxation between kinks."""
+def _steps(config: Config) -> tuple[int, int]:
+    """Count the steps, fixed ones exactly, adaptive ones by the relaxation between kinks.
+
+    Also those fixed ones that follow a kink: adaptive ones are short there.
+    """
     given = config.trajectory
     kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
     if given.velocity_file is not None:
         kinks += _kinks(given.velocity_file, "velocity")
+    if config.temperature is not None:
+        kinks += _kinks(config.temperature.file, "temperature")
     planned = stops(config, kinks)
+    settled = max(kinks) + _settling(config)
+    last = next((stop for stop in planned if stop.time >= settled), planned[-1])
+    planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
-        return number_of_steps(planned)
+        return number_of_steps(planned), sum(stop.kink for stop in planned)
     relaxed, branches = config.surface.material.roughly(config.time.end)
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
-    crossed = (
-        abs(given.velocity or 0.0) * max((tau for _, tau in branches), default=0.0) / max(config.grid.period)
-    )
+    slowest = max((tau for _, tau in branches), default=0.0)
+    crossed = abs(given.velocity or 0.0) * slowest / max(config.grid.period)
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
     steps, begin, landings = float(FIRST_STEPS), 0.0, 0
     for stop in planned[1:]:
@@ -208,7 +242,19 @@ def _steps(config: Config) -> int:
             begin, landings = stop.time, 0
         else:
             landings += 1
-    return round(steps)
+    return round(steps), 0
+
+
+def _settling(config: Config) -> float:
+    """Time after the last kink in which a moving punch comes to the steady state that ends its run."""
+    velocity = config.trajectory.velocity
+    if config.time.steady is None or not velocity:
+        return math.inf
+    relaxed, branches = config.surface.material.roughly(config.time.end)
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    slowest = max((tau for _, tau in branches), default=0.0)
+    creep = slowest * glassy / relaxed if relaxed > 0 else math.inf
+    return SETTLING * max(max(config.grid.period) / abs(velocity), creep)
 
 
 def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:

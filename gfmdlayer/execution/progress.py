@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, Self, TextIO
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 READ_INTERVAL = 0.5  # seconds between two readings of the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
+PRIOR = 0.02  # part of the expected seconds of a run that counts as done in the time expected
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
 _REST = {
@@ -140,17 +141,28 @@ class Reporter:
         Number of those complete before the run.
     display : callable
         Makes the display.
+    seconds : mapping, optional
+        Expected seconds of each case that is to be run; by default all take the same.
+    workers : int
+        Number of cases that run at a time.
     """
 
     def __init__(
-        self, folder: Folder, own: Collection[int], complete: int, display: Callable[[], Display]
+        self,
+        folder: Folder,
+        own: Collection[int],
+        complete: int,
+        display: Callable[[], Display],
+        seconds: Mapping[int, float] | None = None,
+        workers: int = 1,
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
+        self._seconds, self._workers, self._ended = seconds, workers, 0.0
         self._display = display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
-        self._begun = time.monotonic()
+        self._begun = self._ready = time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._watch, daemon=True)
@@ -179,6 +191,7 @@ class Reporter:
         start.start()
         yield
         start.cancel()
+        self._ready = time.monotonic()
         if (taken := time.monotonic() - begun) > PREPARATION:
             self.note(f"kernels and transforms are ready after {duration(taken)}")
 
@@ -190,6 +203,7 @@ class Reporter:
         with self._lock:
             self._complete += not failed
             self._failed += failed
+            self._ended += (self._seconds or {}).get(outcome.index, 0.0)
             if self._slowest is None or outcome.seconds > self._slowest.seconds:
                 self._slowest = outcome
             number = self._failed if failed else self._complete - self._before
@@ -221,8 +235,17 @@ class Reporter:
 
     def _progress(self, at_work: tuple[Running, ...]) -> Progress:
         now = Progress(self._total, self._complete, self._failed, at_work, None, self._slowest)
-        rate = (now.done - self._before) / (time.monotonic() - self._begun)
-        return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
+        spent = time.monotonic() - self._ready
+        if self._seconds is None:
+            rate = (now.done - self._before) / spent if spent > 0 else 0.0
+            return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
+        # The expected seconds, times the ratio of spent to expected ones so far; until a part of PRIOR is
+        # done, that is mostly one.
+        total = sum(self._seconds.values())
+        done = self._ended + sum(case.effort * self._seconds.get(case.index, 0.0) for case in at_work)
+        ratio = (self._workers * spent + PRIOR * total) / (done + PRIOR * total) if total > 0 else 0.0
+        workers = max(1, min(self._workers, self._total - now.complete - now.failed))
+        return replace(now, seconds_left=max(total - done, 0.0) * ratio / workers)
 
     def _summary(self, slowest: Outcome) -> str:
         ended = self._complete + self._failed - self._before

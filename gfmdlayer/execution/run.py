@@ -6,7 +6,7 @@ results do not depend on the process that ran a case: all processes compute with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import StringIO
@@ -129,13 +129,16 @@ def run_sweep(
     every: Sequence[Case] = cases(config)
     own = every if options.shard is None else options.shard.share(every)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
-        own, every = growth.with_earlier(folder, found.numbered(own)), found.numbered(every)
+        every = found.numbered(every)
+        own = growth.with_earlier(folder, growth.with_inputs(folder, found.numbered(own), found.changed))
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
         indices = frozenset(outcomes)
-        with Reporter(folder, indices, len(own) - len(work.undone), display or _nothing) as reporter:
+        seconds = _expected_seconds(work, folder)
+        complete = len(own) - len(work.undone)
+        with Reporter(folder, indices, complete, display or _nothing, seconds, pool.size) as reporter:
             for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
                 reporter.note(line)
             if found.changed:
@@ -152,15 +155,18 @@ def run_sweep(
                 threads=options.threads,
                 checkpoint_every=options.checkpoint_every,
             )
-            for outcome in Schedule(pool, task, folder, reporter.ended).run(_ordered(work, folder, pool)):
+            for outcome in Schedule(pool, task, folder, reporter.ended).run(
+                _ordered(work.todo, seconds, pool)
+            ):
                 outcomes[outcome.index] = outcome
                 if outcome.state == "failed":
                     case = next(case for case in own if case.index == outcome.index)
                     record_failure(folder, case, outcome.reason)
-        notes: list[str] | None = None
-        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
-            notes = _collect(config, folder, every, outcomes)
-    return Summary(tuple(outcomes.values()), notes is not None, tuple(notes or ()))
+        ended = all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values())
+        collected = _collect(config, folder, every, outcomes) if ended else None
+        notes, lost = collected or ([], [])
+        outcomes |= {outcome.index: outcome for outcome in lost}
+    return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
 
 
 def _nothing() -> Display:
@@ -224,22 +230,34 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(dict.fromkeys(case.config.solver.method for case in todo))
+    solvers = ", ".join(
+        dict.fromkeys(
+            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
+        )
+    )
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 
-def _ordered(work: _Work, folder: Folder, pool: WorkerPool) -> Sequence[Case]:
-    """Put the longest cases first, by the seconds of finished ones; a single process keeps their order."""
-    if pool.alone:
-        return work.todo
+def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
+    """Return the expected seconds of the cases to be run, by those of finished ones."""
     model = CostModel.of_files({folder.case(case.index): case.config for case in _done(work)})
-    return sorted(work.todo, key=lambda case: (-model.seconds(case.config), case.index))
+    return {case.index: model.seconds(case.config) for case in work.todo}
+
+
+def _ordered(todo: Sequence[Case], seconds: Mapping[int, float], pool: WorkerPool) -> Sequence[Case]:
+    """Put the longest cases first; a single process keeps their order."""
+    if pool.alone:
+        return todo
+    return sorted(todo, key=lambda case: (-seconds[case.index], case.index))
 
 
 def _collect(
     config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]
-) -> list[str] | None:
-    """Write the sweep file and return the notes in it; None where cases of other shards are not complete."""
+) -> tuple[list[str], list[Outcome]] | None:
+    """Write the sweep file; return None where cases of other shards are not complete.
+
+    Else the notes in it, and the cases that ended well, but could not be read any more.
+    """
     from gfmdlayer.results.case_metadata import CaseRecord
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
@@ -258,7 +276,11 @@ def _collect(
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
             path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
-            return str(attributes(path)["notes"]).splitlines()
+            found = attributes(path)
+            named = (line.partition(": ") for line in str(found["failed"]).splitlines())
+            failed = {int(number): reason for number, _, reason in named if number.isdecimal()}
+            lost = [Outcome(i, "failed", reason) for i, reason in failed.items() if reasons.get(i) == ""]
+            return str(found["notes"]).splitlines(), lost
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
 

@@ -58,6 +58,14 @@ class Numbered(Protocol):
         """Number of the case."""
 
 
+class Labelled(Numbered, Protocol):
+    """An item with values that tell it from the others."""
+
+    @property
+    def values(self) -> dict[str, object]:
+        """Values by their names."""
+
+
 class Schedule:
     """Runs cases by a pool.
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 WRITE_INTERVAL = 1.0  # seconds between two status files of a case
 SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
+STEPS_TRUSTED = 0.9  # part of the expected steps, beyond which only the simulated time tells the progress
 FAILURES_READ = 1000  # records of failures that an overview reads
 
 
@@ -43,14 +44,16 @@ class StatusFile:
         The simulated time at which the case will be complete.
     label : str
         The case's swept values, for people.
+    expected : int
+        Expected number of steps; 0 where it is not known.
     """
 
-    def __init__(self, folder: Folder, index: int, end: float, label: str = "") -> None:
+    def __init__(self, folder: Folder, index: int, end: float, label: str = "", expected: int = 0) -> None:
         self._path = folder.case(index, "running")
         self._stop = folder.stop
         self._written = -WRITE_INTERVAL
         me = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time()}
-        self._fixed: dict[str, object] = me | {"end": end, "label": label}
+        self._fixed: dict[str, object] = me | {"end": end, "label": label, "expected": expected}
         self._steps = -1  # the call on entering is not a step
 
     def __enter__(self) -> Self:
@@ -104,6 +107,7 @@ class Running:
     steps: int = 0
     since: float = math.nan
     since_time: float = math.nan
+    expected: int = 0
 
     @property
     def fraction(self) -> float:
@@ -111,10 +115,16 @@ class Running:
         return min(self.simulated_time / self.end, 1.0) if self.end > 0 else 0.0
 
     @property
+    def effort(self) -> float:
+        """The part of the work that is done: of the simulated time, or of the expected steps, which grow."""
+        of_steps = min(self.steps / self.expected, STEPS_TRUSTED) if self.expected > 0 else 0.0
+        return max(self.fraction, of_steps)
+
+    @property
     def seconds_left(self) -> float | None:
         """Seconds left at the present pace; None before the second step."""
-        covered, spent = self.simulated_time - self.since_time, self.updated - self.since
-        return (self.end - self.simulated_time) * spent / covered if covered > 0 and spent > 0 else None
+        done, spent = self.effort - self.since_time / self.end, self.updated - self.since
+        return (1.0 - self.effort) * spent / done if done > 0 and spent > 0 else None
 
     @property
     def alive(self) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import PARAMETERS
 
 if TYPE_CHECKING:
@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
-    "depth": r"\delta",
+    **{column.name: column.symbol for column in INDENTATION if column.symbol},
     "mean_stress": r"\bar{p}",
-    "force": "F",
     "mean_gap": r"\bar{g}",
     "displacement": "u",
     "pressure": "p",

@@ -1,4 +1,7 @@
-"""Maps of columns over two swept keys: a colour for each pair of values, or a dot for each case of a list."""
+"""Maps of columns over two swept keys: a colour for each pair of values, or a dot for each case of a list.
+
+Also of the parameters fitted to the curves of a force map, with their standard errors.
+"""
 
 from __future__ import annotations
 
@@ -130,6 +133,53 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> Non
     across.apply(axes, "x")
     up.apply(axes, "y")
     axes.set(xlabel=quantity(values[x]).label, ylabel=quantity(values[y]).label)
+
+
+def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
+    """Draw fitted parameters and their standard errors over the sample, or over the curves of a list.
+
+    Parameters
+    ----------
+    fits : Dataset
+        A force map: the attribute `fitted` names its parameters.
+    style : Style
+        Fonts and lines, and the size of a column.
+    z : sequence of str
+        Parameters, by default all that were fitted.
+
+    Raises
+    ------
+    ResultsError
+        If a parameter was not fitted.
+    """
+    fitted = str(fits.attrs["fitted"]).split()
+    if unknown := [name for name in z if name not in fitted]:
+        raise ResultsError(f"{unknown[0]} was not fitted; must be one of {', '.join(fitted)}")
+    names = list(z) or fitted
+    on_grid = fits[names[0]].ndim == 2
+    with styled(style):
+        figure = new_figure(2, (55.0 if on_grid else 38.0) * len(names), style)
+        panels = figure.subplots(len(names), 2 if on_grid else 1, squeeze=False)
+        for i, (row, name) in enumerate(zip(panels, names, strict=True)):
+            if on_grid:
+                draw_quantity(row[0], fits[name].transpose("x", "y"), name)
+                draw_quantity(row[1], fits[f"{name}_error"].transpose("x", "y"), f"error of {name}")
+                row[1].set_ylabel("")
+            else:
+                _draw_intervals(row[0], fits, name)
+            for k, axes in enumerate(row):
+                axes.set_title(f"({chr(ord('a') + (len(row) * i + k) % 26)})", loc="left")
+        if failed := str(fits.attrs["failed"]).splitlines():
+            finish(figure, [f"{len(failed)} of {fits[names[0]].size} curves failed"])
+    return figure
+
+
+def _draw_intervals(axes: Axes, fits: Dataset, name: str) -> None:
+    """Draw a parameter and its 95 % interval over the number of the curve."""
+    value = fits[name].to_numpy()
+    ends = np.stack([value - fits[f"{name}_low"].to_numpy(), fits[f"{name}_high"].to_numpy() - value])
+    axes.errorbar(fits["curve"].to_numpy(), value, np.maximum(ends, 0.0), fmt=".", ms=3, lw=0.6, color="0.2")
+    axes.set(xlabel="curve", ylabel=name)
 
 
 def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:

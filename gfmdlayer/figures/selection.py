@@ -15,7 +15,7 @@ import numpy as np
 
 from gfmdlayer.figures.labels import OVER_TIME, symbol, value_labels
 from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
-from gfmdlayer.observables import known_columns
+from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.validation.problems import nearest
 
@@ -243,6 +243,9 @@ def default_columns(dataset: Dataset) -> list[str]:
     names = [name for name, column in known_columns().items() if column.symbol]
     control, depth = dataset.attrs.get("control"), _own_name(dataset, "depth")
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
+    if "contact_radius" in dataset:
+        own = (_own_name(dataset, column.name) for column in INDENTATION if column.symbol)
+        return [name for name in own if name in dataset.data_vars]
     if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
         at = names.index("mean_pressure")
         names[at : at + (0 if is_swept else 1)] = [depth]

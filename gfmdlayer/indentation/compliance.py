@@ -17,6 +17,7 @@ C is integrated over q by Gauss's rule in panels that double in width.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +93,12 @@ class Features(NamedTuple):
     last: float
 
 
+@cache
+def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of Gauss's rule on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(order)
+
+
 def find_features(body: Body, radius: float) -> Features:
     """Search the compliance of a body for the wavenumbers between which it varies.
 
@@ -139,7 +146,7 @@ def panels(features: Features, reach: float) -> tuple[FloatArray, FloatArray]:
     while ends[-1] < features.last:
         width = min(max(features.first, ends[-1]), _PHASE / reach)
         ends.append(min(features.last, ends[-1] + width))
-    x, w = np.polynomial.legendre.leggauss(_ORDER)
+    x, w = gauss_rule(_ORDER)
     edges = np.array(ends)
     half = np.diff(edges)[:, np.newaxis] / 2
     return (half * (x + 1) + edges[:-1, np.newaxis]).ravel(), (half * w).ravel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.indentation.balance import work_done
-from gfmdlayer.indentation.profiles import profiles
-from gfmdlayer.indentation.solve import follow
-from gfmdlayer.indentation.space import History, find_space
+from gfmdlayer.indentation.history import History
+from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
     from gfmdlayer.body.body import Body
 
-_POINTS, _EXTENT = 201, 2.0
+FIELDS = ("pressure", "displacement", "gap")
 
 
 def indent(
@@ -67,11 +66,19 @@ def indent(
         If the input is not possible: the message says why and what is allowed.
     ArithmeticError
         If the tolerance is not reached.
+
+    Examples
+    --------
+    Hertz, 4/3 E* R^(1/2) depth^(3/2) with E* = 2 G/(1 - nu) = 4:
+
+    >>> body, sphere = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=1.0)
+    >>> found = gfmdlayer.indent(body, sphere, [0.0, 1.0], depth=[0.0, 0.01])
+    >>> abs(float(found.force[-1]) / (4 / 3 * 4.0 * 0.01**1.5) - 1) < 1e-4
+    True
     """
     import xarray
 
     history = _history(time, depth, force)
-    profile = as_revolution(indenter)
     if work_of_adhesion and body.spectrum(np.array([1.0])).weights.size:
         raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
@@ -79,38 +86,24 @@ def indent(
     times = np.unique(np.asarray(snapshots, dtype=float))
     if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
         raise ValueError(f"snapshots: got {times}; must be between the first and the last time")
-    space = find_space(body, profile, history, tolerance, work_of_adhesion)
-    found = follow(
+    run = IsolatedIndentation(
         body,
-        profile,
+        as_revolution(indenter),
         history,
         tolerance=tolerance,
         adhesion=work_of_adhesion,
-        stops=times.tolist(),
-        space=space,
+        snapshots=times.tolist(),
     )
-    if not found.error <= tolerance:
-        raise ArithmeticError(f"estimated error {found.error:.2e}; the tolerance is {tolerance:.2e}")
-    rows = ("time",)
-    work = work_done(found.force, found.depth, found.stored[0] + found.dissipated[0])
-    interface = -work_of_adhesion * np.pi * found.radius**2
-    data: dict[str, Any] = {
-        "force": (rows, found.force),
-        "depth": (rows, found.depth),
-        "contact_radius": (rows, found.radius),
-        "work": (rows, work),
-        "stored": (rows, found.stored),
-        "dissipated": (rows, found.dissipated),
-        "energy_residual": (rows, work - found.stored - found.dissipated - interface),
-    }
-    coordinates = {"time": found.time}
+    columns = run.columns()
+    data: dict[str, Any] = {name: ("time", values) for name, values in columns.items()}
+    coordinates = {"time": data.pop("time")[1]}
     if times.size:
-        r = np.linspace(0.0, _EXTENT * found.radius.max(), _POINTS)
-        fields = profiles(found, space, profile, times, r)
-        both = ("snapshot", "r")
-        data |= {name: (both, getattr(fields, name)) for name in ("pressure", "displacement", "gap")}
-        coordinates |= {"snapshot": times, "r": r}
-    return xarray.Dataset(data, coordinates, {"error": found.error, "solutions": found.solutions})
+        fields = run.profiles()
+        data |= {name: (("snapshot", "r"), getattr(fields, name)) for name in FIELDS}
+        coordinates |= {"snapshot": times, "r": fields.r}
+    for line in run.warnings:
+        warnings.warn(line, stacklevel=2)
+    return xarray.Dataset(data, coordinates, {"error": run.solved.error, "solutions": run.solved.solutions})
 
 
 def as_revolution(indenter: Any) -> Revolution:

@@ -30,10 +30,13 @@ COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
 _MARKS = 3  # radii at which chi may have kinks, remembered
 _APART = 0.02  # part of a by which they differ
+_GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
+_SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
+_INSTANT = 1e-9  # part of a step at whose ends a change of contact is not inside
 _SUBSTEPS = 12  # of one step: contact found and lost
-_FRONT = 1e-6  # weight of x beside H in the coordinate of the moving edge, for flat ends
+_FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 
 
 class Nodes(NamedTuple):
@@ -121,6 +124,8 @@ class Step(NamedTuple):
     fade_q: FloatArray  # (nm, nq)
     before_q: FloatArray
     after_q: FloatArray
+    loss: FloatArray  # (3, nb), of `_loss_weights`
+    loss_q: FloatArray  # (3, nm, nq)
     effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
 
@@ -137,6 +142,7 @@ class Work(NamedTuple):
     far_past: FloatArray  # (n + 2,), and of the integral of C
     transform: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
+    obstacle: FloatArray  # (n + 2,), H on the fixed grid
 
 
 class Marched(NamedTuple):
@@ -168,34 +174,55 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
 
 
 @kernel(inner=True)
+def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
+    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
+
+    y is chi - eta at its beginning.
+    """
+    z = h / T
+    if z == 0:
+        return 0.0, 0.0, 0.0
+    if z < _GENTLE:
+        # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
+        fade = math.exp(-z / 2)
+        mean = -math.expm1(-z / 2) / z
+        end = -math.expm1(-z) / z
+        yy = 1 + 4 * fade**2 + fade**4
+        return z / 6 * yy, z / 3 * (4 * fade * mean + fade**2 * end), z / 6 * (4 * mean**2 + end**2)
+    once, twice = -math.expm1(-z), -math.expm1(-2 * z) / 2
+    return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
+
+
+@kernel(inner=True)
 def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
     """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
-    z, y, rate = h / T, before - old, after - before
-    if z < 0.05:
-        m = -math.expm1(-z / 2) / (z / 2)
-        middle = y * (1 - z / 2 * m) + rate / 2 * m
-        m = -math.expm1(-z) / z
-        end = y * (1 - z * m) + rate * m
-        return z / 6 * (y * y + 4 * middle * middle + end * end)
-    r = rate / z
-    d = y - r
-    return r * r * z - 2 * r * d * math.expm1(-z) - d * d / 2 * math.expm1(-2 * z)
+    yy, yc, cc = _loss_weights(h, T)
+    y, c = before - old, after - before
+    return yy * y * y + yc * y * c + cc * c * c
+
+
+class Sweep(NamedTuple):
+    """A moving edge: the coordinate H + slope x in which it moves evenly through a step, at either end."""
+
+    slope: float
+    small: float
+    large: float
 
 
 @kernel(inner=True)
-def _front(profile: Revolution, x: float) -> float:
-    """Coordinate in which the edge of the contact moves evenly through a step."""
-    return abel_transform(profile, x) + _FRONT * x
+def _sweep(profile: Revolution, small: float, large: float) -> Sweep:
+    """Return how the edge moves between two radii; a flat end comes into contact at once."""
+    slope = _FRONT if small > 0 else 0.0
+    H_small = abel_transform(profile, small) + slope * small
+    return Sweep(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
 @kernel(inner=True)
-def _swept(profile: Revolution, a_old: float, a: float, x: float) -> float:
-    """Part of the step for which a growing contact has covered x."""
-    if a_old == 0:
-        total = abel_transform(profile, a)
-        return 1 - abel_transform(profile, x) / total if total > 0 else 1.0
-    end = _front(profile, a)
-    part = (end - _front(profile, x)) / (end - _front(profile, a_old))
+def _swept(sweep: Sweep, x: float, H: float) -> float:
+    """Part of the step for which a growing contact has covered x, or a shrinking one will."""
+    if sweep.large == sweep.small:
+        return 1.0
+    part = (sweep.large - H - sweep.slope * x) / (sweep.large - sweep.small)
     return float(min(max(part, 0.0), 1.0))
 
 
@@ -259,6 +286,7 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
     after, before = body.local, 0.0
     for k in range(body.local_times.size):
         step.fade[k], step.before[k], step.after[k] = _linear_weights(h, body.local_times[k])
+        step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h, body.local_times[k])
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
     for j in range(body.q.size):
@@ -266,6 +294,8 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
         for m in range(body.times.shape[0]):
             e, b, a = _linear_weights(h, body.times[m, j])
             step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = e, b, a
+            yy, yc, cc = _loss_weights(h, body.times[m, j])
+            step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = yy, yc, cc
             C += body.modes[m, j] * a
         step.effective[j] = C
         work.transform[j] = body.weights[j] * C / math.pi
@@ -392,18 +422,20 @@ def _solve(
     n = _place_nodes(a, nodes, state, work)
     after, before = weights
     rows, root, coupled = work.rows, work.root, body.q.size > 0
+    sweep = _sweep(profile, a_old, a)
     for i in range(n):
         x = work.x[i]
+        H = abel_transform(profile, x)
         diagonal, past = after, _past_at(x, nodes, work)
         if x < a_old:
             past += before * _cubic(state.chi, x / nodes.spacing)
         elif a > a_old and body.local_times.size:
-            part = _swept(profile, a_old, a, x)
+            part = _swept(sweep, x, H)
             diagonal = body.local
             for k in range(body.local_times.size):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
         rows[0, i] = root[i]
-        rows[1, i] = -(abel_transform(profile, x) + past) * root[i]
+        rows[1, i] = -(H + past) * root[i]
         if coupled:
             for j in range(i + 1):
                 y = work.x[j]
@@ -445,31 +477,31 @@ def _find_radius(
     state: State,
     step: Step,
     work: Work,
-) -> tuple[float, float, float, int, int]:
+) -> tuple[float, float, float, int, int, int]:
     """Find the contact radius at the end of a step.
 
     Returns
     -------
-    float, float, float, int, int
-        Radius, 0 where there is no contact; force; depth; the number of nodes; the outcome.
+    float, float, float, int, int, int
+        Radius, 0 where there is no contact; force; depth; the number of nodes; the solutions; the outcome.
     """
     stop = min(profile.rim, nodes.reach)
     low, high, slope, a = 0.0, stop, 0.0, guess
     last_a, last_r = -1.0, 0.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
-    for _ in range(_MOST_ITERATIONS):
+    for trial in range(1, _MOST_ITERATIONS):
         edge, rest, unit, other, n = _solve(a, a_old, h, weights, body, profile, nodes, state, step, work)
         if n < 0:
-            return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
+            return 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED
         depth = (target - other) / unit if drive.by_force else target
         r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * body.local)
         force = depth * unit + other
         if a >= stop and r >= 0:
             scale = max(abs(depth), abs(rest))
             left = stop < profile.rim and r > drive.tolerance * scale
-            return stop, force, depth, n, LEFT_GRID if left else COMPLETE
-        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < 1e-14 * stop:
-            return a, force, depth, n, COMPLETE
+            return stop, force, depth, n, trial, LEFT_GRID if left else COMPLETE
+        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < _SAME_RADIUS * high:
+            return a, force, depth, n, trial, COMPLETE
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
         if r > 0:
@@ -478,11 +510,11 @@ def _find_radius(
             high = a
             if drive.adhesion > 0 and low == 0:
                 if falling and slope >= 0:
-                    return 0.0, 0.0, target, 0, COMPLETE
+                    return 0.0, 0.0, target, 0, trial, COMPLETE
                 new = a * (1 - 1e-4) if not falling else a - r / slope
                 falling = True
                 if new <= 0:
-                    return 0.0, 0.0, target, 0, COMPLETE
+                    return 0.0, 0.0, target, 0, trial, COMPLETE
                 last_a, last_r, a = a, r, new
                 continue
         if last_a < 0:
@@ -491,10 +523,10 @@ def _find_radius(
         new = a - r / slope if slope < 0 else -1.0
         if new >= stop and high == stop:
             new = stop
-        elif not low < new < high:
+        elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
-    return 0.0, 0.0, 0.0, 0, NOT_CONVERGED
+    return 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
 
 
 @kernel(inner=True)
@@ -525,7 +557,9 @@ def _close(
             s += math.cos(body.q[j] * work.x[i]) * work.rows[0, i]
         part = 0.0
         for m in range(nm):
-            part += body.modes[m, j] * _loss(h, body.times[m, j], state.zeta[m, j], state.X[j], s)
+            y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
+            yy, yc, cc = step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j]
+            part += body.modes[m, j] * (yy * y * y + yc * y * c + cc * c * c)
             state.zeta[m, j] = (
                 step.fade_q[m, j] * state.zeta[m, j]
                 + step.before_q[m, j] * state.X[j]
@@ -536,16 +570,17 @@ def _close(
         work.transform[j] = s * step.effective[j] * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
+    sweep = _sweep(profile, min(a, a_old), max(a, a_old))
     for i in range(state.chi.size):
-        x = i * nodes.spacing
+        x, H = i * nodes.spacing, work.obstacle[i]
         inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
         was_inside = a_old > 0 and (x < a_old or a_old >= stop)
         before = state.chi[i] if was_inside else 0.0
-        value = depth - abel_transform(profile, x) - work.past[i] - work.far_past[i] - work.far[i]
+        value = depth - H - work.past[i] - work.far_past[i] - work.far[i]
         diagonal, part = after_weight, 1.0
         growing = inside and not was_inside
         if touches and a > a_old and not was_inside:
-            part = _swept(profile, a_old, a, x)
+            part = _swept(sweep, x, H)
             diagonal = body.local
             for k in range(nb):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
@@ -553,7 +588,7 @@ def _close(
             value -= before_weight * before
         leaving = was_inside and not inside
         if leaving:
-            part = _swept(profile, a, a_old, x) if a > 0 else _swept(profile, 0.0, a_old, x)
+            part = _swept(sweep, x, H)
         value /= diagonal
         after = value if inside else 0.0
         weight = nodes.spacing * (0.5 if i in (0, state.chi.size - 3) else 1.0)
@@ -580,7 +615,9 @@ def _close(
                 )
                 state.eta[k, i] = rest * middle
             else:
-                lost += weight * J * _loss(h, T, old, before, after)
+                y, c = before - old, after - before
+                quadratic = step.loss[0, k] * y * y + step.loss[1, k] * y * c + step.loss[2, k] * c * c
+                lost += weight * J * quadratic
                 state.eta[k, i] = step.fade[k] * old + step.before[k] * before + step.after[k] * after
         state.chi[i] = value
     return 4 * lost
@@ -664,84 +701,68 @@ def march(  # noqa: C901
     )
     step = Step(
         np.zeros(nb), np.zeros(nb), np.zeros(nb), np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)),
-        np.zeros(nq), np.zeros(2 * size - 1),
+        np.zeros((3, nb)), np.zeros((3, nm, nq)), np.zeros(nq), np.zeros(2 * size - 1),
     )  # fmt: skip
     most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
     work = Work(
         np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros((2, most)), np.zeros(_MARKS + 2),
-        np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size),
+        np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size), np.zeros(size),
     )  # fmt: skip
+    for i in range(size):
+        work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
     stop = min(profile.rim, nodes.reach)
     a_old, depth, h_old, rate, lost, status, taken, snapshot = 0.0, 0.0, -1.0, 0.0, 0.0, COMPLETE, 0, 0
-    weights = (0.0, 0.0)
+    weights, stopped = (0.0, 0.0), nt
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
         begin = drive.value[at - 1] if at else 0.0
-        done, met = 0.0, False  # part of the step that is behind; whether contact begins there
+        done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         for _ in range(_SUBSTEPS):
-            h = duration * (1 - done)
+            h = duration * (1 - done) * piece
             now = begin + done * (drive.value[at] - begin)
-            part, force, n = 1.0, 0.0, 0
+            target = now + piece * (drive.value[at] - now)
             if h != h_old:
                 weights = _set_step(h, body, nodes, step, work)
                 h_old = h
             _find_past(body, nodes, state, step, work)
-            target = drive.value[at]
-            a = 0.0
             free = work.past[0] + work.far_past[0] + (weights[1] * state.chi[0] if a_old > 0 else 0.0)
             touches = target > 0 if drive.by_force else target > free
+            starts = touches and a_old == 0 and not met and at > 0
+            ends = not touches and a_old > 0 and drive.adhesion == 0
+            if piece < 1:
+                touches = False
+            elif starts or ends:
+                part = _event(h, now, target, drive.by_force, body, state, ends)
+                if _INSTANT < part < 1 - _INSTANT:
+                    piece, met = part, starts
+                    continue
+                touches = starts and part <= _INSTANT
+            a, force, n = 0.0, 0.0, 0
             if touches or (drive.adhesion > 0 and a_old > 0):
-                if a_old == 0 and not met and at > 0 and done < 1:
-                    part = _event(h, now, target, drive.by_force, body, state, False)
-                if part > 1e-9 and part < 1 - 1e-9:
-                    touches, met = False, True
-                elif part >= 1 - 1e-9 and a_old == 0 and at > 0:
-                    touches, part = False, 1.0
-                else:
-                    part = 1.0
-                    guess = stop
-                    if a_old > 0:
-                        guess = min(stop, max(0.2 * a_old, a_old + rate * h))
-                        if drive.adhesion > 0:
-                            guess = a_old
-                    elif drive.adhesion == 0:
-                        guess = 0.3 * stop
-                    a, force, depth, n, status = _find_radius(
-                        h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
-                    )
-                    taken += 1
-                    touches = a > 0
-                    if status != COMPLETE:
-                        break
-            elif a_old > 0:
-                part = _event(h, now, target, drive.by_force, body, state, True)
-                if part < 1e-9 or part > 1 - 1e-9:
-                    part = 1.0
-            if not touches:
-                if part < 1:
-                    h_old = part * h
-                    weights = _set_step(h_old, body, nodes, step, work)
-                    _find_past(body, nodes, state, step, work)
-                    target = now + part * (drive.value[at] - now)
-                depth = target
-                if drive.by_force:
-                    depth = work.past[0] + work.far_past[0]
-                    if a_old > 0:
-                        depth += weights[1] * state.chi[0]
-            lost += _close(part * h, a, a_old, depth, n, weights, body, profile, nodes, state, step, work)
-            change = (a - a_old) / (part * h)
+                guess = 0.3 * stop if drive.adhesion == 0 else stop
+                if a_old > 0:
+                    guess = a_old + rate * h if drive.adhesion == 0 else a_old
+                    guess = min(stop, max(0.2 * a_old, guess))
+                a, force, depth, n, trials, status = _find_radius(
+                    h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
+                )
+                taken += trials
+                if status != COMPLETE:
+                    break
+            if a == 0:
+                depth = free if drive.by_force else target
+            lost += _close(h, a, a_old, depth, n, weights, body, profile, nodes, state, step, work)
+            change = (a - a_old) / h
             if rate * change < 0 and at > 1 and a_old > 0:
                 _remember(state.marks, a_old)
             rate, a_old = change, a
-            done = 1.0 if part == 1 else done + (1 - done) * part
-            if done >= 1:
+            if piece == 1:
                 break
+            done, piece = done + (1 - done) * piece, 1.0
         if status != COMPLETE:
-            return Marched(
-                columns[0], columns[1], columns[2], columns[3], columns[4], columns[5],
-                fields_chi, fields_local, fields_q, taken, status, at,
-            )  # fmt: skip
+            stopped = at
+            break
         if drive.kinks[at] and a_old > 0:
             _remember(state.marks, a_old)
         columns[0, at], columns[1, at], columns[2, at] = force, depth, a_old
@@ -764,5 +785,5 @@ def march(  # noqa: C901
             snapshot += 1
     return Marched(
         columns[0], columns[1], columns[2], columns[3], columns[4], columns[5],
-        fields_chi, fields_local, fields_q, taken, COMPLETE, nt,
+        fields_chi, fields_local, fields_q, taken, status, stopped,
     )  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.indentation.compliance import gauss_rule
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import Indentation
 from gfmdlayer.indentation.space import Space
@@ -46,17 +47,13 @@ class Profiles(NamedTuple):
     gap: FloatArray
 
 
-def profiles(
-    found: Indentation, space: Space, profile: Revolution, times: FloatArray, r: FloatArray
-) -> Profiles:
+def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: FloatArray) -> Profiles:
     """Return the profiles at the snapshots of an indentation.
 
     Parameters
     ----------
     found : Indentation
         A run that kept its fields at these times.
-    space : Space
-        Its nodes.
     profile : Revolution
         The indenter.
     times : ndarray, shape (times,)
@@ -65,9 +62,10 @@ def profiles(
         Distances from the axis.
     """
     assert found.fields is not None
+    assert found.space is not None
     pressure, displacement, gap = np.zeros((3, times.size, r.size))
     for k, at in enumerate(np.searchsorted(found.time, times)):
-        surface = _Surface(found.fields, int(at), k, space, profile)
+        surface = _Surface(found.fields, int(at), k, found.space, profile)
         pressure[k] = surface.pressure(r)
         displacement[k], gap[k] = surface.displacement_and_gap(r)
     return Profiles(times, r, pressure, displacement, gap)
@@ -107,6 +105,7 @@ class _Surface:
     def displacement_and_gap(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Upward displacement and gap at these distances; the gap is infinite beyond the indenter's end."""
         h, a = heights(self._profile, r), self._a
+        r = np.maximum(r, _CENTRE * self._space.nodes.reach)
         gap, outside = np.zeros(r.size), r > a
         under = outside & np.isfinite(h)
         t, w = _gauss(np.arcsin(a / r[under]), np.full(int(under.sum()), math.pi / 2))
@@ -137,6 +136,6 @@ class _Surface:
 
 def _gauss(begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights between begin and end, each of shape (points, nodes)."""
-    x, w = np.polynomial.legendre.leggauss(_NODES)
+    x, w = gauss_rule(_NODES)
     half = (end - begin)[:, np.newaxis] / 2
     return begin[:, np.newaxis] + half * (x + 1), half * w

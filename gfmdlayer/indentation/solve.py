@@ -10,7 +10,7 @@ the moduli, the relaxation times and the history.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,22 +18,16 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.indentation.compliance import Compliance
+from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.march import Marched
-from gfmdlayer.indentation.space import (
-    History,
-    LeftGridError,
-    Space,
-    find_space,
-    make_space,
-    march_on,
-)
+from gfmdlayer.indentation.space import LeftGridError, Space, find_space, make_space, march_on
 from gfmdlayer.indentation.steps import corners, even_steps, graded_steps
 from gfmdlayer.punch.revolution import Revolution
 
 # Error of interpolation over the tolerance, from which a first mesh follows: measured, mostly enough.
-_FIRST_ERROR = 40.0
+_FIRST_ERROR = 80.0
 
-_MOST_MESHES, _MOST_STEPS, _MOST_SPACES = 6, 5000, 12
+_MOST_MESHES, _MOST_STEPS, _MOST_SPACES, _GROWTH = 6, 5000, 12, 1.3
 
 
 class Indentation(NamedTuple):
@@ -54,6 +48,8 @@ class Indentation(NamedTuple):
         Solved integral equations.
     fields : Marched or None
         With the fields at the times asked for.
+    space : Space or None
+        The nodes.
     """
 
     time: FloatArray
@@ -66,6 +62,7 @@ class Indentation(NamedTuple):
     error: float
     solutions: int
     fields: Marched | None = None
+    space: Space | None = None
 
 
 def on_steps(
@@ -107,7 +104,7 @@ def on_steps(
     found = march_on(made, space, profile, history, time, adhesion, snapshots)
     return Indentation(
         time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.rise,
-        math.nan, found.solutions, found,
+        math.nan, found.solutions, found, space,
     )  # fmt: skip
 
 
@@ -177,6 +174,7 @@ def follow(
     tolerance: float = 1e-4,
     adhesion: float = 0.0,
     stops: Sequence[float] = (),
+    snapshots: Sequence[float] = (),
     space: Space | None = None,
 ) -> Indentation:
     """Follow a history to a tolerance, on steps that are chosen for it.
@@ -193,8 +191,8 @@ def follow(
         Error of force, depth and contact radius, relative to the largest of each.
     adhesion : float
         Work of adhesion, of an elastic body.
-    stops : sequence of float
-        Times to land on, at which fields are kept.
+    stops, snapshots : sequence of float
+        Times to land on; fields are kept at the snapshots.
     space : Space, optional
         Nodes in q and x, in place of those of `find_space`.
 
@@ -211,14 +209,44 @@ def follow(
         If a contact radius is not found.
     """
     space = space or find_space(body, profile, history, tolerance, adhesion)
-    kept = np.array(sorted(set(stops)))
-    knots = np.unique(np.concatenate((corners(history, 0.1 * tolerance), kept)))
+    kept = np.unique(np.array(snapshots, dtype=float))
+    knots = np.unique(np.concatenate((corners(history, 0.1 * tolerance), kept, np.array(stops, dtype=float))))
+    return in_growing_space(
+        lambda space: _to_tolerance(
+            space.compliance(body), space, profile, history, (knots, kept), tolerance, adhesion
+        ),
+        space,
+        profile,
+        tolerance,
+    )
+
+
+def in_growing_space(
+    attempt: Callable[[Space], Indentation], space: Space, profile: Revolution, tolerance: float
+) -> Indentation:
+    """Return what an attempt finds, with nodes for larger contacts where one grew beyond them.
+
+    Parameters
+    ----------
+    attempt : callable
+        Follows a history on nodes in q and x.
+    space : Space
+        The nodes to begin with.
+    profile : Revolution
+        The indenter.
+    tolerance : float
+        That the nodes are made for.
+
+    Raises
+    ------
+    ArithmeticError
+        If the contact grows without bound.
+    """
     for _ in range(_MOST_SPACES):
-        made = space.compliance(body)
         try:
-            return _to_tolerance(made, space, profile, history, (knots, kept), tolerance, adhesion)
+            return attempt(space)._replace(space=space)
         except LeftGridError:
-            space = make_space(space.features, min(1.3 * space.nodes.reach, profile.rim), tolerance)
+            space = make_space(space.features, min(_GROWTH * space.nodes.reach, profile.rim), tolerance)
     raise ArithmeticError("the contact grows without bound")
 
 

@@ -10,8 +10,17 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.indentation.compliance import Compliance, Features, compliance, find_features, panels
+from gfmdlayer.indentation.compliance import (
+    Compliance,
+    Features,
+    compliance,
+    find_features,
+    gauss_rule,
+    panels,
+)
+from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
+from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
@@ -22,6 +31,9 @@ _KINK = 1e-3
 
 # The wavenumber, times the contact radius, at which the body is its surface's material.
 _FAR = 1e8
+
+# A contact radius smaller than any, and the bisections that lead from it to any other.
+_TINY, _MOST_ITERATIONS = 1e-40, 400
 
 # The nodes reach beyond the largest contact of the two elastic limits; growth of a reach that failed.
 _MARGIN, _GROWTH = 1.06, 1.5
@@ -44,22 +56,6 @@ class Space(NamedTuple):
         return compliance(body, self.features, self.q, self.weights)
 
 
-class History(NamedTuple):
-    """What is prescribed over time, linear between the times; before the first the body is at rest.
-
-    Attributes
-    ----------
-    time, value : ndarray, shape (nt,)
-        Ascending times, and depths or forces.
-    by_force : bool
-        Whether the force is prescribed.
-    """
-
-    time: FloatArray
-    value: FloatArray
-    by_force: bool = False
-
-
 def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Space:
     """Return the nodes for contacts up to a radius.
 
@@ -78,8 +74,8 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
     n = int(max(160 * fineness, 4 * phase * math.sqrt(fineness))) + 1
     gauss = 16 + math.ceil(phase / 3)
     spacing = reach / (n - 1)
-    x, w = np.polynomial.legendre.leggauss(gauss)
-    y, v = np.polynomial.legendre.leggauss(max(8, gauss // 2))
+    x, w = gauss_rule(gauss)
+    y, v = gauss_rule(max(8, gauss // 2))
     cosines = np.cos(np.outer(np.arange(2 * n + 3) * spacing, q))
     nodes = Nodes(reach, spacing, cosines, (x + 1) / 2, w / 2, (y + 1) / 2, v / 2)
     return Space(features, q, weights, nodes)
@@ -113,6 +109,8 @@ def find_space(
     if math.isfinite(profile.rim) and abel_transform(profile, profile.rim) == 0:
         return make_space(find_features(body, profile.rim), profile.rim, tolerance)
     largest = max(float(history.value.max()), 0.0)
+    if largest == 0 == adhesion:  # nothing touches, whatever the nodes
+        return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
     reach = min(1.3 * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
     features = find_features(body, reach)
     ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
@@ -200,28 +198,52 @@ def _halfspace_radius(
     body: Body, profile: Revolution, largest: float, by_force: bool, adhesion: float
 ) -> float:
     """Contact radius on a halfspace of the surface's relaxed material, for the largest depth or force."""
-    x, w = np.polynomial.legendre.leggauss(16)
-
-    def excess(a: float, D: float) -> float:
-        H = abel_transform(profile, a)
-        depth = H - math.sqrt(math.pi * a * adhesion * D)
-        if not by_force:
-            return depth - largest
-        below = sum(v * abel_transform(profile, a * (1 + y) / 2) for y, v in zip(x, w, strict=True)) / 2
-        return 4 * a / D * (depth - below) - largest
-
     radius = 1.0
-    for _ in range(3):  # the surface's material is found at a wavenumber that the radius tells
+    for _ in range(3):  # the surface's material is that at a wavenumber which the radius tells
         far = _FAR / radius
         D = far / float(body.stiffness(np.array([far]), 0.0)[0])
-        low, high = 0.0, min(1e-30, profile.rim)
-        while excess(high, D) < 0 or (largest == 0 == adhesion and high < 1e-6):
-            if high >= profile.rim:
-                return float(profile.rim)
-            high = min(2 * high, profile.rim)
-        low = high / 2
-        for _ in range(30):
-            middle = (low + high) / 2
-            low, high = (middle, high) if excess(middle, D) < 0 else (low, middle)
-        radius = high
+        radius = halfspace_radius(profile, D, largest, by_force, adhesion)
     return radius
+
+
+@kernel
+def halfspace_radius(profile: Revolution, D: float, largest: float, by_force: bool, adhesion: float) -> float:
+    """Contact radius on an elastic halfspace.
+
+    Parameters
+    ----------
+    profile : Revolution
+        The indenter.
+    D : float
+        (1 - nu)/G.
+    largest : float
+        Depth or force.
+    by_force : bool
+        Whether it is the force.
+    adhesion : float
+        Work of adhesion.
+
+    Returns
+    -------
+    float
+        Within 0.1 %; the rim of an indenter that is pressed in as a whole.
+    """
+    low, high, found = 0.0, min(_TINY, profile.rim), False
+    for _ in range(_MOST_ITERATIONS):
+        a = 0.5 * (low + high) if found else high
+        reached = abel_transform(profile, a) - math.sqrt(math.pi * a * adhesion * D)
+        if by_force:  # F = (4/D) int_0^a (depth - H) dx, by the midpoint rule, for an estimate
+            for i in range(32):
+                reached -= abel_transform(profile, a * (i + 0.5) / 32) / 32
+            reached *= 4 * a / D
+        if reached < largest:
+            low = a
+            if not found:
+                if a >= profile.rim:
+                    break
+                high = min(2 * a, profile.rim)
+        else:
+            high, found = a, True
+            if high - low < 1e-3 * high:
+                break
+    return high

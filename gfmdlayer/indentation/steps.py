@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.indentation.space import History
+from gfmdlayer.indentation.history import History
 
 
 class Curves(Protocol):

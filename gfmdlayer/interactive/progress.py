@@ -134,7 +134,7 @@ class Watch:
                 return
             self._preparation.cancel()
             if (now := time.time()) - self._shown > INTERVAL:
-                times = {"started": begun, "updated": now, "since": begun, "since_time": 0.0}
+                times: dict[str, Any] = {"started": begun, "updated": now, "since": begun, "since_time": 0.0}
                 at_work = Running(index, "", os.getpid(), reached, end, label=label, steps=steps, **times)
                 self._show((at_work,), now)
 

@@ -10,19 +10,31 @@ from gfmdlayer.observables.effort import Effort
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
+from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
+from gfmdlayer.observables.resolution import Resolution
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
-__all__ = ["OBSERVABLES", "AcceptedStep", "Column", "Observable", "columns", "known_columns", "observables"]
+__all__ = [
+    "INDENTATION",
+    "OBSERVABLES",
+    "AcceptedStep",
+    "Column",
+    "Observable",
+    "columns",
+    "known_columns",
+    "observables",
+]
 
 # In the order of the columns; each may read the columns of those before it.
 OBSERVABLES: dict[str, type[Observable]] = {
     "contact": ContactMeans,
     "force": Force,
+    "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
     "energy": EnergyBalance,
@@ -41,11 +53,13 @@ def observables(case: Parts) -> dict[str, Observable]:
 
 def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a case, in the order of its rows."""
+    if config.grid.axisymmetric:
+        return INDENTATION
     return tuple(column for each in OBSERVABLES.values() for column in each.columns(config) or ())
 
 
 def known_columns() -> dict[str, Column]:
-    """Return the columns that are the same in every case that has them, by name.
+    """Return the columns of periodic contacts that are the same in every case that has them, by name.
 
     Raises
     ------

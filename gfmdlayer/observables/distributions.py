@@ -22,6 +22,11 @@ def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
+def closed_gap(problem: Problem, solution: Solution) -> FloatArray:
+    """Return the gap, exactly zero where there is contact."""
+    return np.where(in_contact(problem, solution), 0.0, solution.gap)
+
+
 def histogram(values: FloatArray, chosen: BoolArray, edges: npt.ArrayLike) -> FloatArray:
     """Return the part of all points that are chosen and have a value in each bin, lower edge included.
 

@@ -127,8 +127,8 @@ class CaseMetadata:
                 self.failed[record.index] = INCOMPLETE
         self.common_times = self._common.times
         always = {each.name: SweepColumn(each.described) for each in ContactMeans.COLUMNS}
-        self.columns = always | self.columns
-        del self.columns[TIME.name]
+        self.columns = self.columns or always  # without a complete case, those of the paper
+        self.columns.pop(TIME.name, None)
         self.lacking = {
             name: lacking
             for name in self.columns
@@ -219,7 +219,9 @@ def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:
 def _columns_in(h5: h5py.File) -> Iterator[tuple[str, SweepColumn]]:
     """Yield the columns of a case: the variables that grow with time."""
     for name, dataset in h5.items():
-        if name in {TIME.name, "snapshot", *FIELDS} or dataset.maxshape[:1] != (None,):
+        if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
+            continue
+        if name in {TIME.name, "snapshot", *FIELDS}:
             continue
         if dataset.ndim == 1:
             yield name, SweepColumn(_described(dataset))

@@ -8,7 +8,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.punch.trajectory import Table

@@ -13,7 +13,7 @@ from mpmath import matrix, mp, mpc, mpf
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.stack import Layer, LayerStack
 
 # Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.

@@ -196,6 +196,10 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["clean", "."], "not a results folder"),
         (["run", "tiny.yaml", "--only-failed"], "results/tiny: no such folder"),
         (["plot", "absent"], "absent: no such folder"),
+        (
+            ["plot", "tiny.yaml"],
+            "tiny.yaml: is a configuration; must be results, such as the folder results/NAME",
+        ),
         (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: has no effect on this figure"),
         (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
         (["plot", "absent", "--fps", "25"], "--fps: has no effect on this figure; must be with --kind movie"),

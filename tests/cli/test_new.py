@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.cli import main, new
+from gfmdlayer.cli.templates import TEMPLATES, commented
 from gfmdlayer.config import load
-from gfmdlayer.config.templates import TEMPLATES, commented
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.body.maxwell import Prony, Zener
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.execution.sweep import input_errors
 
@@ -459,6 +459,82 @@ REFUSED = {
         "from 1 to 1000",
     ),
     "patches by number": ("output: {patches: 1}", "2:19: output.patches: got 1", "true or false"),
+    "tab behind a colon": ("layer:\n  thickness:\t1", "3:13: not YAML: a tab", "must be spaces"),
+    "colon without a space": (
+        "layer:\n  thickness:0.05",
+        "3:3: layer: got the text 'thickness:0.05'",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space before other keys": (
+        "layer:\n  thickness:0.05\n  poisson: 0.4",
+        "3:3: not YAML: no value",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space behind other keys": (
+        "layer:\n  poisson: 0.4\n  thickness:0.05",
+        "4:3: not YAML: no value",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "colon without a space in braces": (
+        "layer: {thickness:0.05}",
+        "2:9: layer.thickness:0.05: unknown key",
+        "did you mean 'thickness: 0.05', with a space after the colon?",
+    ),
+    "decimal comma": (
+        "time: {step: 0.5}\ngrid:\n  period: 2,5",
+        "4:11: grid.period: got",
+        "mean 2.5, with a point?",
+    ),
+    "decimal comma in braces": (
+        "layer: {thickness: 0,05}",
+        "2:22: layer.05: unknown key",
+        "a decimal comma?",
+    ),
+    "number with a unit": (
+        "layer: {thickness: 200 um}",
+        "2:20: layer.thickness: got the text '200 um'",
+        "did you mean 200, without um? Lengths share one unit",
+    ),
+    "number with a Greek unit": (
+        "time: {step: 5\u03bcs}",
+        "2:14: time.step:",
+        "did you mean 5, without \u03bcs?",
+    ),
+    "Young's modulus": (
+        "layer: {poisson: 0.25, material: {E0: 5.0e+6}}",
+        "2:35: layer.material.E0: unknown key",
+        "G = E/(2 (1 + nu)); did you mean G0: 2e+06, for poisson 0.25?",
+    ),
+    "Young's modulus of a branch": (
+        "layer: {material: {model: prony, branches: [{E: 3, tau: 1, G: 1}]}}",
+        "2:46: layer.material.branches[0].E: unknown key",
+        "did you mean G: 1, for poisson 0.5?",
+    ),
+    "Young's modulus of the halfspace": (
+        "halfspace: {E: 4, poisson: 0.0}",
+        "2:13: halfspace.E: unknown key",
+        "did you mean shear_modulus: 2, for poisson 0?",
+    ),
+    "nested sweep": (
+        "sweep: {layer: {thickness: [1, 2]}}",
+        "2:9: sweep.layer: got a mapping",
+        "did you mean layer.thickness?",
+    ),
+    "nested sweep of two keys": (
+        "sweep: {layer: {material: {tau: [1]}, thicknes: [1, 2]}}",
+        "2:9: sweep.layer: got a mapping",
+        "did you mean layer.thickness and layer.material.tau?",
+    ),
+    "nested keys of a section that can be swept": (
+        "sweep: {punch: {radius: [1, 2]}}",
+        "2:9: sweep.punch: got a mapping",
+        "did you mean punch.radius?",
+    ),
+    "nested zip": (
+        "sweep: {zip: {layer: {thickness: [1, 2]}}}",
+        "2:15: sweep.zip.layer: got a mapping",
+        "did you mean layer.thickness?",
+    ),
     "empty sweep": ("sweep: {}", "2:8: sweep: got an empty mapping", "dotted key"),
     "sweep of nothing": ("sweep:", "2:7: sweep: got nothing", "mapping"),
     "swept key misspelt": (
@@ -649,6 +725,24 @@ REFUSED = {
         "as a number",
     ),
 }
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "punch: {shape: wegde, slope: 1, radius: 2}",
+        "layer: {material: {model: pronny, G0: 1, branches: []}}",
+        "punch: {shape: array, counts: 4, element: {shape: spher, slope: 3}}",
+    ],
+)
+def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
+    (found,) = problems(write(tmp_path, f"name: x\n{content}\n"))
+    assert "did you mean" in found
+
+
+def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:
+    config = load(write(tmp_path, "name: x\nlayer: {\n\tthickness: 0.5}\n"))
+    assert config.layer.thickness == 0.5
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gfmdlayer import simulation
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.cost import CostModel, estimate
+from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
 from gfmdlayer.execution.sweep import cases
+from gfmdlayer.grid.pair_time import pair_seconds
 from gfmdlayer.results.writer import CaseWriter
 from gfmdlayer.simulation import simulate
 
@@ -103,6 +105,84 @@ def test_adaptive_steps_are_counted_with_the_times_that_they_land_on(
     taken = len(run(values).rows)
     # How many steps the free ones are depends on the case; that of the estimate is the default one.
     assert estimate(case_with(values)).steps == pytest.approx(taken, rel=0.25)
+
+
+PRONY = {"model": "prony", "G0": 1.0, "branches": [{"G": 2.0, "tau": 10.0**k} for k in range(-3, 3)]}
+LOAD = {"control": "load", "load": 0.05, "ramp_time": 1.0}
+ADAPTIVE: dict[str, dict[str, object]] = {
+    "coarse": {"time.tolerance": 1e-3},
+    "fine": {"time.tolerance": 1e-5},
+    "slow ramp": {"layer.material.tau": 0.01},
+    "fast ramp": {"layer.material.tau": 100.0},
+    "long hold": {"time.end": 100.0},
+    "weak": {"layer.material.Ginf": 1.2},
+    "decades": {"layer.material": PRONY, "time.end": 100.0},
+    "load": {"trajectory": LOAD},
+    "rows": {"output.times": 0.1},
+    "hard base": {"layer.thickness": 0.01, "halfspace.shear_modulus": math.inf},
+    "surface": {"grid.points": [32, 32]},
+    "sliding": {"trajectory.velocity": 0.3, "time.end": 2.0},
+    "fast sliding": {"trajectory.velocity": 30.0},
+    "steady": {"trajectory": {"control": "load", "load": 0.02, "velocity": 1.0}, "time.steady": 1e-4,
+               "time.end": 500.0, "output.times": 5.0},
+}  # fmt: skip
+# Rows of depth and the time between them: tables in which kinks decide, and in which relaxation does.
+TABLES = {"few": (5, 2.0), "many": (200, 0.02), "cycles": (30, 5.0)}
+
+
+def within_three(estimated: float, counted: float) -> bool:
+    return counted / 3 < estimated < 3 * counted
+
+
+@pytest.mark.parametrize("kind", ADAPTIVE)
+def test_adaptive_steps_and_their_pairs_are_estimated_within_a_factor_of_three(
+    kind: str, recorder: type[Any]
+) -> None:
+    config = case_with({"grid.points": 256, "time.step": "adaptive"} | ADAPTIVE[kind])
+    run = recorder()
+    simulate(config, run)
+    assert within_three(estimate(config).steps, len(run.rows) - 1)
+    assert within_three(estimate(config).pairs, run["transforms"].sum())
+
+
+@pytest.mark.parametrize("step", ["adaptive", 0.1])
+@pytest.mark.parametrize("kind", TABLES)
+def test_kinks_of_a_table_are_counted(
+    kind: str, step: str | float, recorder: type[Any], tmp_path: Path
+) -> None:
+    rows, spacing = TABLES[kind]
+    depths = np.random.default_rng(5).uniform(0.001, 0.01, rows)
+    np.savetxt(tmp_path / "depth.txt", np.c_[np.arange(rows) * spacing, np.r_[0.0, depths[1:]]])
+    trajectory = {"kind": "table", "file": str(tmp_path / "depth.txt")}
+    values = {"grid.points": 256, "time.step": step, "time.end": (rows - 1) * spacing}
+    config = case_with(values | {"trajectory": trajectory})
+    run = recorder()
+    simulate(config, run)
+    if step == "adaptive":
+        assert within_three(estimate(config).steps, len(run.rows) - 1)
+    else:
+        assert estimate(config).steps == len(run.rows) - 1
+    assert within_three(estimate(config).pairs, run["transforms"].sum())
+
+
+def test_seconds_are_known_before_anything_has_run(tmp_path: Path) -> None:
+    """A hasty pair is measured and not kept, that of a run is kept beside its plans and read again."""
+    shape = (256,)
+    assert 0 < pair_seconds(shape, tmp_path) < 1
+    assert not list(tmp_path.iterdir())
+    simulation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    (kept,) = tmp_path.glob("*.seconds")
+    assert pair_seconds(shape, tmp_path) == float(kept.read_text())
+    kept.write_text("0.125")
+    simulation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    assert pair_seconds(shape, tmp_path) == 0.125
+
+
+def test_expected_seconds_grow_with_those_of_a_pair() -> None:
+    config = case_with({"grid.points": 256})
+    seconds = [expected_seconds(config, lambda _, pair=pair: pair) for pair in (0.0, 1e-3, 2e-3)]
+    assert seconds[2] - seconds[1] == pytest.approx(seconds[1] - seconds[0])
+    assert seconds[1] - seconds[0] > 1e-3 * estimate(config).pairs
 
 
 def test_the_size_of_a_file_is_estimated(tmp_path: Path) -> None:

@@ -164,6 +164,18 @@ def test_a_snapshot_before_the_kept_state_is_computed_again(
     same(Path("out"), Path("once"), bits)
 
 
+def test_a_law_whose_series_belongs_to_the_end_is_computed_again(
+    run_here: Run, bits: Bits, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    springpot = {"model": "fractional_zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0, "exponent": 0.5}
+    run_here(study({}, layer__material=springpot))
+    _, log = run_here(study({}, layer__material=springpot, time__end=2.0))
+    assert "computed again: case 0001: time.end: 1.0 -> 2.0" in log
+    run_here(study({}, layer__material=springpot, time__end=2.0), "once")
+    same(Path("out"), Path("once"), bits)
+
+
 def test_asking_for_the_state_later_changes_nothing_in_what_is_complete(
     run_here: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -124,7 +124,8 @@ def test_a_run_that_is_stopped_at_every_attempt_does_the_same_work(steps: str, m
     )
     whole = Bits()
     simulate(config, whole)
-    assert any(row["rejected"] != (0.0).hex() for row in whole.rows) == (steps == "adaptive")
+    steps_taken = [row for row in whole.rows if "rejected" in row]
+    assert any(row["rejected"] != (0.0).hex() for row in steps_taken) == (steps == "adaptive")
     assert InParts(config, iter(lambda: 1, None)).recording == whole
 
 

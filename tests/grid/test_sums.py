@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums

@@ -14,7 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material, Prony, Zener
+from gfmdlayer.body.materials import Material
+from gfmdlayer.body.maxwell import Prony, Zener
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.third_order import ThirdOrder

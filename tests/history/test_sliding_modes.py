@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.conjugate_gradient import ConjugateGradient

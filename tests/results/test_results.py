@@ -362,7 +362,10 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
     with CaseWriter(records[1].path, {"x": X}) as other:
         for time in open_case(records[0].path)["snapshot"].values:
             other.snapshot(time + 1e-3, X, X)
-    with open_results(tmp_path) as data, pytest.raises(ResultsError, match="at other times than in the first"):
+    with (
+        open_results(tmp_path) as data,
+        pytest.raises(ResultsError, match="at other times than in the first"),
+    ):
         data["displacement"].load()
 
 

@@ -1,0 +1,181 @@
+"""`gfmdlayer fit-indentation`: fit moduli, times and thicknesses to measured force curves of an indenter."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, add_out, cut_short, refuse
+
+if TYPE_CHECKING:
+    from gfmdlayer.execution.run import Summary
+    from gfmdlayer.fitting.indentation.estimates import FitOptions
+
+EXAMPLE = (
+    "gfmdlayer fit-indentation configs/gel-curve.csv --model configs/gel.yaml --contact detect --out gel\n"
+    "  gfmdlayer fit-indentation map.h5 --model gel.yaml --each --jobs 4 --out results/map\n\n"
+    f"{STATUSES}"
+)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument(
+        "data",
+        metavar="DATA",
+        nargs="+",
+        help="files of curves (text, HDF5; AFM formats), or folders of them",
+    )
+    parser.add_argument(
+        "--model",
+        metavar="YAML",
+        nargs="+",
+        required=True,
+        help="body and indenter in the words of a configuration; several models are compared",
+    )
+    parser.add_argument(
+        "--free",
+        metavar="KEY",
+        nargs="+",
+        help="free parameters, such as layer.material.G0, contact_point, drift or force_offset; with bounds "
+        "KEY=LOW:HIGH (default: the key `free` of the model)",
+    )
+    parser.add_argument(
+        "--units",
+        metavar=("TIME", "DEPTH", "FORCE"),
+        nargs=3,
+        help="units of columns without their own, such as s nm nN; numbers are then in SI",
+    )
+    parser.add_argument(
+        "--contact",
+        choices=("given", "detect"),
+        default="given",
+        help="detect: contact point and offset of the force are free, and start where the force rises",
+    )
+    parser.add_argument(
+        "--loss",
+        choices=("linear", "soft_l1", "huber", "cauchy"),
+        default="linear",
+        help="of residuals over the noise; the others are for outliers (default: linear)",
+    )
+    parser.add_argument(
+        "--profile", action="store_true", help="profile intervals too; about ten times as long"
+    )
+    parser.add_argument(
+        "--each",
+        action="store_true",
+        help="fit the curves one by one into a results folder, with maps; also under mpirun or srun",
+    )
+    add_out(parser)
+    parser.add_argument("--restart", action="store_true", help="with --each: remove earlier results in DIR")
+    parser.add_argument("--force", action="store_true", help="overwrite files")
+
+
+def fit_indentation(options: argparse.Namespace) -> int:
+    """Fit moduli, times and thicknesses to measured force curves."""
+    from gfmdlayer.fitting.indentation.estimates import FitOptions
+    from gfmdlayer.fitting.measurement import FitError
+
+    try:
+        chosen = FitOptions(options.loss, options.profile, options.contact)
+        free = _free(options.free)
+        if isinstance(free, str):
+            return refuse(free)
+        if options.each:
+            if len(options.model) > 1:
+                return refuse("--each: fits one model; several are compared without it")
+            return _fit_each(options, chosen, free)
+        if options.restart or options.jobs > 1:
+            return refuse("--restart and --jobs: have no effect without --each")
+        return _fit_together(options, chosen, free)
+    except FitError as error:
+        return refuse(*str(error).splitlines())
+
+
+def _free(keys: list[str] | None) -> dict[str, list[float] | None] | str | None:
+    """Read KEY or KEY=LOW:HIGH; a text is why one is refused."""
+    if keys is None:
+        return None
+    found: dict[str, list[float] | None] = {}
+    for text in keys:
+        key, equals, bounds = text.partition("=")
+        try:
+            found[key] = [float(end) for end in bounds.split(":")] if equals else None
+        except ValueError:
+            return f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers"
+        if equals and len(found[key] or ()) != 2:
+            return f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers"
+    return found
+
+
+def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
+    from gfmdlayer.fitting.indentation import report
+    from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
+    from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
+    from gfmdlayer.fitting.indentation.parameters import Model
+
+    out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
+    report.targets(out, options.force)
+    models = {str(path): read_model(path, free) for path in options.model}
+    checked = {path: (Model(data), keys) for path, (data, keys) in models.items()}
+    curves = [read_curve(entry, options.units) for entry in entries([Path(each) for each in options.data])]
+    fits = {path: fit_curves(curves, model, keys, chosen) for path, (model, keys) in checked.items()}
+    best = min(fits, key=lambda path: fits[path].bic)
+    if len(fits) > 1:
+        print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")
+    print("\n".join(report.write_report(fits[best], out, options.force)))
+    return COMPLETE
+
+
+def _fit_each(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
+    from gfmdlayer.execution import interrupts, workers
+
+    interrupts.listen()
+    workers.threads_each(os.environ)
+    with workers.assemble(options.jobs, _prepare) as pool:
+        return COMPLETE if pool is None else _run(options, chosen, free, pool)
+
+
+def _prepare() -> None:
+    """Import what a fit needs, on MPI's other ranks."""
+    import gfmdlayer.force_maps.case_file  # noqa: F401
+
+
+def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
+    from gfmdlayer.cli.terminal import input_problems
+    from gfmdlayer.execution.progress import make_display
+    from gfmdlayer.fitting.indentation.fit import read_model
+    from gfmdlayer.force_maps.run import ForceMap
+    from gfmdlayer.results.schema import ResultsError
+
+    paths = [Path(each) for each in options.data]
+    directory = Path(options.out or Path("results") / f"{paths[0].stem}-fits")
+    try:
+        data, keys = read_model(options.model[0], free)
+        curves = ForceMap(paths, directory, data, keys, chosen, options.units)
+        summary = curves.run(pool, options.restart, lambda: make_display(sys.stderr))
+    except ResultsError as error:
+        print(f"gfmdlayer: {error}", file=sys.stderr)
+        return FAILED
+    except Exception as error:  # an exception that leaves the pool aborts the ranks
+        if not (problems := input_problems(error)):
+            raise
+        return refuse(*problems)
+    return _conclude(summary, directory)
+
+
+def _conclude(summary: Summary, directory: Path) -> int:
+    """Print how the fits ended and return the exit status."""
+    if stopped := summary.count("stopped"):
+        print(f"stopped: {stopped} curves wait; the same command resumes them")
+        return RESUMABLE
+    if summary.failures:
+        print(f"{len(summary.failures)} of {len(summary.outcomes)} curves failed:")
+        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
+        print(f"map of the others: {directory / 'sweep.h5'}; the same command tries the failed ones again")
+        return FAILED
+    print(f"complete: {directory / 'sweep.h5'}")
+    return COMPLETE

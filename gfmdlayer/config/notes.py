@@ -1,0 +1,76 @@
+"""Notes on a configuration that is possible, but perhaps not meant: for log, `check` and result files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from gfmdlayer.config.model import Config
+from gfmdlayer.validation.problems import dotted
+from gfmdlayer.validation.sections import Section, sections_in
+
+# Keys whose defaults are numbers of the paper's dimensionless case.
+_DIMENSIONS = {
+    **dict.fromkeys(("period", "thickness", "radius", "depth"), "length"),
+    **dict.fromkeys(("G", "G0", "Ginf", "shear_modulus", "load"), "pressure"),
+    **dict.fromkeys(("tau", "ramp_time", "end"), "time"),
+}
+_PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
+_FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
+
+
+def notes(config: Config) -> Iterator[str]:
+    """Yield notes on defaults beside numbers in other units, and on a ramp that does not end."""
+    left, foreign = _defaults(config)
+    if config.units is not None:
+        listed = [f"{key} = {value:g} {config.unit(_DIMENSIONS[_last(key)])}" for key, value in left.items()]
+        if listed:
+            yield f"left at defaults, in the units given: {', '.join(listed)}"
+    else:
+        for dimension, plural in _PLURALS.items():
+            own = [key for key in left if _DIMENSIONS[_last(key)] == dimension]
+            beside = next((key for key in foreign if _DIMENSIONS[_last(key)] == dimension), None)
+            if own and beside is not None:
+                listed = [f"{key} = {left[key]:g}" for key in own]
+                yield f"left at defaults beside {beside}: {', '.join(listed)}; give all {plural} in one unit"
+    ramp, end = config.trajectory.ramp_time, config.time.end
+    if ramp is not None and ramp > end:
+        yield f"trajectory.ramp_time = {ramp:g} is beyond time.end = {end:g}: the ramp is not completed"
+
+
+def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
+    """Return the dimensional keys left out, with their defaults, and those given in another unit."""
+    left: dict[str, float] = {}
+    foreign: list[str] = []
+    of_layers = [part for at, part in sections_in(config) if at[:1] in {("layer",), ("layers",)}]
+    alone = any(getattr(part, "thickness", 0.0) == math.inf for part in of_layers)
+    for at, section in sections_in(config):
+        if (at[:1] == ("halfspace",) and alone) or (
+            at[:1] == ("layer",) and getattr(config.layer, "thickness", 1.0) == 0
+        ):
+            continue
+        for key in type(section).model_fields:
+            value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0
+            if value in {0.0, math.inf}:
+                continue
+            if key not in section.model_fields_set:
+                left[dotted((*at, key))] = value
+            elif abs(math.log(value / _paper(section, key))) > math.log(_FACTOR):
+                foreign.append(dotted((*at, key)))
+    return left, foreign
+
+
+def _paper(section: Section, key: str) -> float:
+    """Return the default of a key, or 1 where it has none."""
+    return _number(type(section).model_fields[key].default) or 1.0
+
+
+def _number(value: object) -> float:
+    """Return a number, the largest of several; 0 for anything else."""
+    if isinstance(value, tuple):
+        return max(map(_number, value), default=0.0)
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _last(key: str) -> str:
+    return key.rpartition(".")[2]

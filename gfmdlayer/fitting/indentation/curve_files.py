@@ -1,0 +1,276 @@
+"""Measured force curves in files: columns of text, HDF5, and the formats of AFMs.
+
+Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or as the headings
+name them. Units stand in the headings, as in ``depth (nm)``, or are given.
+
+HDF5 (.h5, .hdf5): variables time, depth and force at the root, (rows,) for one curve or (curves, rows) for
+many, which may share a time of (rows,) and have x and y of (curves,); or a group for each curve with these
+variables in it and attributes x and y. Units are attributes `units`. Rows of NaN after the end of a short
+curve are left out.
+
+Other files are read by afmformats (the extra `afm`), in SI units; the depth is the negative tip position.
+
+A file of many curves is opened once, and a curve is read when it is used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.tables import TableError, is_number, read_lines
+from gfmdlayer.fitting.indentation.curve import ForceCurve
+from gfmdlayer.fitting.indentation.units import COLUMNS, allowed, parse_heading, size_of
+
+TEXT = {".csv", ".txt", ".dat", ".tsv"}
+HDF5 = {".h5", ".hdf5"}
+Units = Sequence[str]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A curve in a file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    key : str
+        The curve in it: a group, a number, or nothing for the only one.
+    name : str
+        Names the curve in messages and results.
+    position : tuple of float
+        Place (x, y) on the sample, or nothing.
+    """
+
+    path: Path
+    key: str
+    name: str
+    position: tuple[float, ...] = ()
+
+
+def entries(paths: Sequence[Path]) -> list[Entry]:
+    """Return the curves in files and folders, in the order of the names.
+
+    Raises
+    ------
+    TableError
+        A file does not exist or cannot be read, or there is no curve.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            files += sorted(each for each in path.iterdir() if each.is_file() and each.name[0] != ".")
+        elif path.exists():
+            files.append(path)
+        else:
+            raise TableError(f"{path}: no such file; must be a file of curves, or a folder of them")
+    found = [entry for path in files for entry in _entries(path)]
+    if not found:
+        raise TableError(f"{', '.join(map(str, paths))}: holds no curve")
+    names: dict[str, int] = {}
+    for entry in found:
+        names[entry.name] = names.get(entry.name, 0) + 1
+    return [
+        entry if names[entry.name] == 1 else Entry(entry.path, entry.key, f"{entry.path.name}:{entry.key}")
+        for entry in found
+    ]
+
+
+def read_curve(entry: Entry, units: Units | None = None) -> ForceCurve:
+    """Read a curve, in SI units where units are known, else as its numbers are.
+
+    Parameters
+    ----------
+    entry : Entry
+        The curve.
+    units : sequence of str, optional
+        Units of time, depth and force of columns without their own.
+
+    Raises
+    ------
+    TableError
+        The file cannot be read, a column is missing, or units are unknown or incomplete.
+    CurveError
+        The numbers cannot be used.
+    """
+    if entry.path.suffix.lower() in TEXT:
+        columns, found = _text_columns(entry.path)
+    elif entry.path.suffix.lower() in HDF5:
+        columns, found = _hdf5_columns(entry)
+    else:
+        return _afm_curve(entry)
+    sizes = _sizes(entry.path, found, units)
+    time, depth, force = (columns[column] * size for column, size in zip(COLUMNS, sizes, strict=True))
+    return ForceCurve(entry.name, time, depth, force, position=entry.position)
+
+
+def contents(path: Path) -> str:
+    """Return a hash of the contents of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _entries(path: Path) -> Iterator[Entry]:
+    suffix = path.suffix.lower()
+    if suffix in TEXT:
+        yield Entry(path, "", path.stem)
+    elif suffix in HDF5:
+        yield from _hdf5_entries(path)
+    else:
+        for number, data in enumerate(_afm_group(path)):
+            meta = data.metadata
+            place = tuple(float(meta[key]) for key in ("position x", "position y") if key in meta)
+            number_of_curve = meta.get("enum", number)
+            yield Entry(path, str(number), f"{path.stem}-{number_of_curve}", place if len(place) == 2 else ())
+
+
+def _text_columns(path: Path) -> tuple[dict[str, FloatArray], dict[str, str]]:
+    """Return the columns of a text file and the units in its headings."""
+    lines = read_lines(path)
+    first = next((i for i, line in enumerate(lines) if all(map(is_number, line[2]))), None)
+    if first is None:
+        raise TableError(f"{path}:1: holds no rows of numbers; must hold time, depth and force")
+    order = {column: i for i, column in enumerate(COLUMNS)}
+    units: dict[str, str] = {}
+    if first:
+        order, units = _headings(path, *lines[first - 1][:2])
+    width = len(lines[first][2])
+    rows = []
+    for number, shown, words in lines[first:]:
+        if len(words) != width or not all(map(is_number, words)):
+            raise TableError(
+                f"{path}:{number}: cannot read {shown[:60]!r}; must be {width} numbers, as above"
+            )
+        rows.append([float(word) for word in words])
+    table = np.array(rows)
+    if max(order.values()) >= width:
+        raise TableError(f"{path}:{lines[first][0]}: holds {width} columns; must hold time, depth and force")
+    return {column: table[:, i] for column, i in order.items()}, units
+
+
+def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[str, str]]:
+    """Return the places and the units of the columns that a line of headings names."""
+    separator = next((mark for mark in ",;\t" if mark in line), None)
+    order: dict[str, int] = {}
+    units: dict[str, str] = {}
+    for i, heading in enumerate(line.split(separator)):
+        column, unit = parse_heading(heading)
+        if column is None:
+            continue
+        if column in order:
+            raise TableError(f"{path}:{number}: two columns are named {column}; must be one")
+        order[column] = i
+        if unit:
+            units[column] = unit
+    if missing := [column for column in COLUMNS if column not in order]:
+        raise TableError(
+            f"{path}:{number}: names no column {' and '.join(missing)}; must name time, depth and force, as "
+            "in time (s), depth (nm), force (nN)"
+        )
+    return order, units
+
+
+def _sizes(path: Path, found: dict[str, str], given: Units | None) -> list[float]:
+    """Return the sizes of the units of the columns in SI; 1 where none has a unit."""
+    units = dict(zip(COLUMNS, given or (), strict=False)) | found
+    if not units:
+        return [1.0] * len(COLUMNS)
+    if missing := [column for column in COLUMNS if column not in units]:
+        raise TableError(
+            f"{path}: {' and '.join(missing)} without a unit beside {' and '.join(units)} with one; must all "
+            "have one, in the headings or by --units"
+        )
+    sizes = []
+    for column in COLUMNS:
+        size = size_of(units[column], column)
+        if size is None:
+            raise TableError(f"{path}: {units[column]!r} is no unit of {column}; must be {allowed(column)}")
+        sizes.append(size)
+    return sizes
+
+
+def _hdf5_entries(path: Path) -> Iterator[Entry]:
+    with _hdf5(path) as file:
+        if "force" not in file:
+            for name, group in file.items():
+                if hasattr(group, "keys") and "force" in group:
+                    yield Entry(path, name, name, _place(group.attrs))
+            return
+        shape = file["force"].shape
+        if len(shape) == 1:
+            yield Entry(path, "", path.stem)
+            return
+        places = np.stack([file[key][:] for key in "xy"], axis=1) if {"x", "y"} <= set(file) else None
+        digits = len(str(shape[0] - 1))
+        for i in range(shape[0]):
+            place = () if places is None else tuple(places[i].tolist())
+            yield Entry(path, str(i), f"{path.stem}-{i:0{digits}d}", place)
+
+
+def _hdf5_columns(entry: Entry) -> tuple[dict[str, FloatArray], dict[str, str]]:
+    with _hdf5(entry.path) as file:
+        row = int(entry.key) if "force" in file and entry.key else None
+        place = file if "force" in file else file[entry.key]
+        columns, units = {}, {}
+        for column in COLUMNS:
+            if column not in place:
+                raise TableError(f"{entry.path}: curve {entry.name} has no {column}; must have one")
+            data = place[column]
+            columns[column] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
+            if unit := data.attrs.get("units"):
+                units[column] = unit.decode() if isinstance(unit, bytes) else str(unit)
+    sizes = {values.size for values in columns.values()}
+    if len(sizes) == 1:
+        missing = np.all([np.isnan(values) for values in columns.values()], axis=0) | (
+            np.isnan(columns["depth"]) & np.isnan(columns["force"])
+        )
+        end = int(np.flatnonzero(~missing)[-1]) + 1 if not missing.all() else missing.size
+        columns = {column: values[:end] for column, values in columns.items()}
+    return columns, units
+
+
+def _hdf5(path: Path) -> Any:
+    import h5py
+
+    try:
+        return h5py.File(path, locking="best-effort")
+    except OSError as error:
+        raise TableError(f"{path}: cannot be read as HDF5 ({error})") from None
+
+
+def _place(attributes: Any) -> tuple[float, ...]:
+    return tuple(float(attributes[key]) for key in "xy") if {"x", "y"} <= set(attributes) else ()
+
+
+@lru_cache(maxsize=2)
+def _afm_group(path: Path) -> Any:
+    try:
+        import afmformats
+    except ImportError:
+        known = ", ".join(sorted(TEXT | HDF5))
+        raise TableError(
+            f"{path}: must be {known}, or `pip install 'gfmdlayer[afm]'` for the formats of AFMs"
+        ) from None
+    try:
+        return afmformats.load_data(path)
+    except Exception as error:  # each format fails with exceptions of its own
+        raise TableError(f"{path}: cannot be read by afmformats ({error})") from error
+
+
+def _afm_curve(entry: Entry) -> ForceCurve:
+    data = _afm_group(entry.path)[int(entry.key)]
+    missing = [column for column in ("time", "tip position", "force") if column not in data.columns]
+    if missing:
+        raise TableError(
+            f"{entry.path}: curve {entry.name} has no {' and no '.join(missing)}; must have them"
+        )
+    depth = -np.asarray(data["tip position"])
+    return ForceCurve(entry.name, data["time"], depth, data["force"], position=entry.position)

@@ -1,0 +1,274 @@
+"""Estimates of the parameters of a fit, with their errors, and what the data cannot tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.config import ConfigError
+from gfmdlayer.fitting.indentation import intervals
+from gfmdlayer.fitting.indentation.curve import ForceCurve
+from gfmdlayer.fitting.indentation.parameters import Parameter
+from gfmdlayer.fitting.indentation.problem import LeastSquares
+
+BAND = 0.95  # confidence of all intervals
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter.
+
+    Attributes
+    ----------
+    key, curve : str
+        Dotted key of the model or value of a curve, and the curve if it belongs to one of several.
+    value : float
+        Value of least squares.
+    error : float
+        Standard error; relative where the parameter is fitted by its logarithm.
+    interval : tuple of float
+        95 % confidence interval, linear.
+    profile : tuple of float, optional
+        95 % confidence interval of the profile.
+    bounds : tuple of float
+        Those of the fit.
+    relative : bool
+        Whether it is fitted by its logarithm.
+    """
+
+    key: str
+    curve: str
+    value: float
+    error: float
+    interval: tuple[float, float]
+    profile: tuple[float, float] | None
+    bounds: tuple[float, float]
+    relative: bool
+
+    @property
+    def name(self) -> str:
+        """Key, with the curve to which it belongs."""
+        return f"{self.key}[{self.curve}]" if self.curve else self.key
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error in the units of the value."""
+        return self.value * self.error if self.relative else self.error
+
+
+@dataclass(frozen=True)
+class CurveFit:
+    """A curve with the force of the fitted model.
+
+    Attributes
+    ----------
+    curve : ForceCurve
+        The measurement.
+    force : ndarray
+        Predicted, at the rows of the curve.
+    band : ndarray
+        Half width of the 95 % confidence band of the prediction.
+    noise : float
+        Standard deviation of the force, as given or from the residual.
+    """
+
+    curve: ForceCurve
+    force: FloatArray
+    band: FloatArray
+    noise: float
+
+
+@dataclass(frozen=True)
+class IndentationFit:
+    """A fit of one or several curves.
+
+    Attributes
+    ----------
+    parameters : tuple of Estimate
+        The free parameters.
+    correlation : ndarray, shape (parameters, parameters)
+        Of the estimates, on the scales on which they are fitted.
+    curves : tuple of CurveFit
+        The curves.
+    aic, bic : float
+        Information criteria of Akaike and Schwarz for normal noise: smaller is better, for the same curves.
+    warnings : tuple of str
+        What the data cannot tell, and what is odd about them.
+    solutions : int
+        Contact problems over a whole curve that were solved.
+    config : Config
+        The model with the fitted values.
+    """
+
+    parameters: tuple[Estimate, ...]
+    correlation: FloatArray
+    curves: tuple[CurveFit, ...]
+    aic: float
+    bic: float
+    warnings: tuple[str, ...]
+    solutions: int
+    config: Any = field(repr=False)
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return a parameter by its key, or its last part."""
+        for each in self.parameters:
+            if name in {each.name, each.key, each.key.rpartition(".")[2]}:
+                return each
+        raise KeyError(f"{name}: must be one of {', '.join(each.name for each in self.parameters)}")
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How curves are fitted.
+
+    Attributes
+    ----------
+    loss : str
+        linear, or soft_l1, huber, cauchy, which outliers pull less.
+    profile : bool
+        Find the profile intervals too, which take about ten times as long.
+    contact : str
+        given: the depth is that below the surface. detect: each curve has a free contact point and offset
+        of the force, which start where the force begins to rise.
+    """
+
+    loss: str = "linear"
+    profile: bool = False
+    contact: str = "given"
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.loss not in intervals.LOSSES:
+            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(intervals.LOSSES)}")
+        if self.contact not in {"given", "detect"}:
+            problems.append(f"contact: got {self.contact!r}; must be given or detect")
+        if problems:
+            raise ConfigError(problems)
+
+
+def conclude(problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str]) -> IndentationFit:
+    """Estimate the errors of a fit."""
+    residuals, jacobian = problem.residuals(u), problem.jacobian(u)
+    known = all(each.curve.noise is not None for each in problem.predictions)
+    factor = intervals.variance(residuals, u.size, options.loss, known)
+    spread = intervals.covariance(jacobian, factor)
+    t = intervals.quantile(BAND, residuals.size - u.size)
+    reported, slopes = problem.reported(u)
+    on_scale = slopes @ spread @ slopes.T
+    errors = np.sqrt(np.diag(on_scale))
+    profiles: list[tuple[float, float] | None] = [None] * u.size
+    if options.profile:
+        refit = partial(_refit, bounds=problem.bounds, loss=options.loss)
+        search = intervals.Profile(problem, u, spread, factor, refit)
+        profiles = [search.interval(i, t) for i in range(u.size)]
+    values = problem.values(u)
+    estimates = tuple(
+        _estimate(each, values[each.name], (float(reported[i]), float(errors[i])), t, profiles[i])
+        for i, each in enumerate(problem.parameters)
+    )
+    band = t * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, spread, jacobian), 0.0))
+    fitted = tuple(_curve_fits(problem, u, band, residuals, known))
+    correlation = on_scale / np.outer(errors, errors)
+    notes += _doubts(estimates, correlation, fitted, factor if known else 1.0)
+    aic, bic = _criteria(fitted, u.size)
+    return IndentationFit(
+        estimates, correlation, fitted, aic, bic, tuple(notes), problem.solutions, problem.config(u)
+    )
+
+
+def _refit(
+    residuals: Any, jacobian: Any, start: FloatArray, bounds: tuple[FloatArray, FloatArray], loss: str
+) -> FloatArray:
+    return intervals.minimised(residuals, jacobian, start, bounds, loss, 1e-4)
+
+
+def _estimate(
+    parameter: Parameter,
+    value: float,
+    on_scale: tuple[float, float],
+    t: float,
+    profile: tuple[float, float] | None,
+) -> Estimate:
+    """Turn an estimate on its scale into one in its units."""
+    at, error = on_scale
+    relative = parameter.scale == "logarithmic"
+
+    def back(x: float) -> float:
+        if not relative:
+            return float(np.clip(x, *parameter.bounds))
+        return float(np.clip(math.exp(min(x, 700.0)), *parameter.bounds))
+
+    ends = back(at - t * error), back(at + t * error)
+    of_profile = None if profile is None else (back(profile[0]), back(profile[1]))
+    return Estimate(
+        parameter.key, parameter.curve, value, error, ends, of_profile, parameter.bounds, relative
+    )
+
+
+def _curve_fits(
+    problem: LeastSquares, u: FloatArray, band: FloatArray, residuals: FloatArray, known: bool
+) -> Iterator[CurveFit]:
+    begin = 0
+    freedom = residuals.size / max(residuals.size - u.size, 1)
+    for force, each, noise in zip(problem.forces(u), problem.predictions, problem.noise, strict=True):
+        rows = slice(begin, begin + force.size)
+        begin = rows.stop
+        own = float(np.sqrt(np.mean(residuals[rows] ** 2) * freedom)) * noise
+        yield CurveFit(each.curve, force, band[rows] * noise, float(noise) if known else own)
+
+
+def _criteria(fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
+    """Return AIC and BIC; a noise that was estimated counts as a parameter."""
+    twice, rows, count = 0.0, 0, parameters
+    for each in fitted:
+        squares, size = float(np.sum((each.force - each.curve.force) ** 2)), each.force.size
+        if each.curve.noise is None:
+            twice += size * (math.log(2 * math.pi * max(squares, 1e-300) / size) + 1)
+            count += 1
+        else:
+            twice += size * math.log(2 * math.pi * each.noise**2) + squares / each.noise**2
+        rows += size
+    return twice + 2 * count, twice + count * math.log(rows)
+
+
+def _doubts(
+    estimates: Sequence[Estimate], correlation: FloatArray, fitted: Sequence[CurveFit], excess: float
+) -> Iterator[str]:
+    """Yield what the data cannot tell."""
+    for each in estimates:
+        (low, high), (least, most) = each.profile or each.interval, each.bounds
+        below, above = low <= least * (1 + 1e-6 * np.sign(least)), high >= most * (1 - 1e-6 * np.sign(most))
+        if below and above:
+            yield (
+                f"{each.name}: the data do not determine it: its interval spans its bounds, {least:g} to "
+                f"{most:g}"
+            )
+        elif below or above:
+            side, bound = ("above", least) if below else ("below", most)
+            yield f"{each.name}: the data bound it from {side} only: its interval reaches the bound {bound:g}"
+        elif each.relative and high > 10 * low:
+            yield f"{each.name}: hardly determined: its interval spans a factor of {high / low:.2g}"
+    for i, j in combinations(range(len(estimates)), 2):
+        if abs(correlation[i, j]) > 0.99:
+            pair = f"{estimates[i].name} and {estimates[j].name}"
+            value = f"correlation {correlation[i, j]:.4f}"
+            yield f"{pair}: {value}: the data determine a combination of them, not both"
+    for fit in fitted:
+        residual = fit.force - fit.curve.force
+        if np.sum(residual**2) > 0:
+            along = float(residual[1:] @ residual[:-1] / (residual @ residual))
+            if along > 0.5:
+                yield (
+                    f"curve {fit.curve.name}: residuals of neighbouring rows have a correlation of "
+                    f"{along:.2f}: the model does not describe the curve to its noise, and intervals are "
+                    "too narrow"
+                )
+    if excess > 1.5:
+        yield f"the residual is {excess**0.5:.3g} times the noise that was given; intervals count with it"

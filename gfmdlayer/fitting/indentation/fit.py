@@ -1,0 +1,233 @@
+"""Fit of a body under an indenter to measured force curves.
+
+The free parameters minimise the sum of squares of predicted minus measured force over the noise
+(`problem.LeastSquares`, the trust-region reflective method of scipy). The fit starts with all free moduli
+multiplied by the factor that the forces ask for, and with the best of several factors of the times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.config import ConfigError, text
+from gfmdlayer.fitting.indentation import intervals
+from gfmdlayer.fitting.indentation.checks import refuse_impossible, warnings_before
+from gfmdlayer.fitting.indentation.contact_point import detect
+from gfmdlayer.fitting.indentation.curve import ForceCurve
+from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
+from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.indentation.forward import Prediction
+from gfmdlayer.fitting.indentation.parameters import Free, Model, Parameter, free_parameters
+from gfmdlayer.fitting.indentation.problem import MODULI, LeastSquares
+from gfmdlayer.fitting.measurement import FitError
+
+Given = ForceCurve | str | Path | Mapping[str, Any]
+TIMES = (0.0, 0.01, 0.1, 1.0)  # of the duration, for the first relaxation time; 0: as the model has it
+ROUGH, FINE = 1e-2, 1e-5  # precision of the fit before the times of the solution are chosen again, and then
+ROUNDS = 4
+STAYS = 0.2  # change of a logarithm that needs no other times of the solution
+
+
+def fit_indentation(
+    curves: Given | Iterable[Given],
+    model: Mapping[str, Any] | str | Path,
+    free: Free | None = None,
+    *,
+    units: Units | None = None,
+    loss: str = "linear",
+    profile: bool = False,
+    contact: str = "given",
+) -> IndentationFit:
+    """Fit moduli, times, thicknesses and more to measured force curves.
+
+    Parameters
+    ----------
+    curves : ForceCurve, path, mapping or Dataset, or an iterable of these
+        Measured curves: files or folders of them (see `curve_files`), or columns time, depth and force.
+        Several share the parameters of the model; each has its own contact point, drift and
+        offset of the force.
+    model : mapping, str or Path
+        Body and indenter in the words of a configuration (layer or layers, halfspace, punch), or a file of
+        it. Its values are where the fit starts. A key `free` names the free parameters.
+    free : sequence of str, or mapping
+        Dotted keys of the model, and contact_point, drift, force_offset; a mapping gives bounds as
+        [low, high], or None.
+    units : sequence of str, optional
+        Units of time, depth and force in files that do not tell them, such as ("s", "nm", "nN").
+    loss, profile, contact
+        See `FitOptions`.
+
+    Returns
+    -------
+    IndentationFit
+
+    Raises
+    ------
+    ConfigError
+        The model or a key is not possible.
+    CurveError
+        A curve cannot be used.
+    FitError
+        The fit is not possible.
+    """
+    options = FitOptions(loss, profile, contact)
+    single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
+    every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
+    given = list(_curves(every, units))
+    if not given:
+        raise FitError("no curve is given; must be at least one")
+    if len({curve.name for curve in given}) < len(given):
+        raise FitError("two curves have the same name; must have different ones")
+    data, keys = read_model(model, free)
+    return fit_curves(given, Model(data), keys, options)
+
+
+def _curves(given: Iterable[Any], units: Units | None) -> Iterator[ForceCurve]:
+    """Yield the curves that are given in any of the ways of `fit_indentation`."""
+    for number, each in enumerate(given):
+        if isinstance(each, ForceCurve):
+            yield each
+        elif isinstance(each, (str, Path)):
+            yield from (read_curve(entry, units) for entry in entries([Path(each)]))
+        elif all(key in each for key in ("time", "depth", "force")):
+            time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
+            yield ForceCurve(str(number), time, depth, force)
+        else:
+            raise FitError(f"curve {number}: has no columns time, depth and force; must have them")
+
+
+def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tuple[dict[str, Any], Free]:
+    """Return body and indenter as plain data, and the keys of the free parameters.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or no free parameter is named.
+    """
+    if isinstance(model, Mapping):
+        data = dict(model)
+    else:
+        try:
+            document = text.read(Path(model).read_bytes(), str(model))
+        except OSError as error:
+            raise ConfigError([f"{model}: cannot be read ({error.strerror}); must be a YAML file"]) from None
+        if document.problems or not isinstance(document.data, dict):
+            found = [f"{place}: {message}" for place, message in document.problems]
+            raise ConfigError(found or [f"{model}: must hold the keys layer, halfspace and punch"])
+        data = document.data
+    own = data.pop("free", None)
+    keys = own if free is None else free
+    if not isinstance(keys, (list, tuple, Mapping)) or not keys:
+        raise ConfigError(["free: must name parameters, such as [layer.material.G0], or give their bounds"])
+    return data, keys
+
+
+def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions) -> IndentationFit:
+    """Fit a checked model to curves, see `fit_indentation`."""
+    refuse_impossible(curves, model)
+    parameters = _parameters(curves, model, free, options)
+    rows = sum(curve.time.size for curve in curves)
+    if rows < 2 * len(parameters):
+        raise FitError(
+            f"{rows} rows for {len(parameters)} free parameters; must be at least {2 * len(parameters)}"
+        )
+    problem = LeastSquares(model, parameters, [Prediction(curve) for curve in curves])
+    u, scale = _first_guess(problem)
+    notes = list(warnings_before(curves, model, scale))
+    u = _solve(problem, u, options.loss)
+    return conclude(problem, u, options, notes)
+
+
+def _parameters(
+    curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions
+) -> list[Parameter]:
+    depth = max(float(np.ptp(curve.depth)) for curve in curves)
+    force = max(float(np.ptp(curve.force)) for curve in curves)
+    duration = min(float(np.ptp(curve.time)) for curve in curves)
+    spans = {
+        "contact_point": (-depth, depth),
+        "drift": (-depth / duration, depth / duration),
+        "force_offset": (-force, force),
+    }
+    asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    if options.contact == "detect":
+        asked |= {key: asked.get(key) for key in ("contact_point", "force_offset")}
+    found = free_parameters(model, asked, [curve.name for curve in curves], spans)
+    if options.contact == "given":
+        return found
+    points = {curve.name if len(curves) > 1 else "": detect(curve) for curve in curves}
+    return [_from_detection(each, points[each.curve]) if each.key in spans else each for each in found]
+
+
+def _from_detection(parameter: Parameter, point: Any) -> Parameter:
+    start = {"contact_point": point.depth, "force_offset": point.offset}.get(parameter.key, 0.0)
+    low, high = parameter.bounds
+    return replace(parameter, start=start, bounds=(min(low, 2 * start), max(high, 2 * start)))
+
+
+def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
+    """Return where the fit starts, and the factor by which the moduli of the model had to grow.
+
+    The force is nearly of first degree in the moduli: one factor fits all of them to the measured force.
+    """
+    times = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] == "tau"]
+    duration = max(float(np.ptp(each.curve.time)) for each in problem.predictions)
+    shifts = [0.0]
+    if times:
+        first = min(problem.start[i] for i in times)
+        shifts += [math.log(part * duration) - first for part in TIMES if part]
+    trials = []
+    for shift in shifts:
+        u = problem.start.copy()
+        u[times] += shift
+        trials.append(_scaled(problem, np.clip(u, *problem.bounds)))
+    least = min(range(len(trials)), key=lambda k: trials[k][1] * (1 if k else 0.5))
+    return trials[least][0], trials[0][2]
+
+
+def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
+    """Return u with the moduli that fit best, the sum of squares, and the factor."""
+    moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
+    predicted = np.concatenate(problem.forces(u))
+    measured = np.concatenate([each.curve.force for each in problem.predictions])
+    along = float(predicted @ measured) / max(float(predicted @ predicted), 1e-300)
+    factor = along if along > 0 else 1.0
+    shifted = u.copy()
+    if moduli:
+        shifted[moduli] = np.clip(u + math.log(factor), *problem.bounds)[moduli]
+    squares = float(np.sum((factor * predicted - measured) ** 2))
+    return shifted, squares, factor
+
+
+def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
+    """Fit, choose the times of the solutions and the noise of each curve anew, and fit until u stays."""
+    minimise = partial(intervals.minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
+    problem.adapt(u)
+    u = minimise(start=u, precision=ROUGH)
+    estimated = [i for i, each in enumerate(problem.predictions) if each.curve.noise is None]
+    for _ in range(ROUNDS):
+        before = u
+        problem.adapt(u)
+        for i in estimated:
+            problem.noise[i] = _spread(problem.forces(u)[i] - problem.predictions[i].curve.force, loss)
+        u = minimise(start=u, loss=loss, precision=FINE)
+        if np.abs(u - before).max() < STAYS:
+            break
+    return u
+
+
+def _spread(residual: FloatArray, loss: str) -> float:
+    """Return the standard deviation of a residual; of its core, where outliers are expected."""
+    if loss == "linear":
+        found = float(np.sqrt(np.mean(residual**2)))
+    else:
+        found = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return max(found, 1e-12 * float(np.abs(residual).max()), 1e-300)

@@ -1,0 +1,196 @@
+"""The output of a fit: the fitted model in YAML, all numbers in JSON, a picture, a summary."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gfmdlayer.config import text
+from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
+from gfmdlayer.files.whole import write_text
+from gfmdlayer.fitting.indentation.estimates import Estimate, IndentationFit
+from gfmdlayer.results.schema import ResultsError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN_CURVES = 6
+SECTIONS = ("layer", "layers", "halfspace", "punch")
+
+
+def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
+    """Return the names of the YAML, the JSON and the picture.
+
+    Raises
+    ------
+    ResultsError
+        One of them exists, unless `force`.
+    """
+    material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
+    found = material, material.with_suffix(".json"), material.with_suffix(".png")
+    for target in found:
+        if target.exists() and not force:
+            raise ResultsError(f"{target}: exists; must be another file, or --force be given to overwrite it")
+    return found
+
+
+def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
+    """Write YAML, JSON and picture, and return the lines of a summary.
+
+    Parameters
+    ----------
+    fit : IndentationFit
+        The fit.
+    out : Path
+        The YAML file; the others lie beside it.
+    force : bool
+        Overwrite existing files.
+
+    Raises
+    ------
+    ResultsError
+        A file exists or cannot be written.
+    """
+    material, numbers, picture = targets(out, force)
+    try:
+        material.parent.mkdir(parents=True, exist_ok=True)
+        write_text(material, model_yaml(fit, material.stem), replace=force)
+        write_text(numbers, json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n", replace=force)
+    except OSError as error:
+        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    save(fit_figure(fit), picture)
+    return [*summary(fit), f"model: {material}", f"numbers: {numbers}", f"figure: {picture}"]
+
+
+def model_yaml(fit: IndentationFit, name: str) -> str:
+    """Write the fitted model as a small configuration, the estimates and their intervals above it."""
+    data = fit.config.model_dump(exclude_none=True)
+    word = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:128] or "model"
+    kept = {"name": word} | {key: data[key] for key in SECTIONS if key in data}
+    return "".join(f"# {line}\n" for line in summary(fit)) + text.written(kept)
+
+
+def as_data(fit: IndentationFit) -> dict[str, Any]:
+    """Return a fit as plain data; an end of a profile that was not found is null."""
+    return {
+        "parameters": [_estimate(each) for each in fit.parameters],
+        "correlation": fit.correlation.tolist(),
+        "aic": fit.aic,
+        "bic": fit.bic,
+        "curves": [
+            {"name": each.curve.name, "rows": each.curve.time.size, "noise": each.noise}
+            for each in fit.curves
+        ],
+        "warnings": list(fit.warnings),
+    }
+
+
+def _estimate(each: Estimate) -> dict[str, Any]:
+    ends = each.profile and [end if math.isfinite(end) else None for end in each.profile]
+    return {
+        "key": each.key,
+        "curve": each.curve or None,
+        "value": each.value,
+        "standard_error": each.standard_error,
+        "interval_95": list(each.interval),
+        "profile_95": ends,
+        "bounds": list(each.bounds),
+    }
+
+
+def summary(fit: IndentationFit) -> list[str]:
+    """Return the estimates, the noise, the correlations and the warnings, a line each."""
+    rows = sum(each.curve.time.size for each in fit.curves)
+    number = "1 curve" if len(fit.curves) == 1 else f"{len(fit.curves)} curves"
+    return [
+        f"Fit of {number}, {rows} rows, {len(fit.parameters)} free parameters. "
+        f"AIC {fit.aic:.2f}, BIC {fit.bic:.2f}.",
+        *_table(fit.parameters),
+        *(f"noise of {each.curve.name}: {each.noise:.4g}" for each in fit.curves[:SHOWN_CURVES]),
+        *_correlations(fit),
+        *(f"warning: {warning}" for warning in fit.warnings),
+    ]
+
+
+def comparison(fits: dict[str, IndentationFit]) -> list[str]:
+    """Return a table of models by their information criteria, the best by BIC first."""
+    best_aic, best_bic = min(f.aic for f in fits.values()), min(f.bic for f in fits.values())
+    width = max(len(name) for name in fits)
+    lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
+    for name, fit in sorted(fits.items(), key=lambda item: item[1].bic):
+        noise = math.sqrt(sum(each.noise**2 for each in fit.curves) / len(fit.curves))
+        lines.append(
+            f"{name:{width}}  {len(fit.parameters):10d}  {noise:10.4g}  {fit.aic - best_aic:11.2f}  "
+            f"{fit.bic - best_bic:11.2f}"
+        )
+    return lines
+
+
+def _table(estimates: Sequence[Estimate]) -> Iterator[str]:
+    width = max(len("parameter"), *(len(each.name) for each in estimates))
+    profiled = any(each.profile for each in estimates)
+    profile_head = "  95 % profile interval" if profiled else ""
+    yield f"{'parameter':{width}}  {'value':>12}  {'error':>10}  {'95 % interval':26}{profile_head}".rstrip()
+    for each in estimates:
+        low, high = each.interval
+        line = f"{each.name:{width}}  {each.value:12.6g}  {each.standard_error:10.3g}  "
+        line += f"{f'{low:.6g} to {high:.6g}':26}"
+        if each.profile:
+            line += f"  {each.profile[0]:.6g} to {each.profile[1]:.6g}"
+        yield line.rstrip()
+
+
+def _correlations(fit: IndentationFit) -> Iterator[str]:
+    if len(fit.parameters) < 2 or len(fit.parameters) > 2 * SHOWN_CURVES:
+        return
+    yield "correlation:"
+    for each, row in zip(fit.parameters, fit.correlation, strict=True):
+        yield "  " + " ".join(f"{value:6.3f}" for value in row) + f"  {each.name}"
+
+
+def fit_figure(fit: IndentationFit) -> Figure:
+    """Draw measured and fitted forces over time with the confidence band, and below them the residuals."""
+    shown = fit.curves[:SHOWN_CURVES]
+    with styled():
+        figure = new_figure(1, 100.0)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+        factor, prefix = _prefix(max(float(np.abs(each.curve.force).max()) for each in shown))
+        dark = colours(len(shown) + 1)
+        for each, colour in zip(shown, dark, strict=False):
+            _draw(above, below, each, (colour, factor))
+        above.set(ylabel=f"force{prefix}")
+        above.set_title("(a)", loc="left")
+        handles, labels = above.get_legend_handles_labels()
+        above.legend(handles[:3], labels[:3])
+        below.axhline(0, color="black", linewidth=0.5)
+        below.set(xlabel="time", ylabel="residual")
+        below.set_title("(b)", loc="left")
+    return figure
+
+
+def _draw(above: Axes, below: Axes, each: Any, look: tuple[str, float]) -> None:
+    colour, factor = look
+    time, measured, fitted, band = (
+        each.curve.time, each.curve.force * factor, each.force * factor, each.band * factor,
+    )  # fmt: skip
+    thin = max(1, time.size // 400)  # more markers would hide the line
+    above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
+    above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
+    above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
+    below.plot(time[::thin], (measured - fitted)[::thin], ".", color=colour, ms=1.8, mew=0)
+    below.fill_between(time, -band, band, color=colour, alpha=0.3, lw=0)
+
+
+def _prefix(largest: float) -> tuple[float, str]:
+    """Return a power of ten that makes small or large numbers readable, and how to write it."""
+    power = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
+    if -3 <= power <= 3:
+        return 1.0, ""
+    return 10.0**-power, rf" ($10^{{{power}}}$)"

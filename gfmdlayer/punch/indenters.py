@@ -1,0 +1,96 @@
+"""Indenters of revolution for isolated contacts: a flat cylinder, a blunted cone, a profile from a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from gfmdlayer.punch.shape import Analytic, Axes, Cell, Shape, distance
+from gfmdlayer.validation.fields import File, Positive
+from gfmdlayer.validation.problems import Problem
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.punch.revolution import Revolution
+
+
+class BluntedCone(Analytic):
+    """A cone whose tip is a paraboloid that goes over into it without a kink."""
+
+    shape: Literal["blunted_cone"] = "blunted_cone"
+    """a cone with a rounded tip"""
+    slope: Positive
+    """slope of its side"""
+    tip_radius: Positive
+    """radius of curvature of the tip: length"""
+
+    def height(self, axes: Axes) -> FloatArray:
+        """r^2/(2 R) up to r = slope R, from there on the tangent."""
+        import numpy as np
+
+        r, R = distance(axes), self.tip_radius
+        tip = np.minimum(r, self.slope * R)
+        return np.asarray(tip**2 / (2 * R) + self.slope * (r - tip))
+
+    def revolution(self) -> Revolution:
+        """The tip and the cone."""
+        from gfmdlayer.punch.revolution import of_pieces
+
+        R = self.tip_radius
+        return of_pieces([0.0, self.slope * R], [0.0, self.slope], [1 / R, 0.0])
+
+
+class _Isolated(Shape):
+    """An indenter that ends at a rim, beyond which it has no height."""
+
+    def heights(self, grid: Grid) -> FloatArray:
+        """Heights on a periodic grid: refused by `misfits`.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(f"{self.shape}: has no height beyond its rim, as a periodic surface of {grid} needs")
+
+    def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
+        """Refuse every periodic cell."""
+        message = f"got {self.shape!r}, which has a rim; must be another shape, or grid.geometry axisymmetric"
+        yield Problem(("shape",), message, ("grid.geometry",))
+
+
+class FlatPunch(_Isolated):
+    """The flat end of a cylinder; for grid.geometry: axisymmetric."""
+
+    shape: Literal["flat_punch"] = "flat_punch"
+    """the flat end of a cylinder; for grid.geometry: axisymmetric"""
+    radius: Positive
+    """radius of the cylinder: length"""
+
+    def revolution(self) -> Revolution:
+        """The flat end."""
+        from gfmdlayer.punch.revolution import flat
+
+        return flat(self.radius)
+
+
+class RadialProfile(_Isolated):
+    """A convex profile of revolution from a table; for grid.geometry: axisymmetric."""
+
+    shape: Literal["radial_profile"] = "radial_profile"
+    """a convex profile from a table; for grid.geometry: axisymmetric"""
+    file: File
+    """two columns, radius from 0 and height"""
+
+    def revolution(self) -> Revolution:
+        """The profile, which ends at the last radius.
+
+        Raises
+        ------
+        TableError
+            If the file does not hold a convex profile.
+        """
+        from gfmdlayer.punch.revolution import read_table
+
+        return read_table(self.file)

@@ -1,0 +1,281 @@
+"""How well force curves are fitted, what polynomial corrections get wrong: figures of docs/indentation.md.
+
+python scripts/indentation_fits.py coverage [DRAWS]   how often 95 % intervals hold the truth
+python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
+python scripts/indentation_fits.py thickness          how thick is thick enough
+python scripts/indentation_fits.py histories          which history tells which parameters apart
+python scripts/indentation_fits.py figure             docs/indentation.svg
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, least_squares
+
+from gfmdlayer import ForceCurve, fit_indentation
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.fitting.indentation import forward
+from gfmdlayer.fitting.indentation.intervals import covariance
+from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
+from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.indentation.solve import on_steps
+from gfmdlayer.indentation.space import History, find_space
+from gfmdlayer.punch.revolution import paraboloid
+
+RADIUS, DEPTH = 5.0, 0.2  # a contact of about one thickness of the thin layer
+ROWS = 401
+FINE = 160  # steps of the curves that stand for the truth
+ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
+OWN = ("contact_point", "force_offset")
+BRANCHES = tuple(f"layer.material.branches[{k}].{key}" for k in (0, 1) for key in ("G", "tau"))
+# Dimitriadis et al., Biophys. J. 82 (2002) 2798; Garcia & Garcia, Biophys. J. 114 (2018) 2923; bonded.
+POLYNOMIALS = {
+    "Hertz": (1.0,),
+    "Dimitriadis": (1.0, 1.133, 1.283, 0.769, 0.0975),
+    "Garcia": (1.0, 1.133, 1.497, 1.469, 0.755),
+}
+
+
+def model(thickness: float, base: float, branches: int = 1) -> dict[str, Any]:
+    """Return a layer of G0 = 1, Ginf = 5."""
+    material: dict[str, Any] = {"model": "zener", "G0": 1.0, "Ginf": 5.0, "tau": 0.7}
+    if branches == 2:
+        pairs = [{"G": 2.5, "tau": 0.1}, {"G": 1.5, "tau": 1.5}]
+        material = {"model": "prony", "G0": 1.0, "branches": pairs}
+    return {
+        "layer": {"thickness": thickness, "poisson": 0.5, "material": material},
+        "halfspace": {"shear_modulus": base},
+        "punch": {"shape": "parabola", "radius": RADIUS},
+    }
+
+
+def history(*corners: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and depths of straight pieces."""
+    at, depth = np.array(corners).T
+    times = np.linspace(at[0], at[-1], ROWS)
+    return times, np.interp(times, at, depth)
+
+
+RAMP_HOLD_BACK = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, -0.02))
+
+
+def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return the force of a model, with many steps."""
+    times, depth = motion
+    prediction = forward.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
+    steps, forward.STEPS = forward.STEPS, FINE
+    prediction.adapt(Model(data).config)
+    forward.STEPS = steps
+    return prediction.force(Model(data).config)
+
+
+KINDS: dict[str, tuple[dict[str, Any], float, tuple[str, ...]]] = {
+    "thin, soft base": (model(1.0, 0.3), 0.01, ZENER),
+    "thin, rigid base": (model(1.0, math.inf), 0.01, (*ZENER, OWN[0])),
+    "thick, stiff base": (model(4.0, 30.0), 0.05, ZENER),
+    "thick, soft base": (model(4.0, 0.3), 0.05, (*ZENER, OWN[0])),
+    "thin, rigid base, offset": (model(1.0, math.inf), 0.05, (*ZENER, *OWN)),
+    "thin, stiff base": (model(1.0, 10.0), 0.01, (*ZENER, "layer.thickness", OWN[0])),
+    "thin, soft base unknown": (model(1.0, 0.3), 0.01, (*ZENER, *OWN, "halfspace.shear_modulus")),
+    "thick, two branches": (model(4.0, math.inf, 2), 0.01, (ZENER[0], *BRANCHES, OWN[0])),
+}
+
+
+def coverage(draws: int = 25) -> None:
+    """Fit noisy curves of all kinds and count the intervals that hold the truth."""
+    rng = np.random.default_rng(0)
+    total, held, seconds = 0, 0, []
+    print(f"{'kind':26} noise  free  held of all    each parameter (%)            CPU s: median, most")
+    for name, (data, noise, free) in KINDS.items():
+        clean, known = truth(data, RAMP_HOLD_BACK), Model(data).keys
+        inside, spent = np.zeros(len(free)), []
+        for _ in range(draws):
+            force = clean + noise * clean.max() * rng.standard_normal(clean.size)
+            begun = time.process_time()
+            fit = fit_indentation(ForceCurve("curve", *RAMP_HOLD_BACK, force), started(data, rng), list(free))
+            spent.append(time.process_time() - begun)
+            for i, key in enumerate(free):
+                low, high = fit[key].interval
+                inside[i] += low <= known.get(key, 0.0) <= high
+        share = " ".join(f"{100 * each / draws:3.0f}" for each in inside)
+        count = f"{inside.sum():4.0f} of {draws * len(free):4d}"
+        seen = f"{np.median(spent):.2f}, {max(spent):.2f}"
+        print(f"{name:26} {noise:5.0%}  {len(free):4d}  {count}   {share:28}  {seen}", flush=True)
+        total, held, seconds = total + draws * len(free), held + int(inside.sum()), seconds + spent
+    print(f"{len(KINDS) * draws} curves: {held} of {total} intervals hold the truth, {held / total:.1%}")
+    print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, most {max(seconds):.2f}")
+
+
+def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Return a model whose material is a factor of up to 2.5 from the truth."""
+
+    def moved(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: moved(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [moved(each) for each in value]
+        return value * 2.5 ** rng.uniform(-1, 1) if isinstance(value, float) else value
+
+    material = moved(data["layer"]["material"])
+    if "Ginf" in material:
+        material["Ginf"] = material["G0"] * 3
+    return {**data, "layer": {**data["layer"], "material": material}}
+
+
+def hereditary(t: np.ndarray, elastic: np.ndarray, G0: float, Ginf: float, tau: float) -> np.ndarray:
+    """Int G(t - s) dF_1(s), with F_1 linear between the rows."""
+    force = np.zeros(t.size)
+    memory = 0.0
+    for i in range(1, t.size):
+        step, grown = (t[i] - t[i - 1]) / tau, elastic[i] - elastic[i - 1]
+        memory = memory * math.exp(-step) - grown * math.expm1(-step) / step
+        force[i] = G0 * elastic[i] + (Ginf - G0) * memory
+    return force
+
+
+def by_polynomial(
+    motion: tuple[np.ndarray, np.ndarray], force: np.ndarray, which: str, inside: bool, thickness: float
+) -> np.ndarray:
+    """Fit G0, Ginf and tau with a polynomial correction, inside the hereditary integral or outside."""
+    times, depth = motion
+    factor = np.polyval(POLYNOMIALS[which][::-1], np.sqrt(RADIUS * depth) / thickness)
+    hertz = 16 / 3 * RADIUS**0.5 * depth**1.5
+
+    def residual(u: np.ndarray) -> np.ndarray:
+        G0, Ginf, tau = math.exp(u[0]), math.exp(u[0]) + math.exp(u[1]), math.exp(u[2])
+        if inside:
+            return hereditary(times, hertz * factor, G0, Ginf, tau) - force
+        return hereditary(times, hertz, G0, Ginf, tau) * factor - force
+
+    u = least_squares(residual, np.log([1.0, 4.0, 0.7])).x
+    return np.array([math.exp(u[0]), math.exp(u[0]) + math.exp(u[1]), math.exp(u[2])])
+
+
+def peers() -> None:
+    """Print errors of moduli and time by other methods, on ramps and holds without noise."""
+    motion = history((0, 0), (1, DEPTH), (4, DEPTH))
+    print("| method | base | sqrt(R d)/h | G0 | Ginf | tau |\n|---|---|---|---|---|---|")
+    for base, thickness in ((math.inf, 1.0), (math.inf, 2.0), (10.0, 1.0), (2.0, 1.0)):
+        data = model(thickness, base)
+        force = truth(data, motion)
+        rows = {}
+        for which in POLYNOMIALS:
+            for inside in (True, False) if which != "Hertz" else (True,):
+                place = "" if which == "Hertz" else ", inside" if inside else ", outside"
+                rows[which + place] = by_polynomial(motion, force, which, inside, thickness)
+        fit = fit_indentation(ForceCurve("a", *motion, force), data, list(ZENER))
+        rows["exact"] = np.array([fit[key].value for key in ZENER])
+        for name, found in rows.items():
+            errors = " | ".join(f"{100 * each:+.1f} %" for each in found / np.array([1.0, 5.0, 0.7]) - 1)
+            size = math.sqrt(RADIUS * DEPTH) / thickness
+            print(f"| {name} | {'rigid' if math.isinf(base) else f'{base:g} G0'} | {size:g} | {errors} |")
+
+
+def elastic_factor(ratio: float, base: float, poisson: float = 0.5) -> float:
+    """F/F_Hertz of a paraboloid at sqrt(R d)/h on an elastic layer of unit modulus."""
+    layer = ViscoelasticLayer(LayeredHalfspace(1.0, poisson, base, 0.5), Prony(1.0))
+    depth = ratio**2 / 50.0
+    profile = paraboloid(50.0)
+    ends = History(np.array([0.0, 1.0]), np.array([0.0, depth]))
+    found = on_steps(layer, find_space(layer, profile, ends), profile, ends, ends.time)
+    return float(found.force[-1] / (8 / 3 * 50.0**0.5 * depth**1.5 / (1 - poisson)))
+
+
+def thickness() -> None:
+    """Print the contact size at which the base changes the force by a part."""
+    print("| base | nu | 1 % | 5 % | 10 % |\n|---|---|---|---|---|")
+    for base in (0.1, 0.5, 2.0, 10.0, math.inf):
+        for poisson in (0.5, 0.3):
+            found = []
+            for part in (0.01, 0.05, 0.1):
+
+                def away(log_ratio: float, base=base, poisson=poisson, part=part) -> float:
+                    return abs(elastic_factor(math.exp(log_ratio), base, poisson) - 1) - part
+
+                found.append(f"{math.exp(brentq(away, math.log(1e-3), math.log(3.0), xtol=1e-3)):.3f}")
+            name = "rigid" if math.isinf(base) else f"{base:g} G"
+            print(f"| {name} | {poisson:g} | {' | '.join(found)} |")
+
+
+HISTORIES = {
+    "ramp in 1 tau": ((0, 0), (1, 1)),
+    "ramp in 0.1 tau, hold 5 tau": ((0, 0), (0.1, 1), (5.1, 1)),
+    "ramp in 1 tau, hold 1 tau": ((0, 0), (1, 1), (2, 1)),
+    "ramp in 1 tau, hold 5 tau": ((0, 0), (1, 1), (6, 1)),
+    "ramp in 10 tau, hold 5 tau": ((0, 0), (10, 1), (15, 1)),
+    "ramp 0.1 to half, hold 2, to the whole, hold 3": ((0, 0), (0.1, 0.5), (2.1, 0.5), (2.2, 1), (5.2, 1)),
+    "ramp 1, hold 4, back in 1": ((0, 0), (1, 1), (5, 1), (6, 0)),
+    "ramp 0.1, back in 3, ramp 3, back in 0.1": ((0, 0), (0.1, 1), (3.1, 0), (6.1, 1), (6.2, 0)),
+}
+
+
+def histories() -> None:
+    """Print standard errors of parameters, of curves of equal rows and 1 % noise, for several histories."""
+    sets = {
+        "material": ZENER,
+        "and contact point": (*ZENER, OWN[0]),
+        "and thickness": (*ZENER, "layer.thickness"),
+    }
+    print("| history | G0 | Ginf | tau | with contact point: G0 | Ginf | with thickness: G0 | thickness |")
+    print("|---|---|---|---|---|---|---|---|")
+    data = model(1.0, 10.0)
+    for name, corners in HISTORIES.items():
+        motion = history(*((0.7 * t, DEPTH * d) for t, d in corners))
+        force = truth(data, motion)
+        curve = ForceCurve("a", *motion, force, noise=0.01 * float(force.max()))
+        errors = {}
+        for label, free in sets.items():
+            parameters = free_parameters(Model(data), free, ["a"], {"contact_point": (-DEPTH, DEPTH)})
+            problem = LeastSquares(Model(data), parameters, [forward.Prediction(curve)])
+            problem.adapt(problem.start)
+            slopes = problem.reported(problem.start)[1]
+            spread = slopes @ covariance(problem.jacobian(problem.start), 1.0) @ slopes.T
+            errors[label] = 100 * np.sqrt(np.diag(spread))
+        first, second, third = errors.values()
+        cells = (*first, second[0], second[1], third[0], third[3])
+        print(f"| {name} | {' | '.join(f'{each:.2g} %' for each in cells)} |")
+
+
+def figure() -> None:
+    """Draw exact and polynomial corrections, and their errors."""
+    from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
+
+    sizes = np.linspace(0.02, 1.5, 40)
+    bases = {"rigid base": math.inf, "base 10 G": 10.0, "base 2 G": 2.0, "base 0.5 G": 0.5}
+    exact = {name: np.array([elastic_factor(each, base) for each in sizes]) for name, base in bases.items()}
+    with styled():
+        picture = new_figure(2, 75.0)
+        left, right = picture.subplots(1, 2)
+        dark = colours(len(bases) + 2)
+        for i, (name, values) in enumerate(exact.items()):
+            left.plot(sizes, values, color=dark[i], label=f"exact, {name}")
+        for i, which in enumerate(("Dimitriadis", "Garcia")):
+            polynomial = np.polyval(POLYNOMIALS[which][::-1], sizes)
+            left.plot(sizes, polynomial, color="black", linestyle=line_style(2 * i + 1), label=which)
+            for k, name in enumerate(list(bases)[:3]):
+                error = 100 * (exact[name] / polynomial - 1)
+                right.plot(
+                    sizes, error, color=dark[k], linestyle=line_style(2 * i + 1), label=f"{which}, {name}"
+                )
+        left.set(xlabel=r"$\sqrt{R\delta}/h$", ylabel=r"$F/F_\mathrm{Hertz}$", yscale="log")
+        right.set(xlabel=r"$\sqrt{R\delta}/h$", ylabel="error of the modulus (%)", ylim=(-80, 40))
+        right.axhline(0, color="black", linewidth=0.5)
+        for axes, letter in ((left, "a"), (right, "b")):
+            axes.set_title(f"({letter})", loc="left")
+            axes.legend(fontsize=7)
+    save(picture, Path(__file__).parents[1] / "docs" / "indentation.svg")
+
+
+if __name__ == "__main__":
+    command = {each.__name__: each for each in (coverage, peers, thickness, histories, figure)}
+    if len(sys.argv) < 2 or sys.argv[1] not in command:
+        sys.exit(__doc__)
+    command[sys.argv[1]](*map(int, sys.argv[2:]))

@@ -1,0 +1,76 @@
+"""Notes on configurations that are possible and perhaps not meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gfmdlayer.config import Config, load
+from gfmdlayer.config.notes import notes
+from gfmdlayer.execution.sweep import notes as notes_on_cases
+
+SI = {
+    "grid": {"period": 1e-2},
+    "layer": {"thickness": 2e-4, "material": {"G0": 1e6, "Ginf": 1e7, "tau": 0.1}},
+    "punch": {"shape": "sphere", "radius": 3e-2},
+    "trajectory": {"control": "load", "load": 1e4, "ramp_time": 1.0},
+}
+UNITS = {"length": "m", "stress": "Pa", "time": "s"}
+
+
+def of(values: dict[str, object]) -> list[str]:
+    return list(notes(Config(name="x").with_values(values)))
+
+
+def test_a_forgotten_base_is_noted_with_and_without_units() -> None:
+    stiff = {"halfspace.shear_modulus": 8e10}
+    beside = "left at defaults beside layer.material.G0: halfspace.shear_modulus = 1; give all moduli"
+    assert [note[: len(beside)] for note in of(SI)] == [beside]
+    assert of(SI | stiff) == []
+    assert of(SI | {"units": UNITS}) == [
+        "left at defaults, in the units given: halfspace.shear_modulus = 1 Pa, time.end = 8 s"
+    ]
+    assert of(SI | stiff | {"units": UNITS, "time.end": 4.0}) == []
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"layer.thickness": 0.002, "trajectory.depth": 1e-3, "layer.material.Ginf": 256.0},
+        {"layer.thickness": float("inf"), "layer.material": {"G0": 1e6, "Ginf": 1e7}},  # no base to forget
+        {"layer.thickness": 0, "halfspace.shear_modulus": 1e6},  # and no layer
+        {"layer.material": {"model": "prony", "G0": 1.0, "branches": [{"G": 1.0, "tau": 1e9}]}},
+    ],
+    ids=["defaults", "dimensionless", "layer alone", "halfspace alone", "long times"],
+)
+def test_nothing_is_noted_on_cases_in_one_unit(values: dict[str, object]) -> None:
+    assert of(values) == []
+
+
+def test_lengths_in_another_unit_are_noted() -> None:
+    (note,) = of({"grid.period": 1e4, "trajectory.depth": 30.0})
+    assert note.startswith(
+        "left at defaults beside grid.period: layer.thickness = 0.05, punch.radius = 0.25;"
+    )
+
+
+def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path: Path) -> None:
+    assert of({"trajectory.ramp_time": 10.0}) == [
+        "trajectory.ramp_time = 10 is beyond time.end = 8: the ramp is not completed"
+    ]
+    (tmp_path / "depth.txt").write_text("time depth\n0 0\n5 0.01\n")
+    (tmp_path / "velocity.txt").write_text("time velocity\n0 0\n6 0.01\n")
+    path = tmp_path / "x.yaml"
+    path.write_text(
+        "name: x\ntrajectory: {kind: table, file: depth.txt, velocity_file: velocity.txt}\n"
+        "sweep: {layer.thickness: [0.1, 0.2], time.end: [5, 8]}\n"
+    )
+    config = load(path)
+    cases = [config.with_values({"time.end": end}) for end in (5.0, 5.5, 8.0, 8.0)]
+    assert notes_on_cases(cases) == [
+        f"{tmp_path}/depth.txt: ends at time 5, before time.end = 5.5; its last depth is held",
+        f"{tmp_path}/depth.txt: ends at time 5, before time.end = 8; its last depth is held",
+        f"{tmp_path}/velocity.txt: ends at time 6, before time.end = 8; its last velocity is held",
+    ]

@@ -1,0 +1,362 @@
+"""Identification of layers from force curves: closed forms, intervals, warnings, and bad input."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from gfmdlayer import ConfigError, ForceCurve, cli, fit_indentation
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.fitting.indentation.contact_point import detect
+from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
+from gfmdlayer.fitting.indentation.drive import Drive
+from gfmdlayer.fitting.indentation.forward import Prediction
+from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
+from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation.report import comparison, write_report
+from gfmdlayer.fitting.measurement import FitError
+
+RADIUS = 5.0
+ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
+TIME = np.linspace(0.0, 4.0, 201)
+RAMP_HOLD = np.interp(TIME, [0, 1, 4], [0, 0.2, 0.2])
+
+
+def body(thickness: float = math.inf, base: float = math.inf, **material: float) -> dict[str, Any]:
+    values = {"G0": 1.0, "Ginf": 4.0, "tau": 0.7} | material
+    return {
+        "layer": {"thickness": thickness, "poisson": 0.5, "material": {"model": "zener", **values}},
+        "halfspace": {"shear_modulus": base},
+        "punch": {"shape": "parabola", "radius": RADIUS},
+    }
+
+
+def on_halfspace(time: np.ndarray, ramp: float = 0.2, **material: float) -> np.ndarray:
+    """F = (8/3) R^(1/2)/(1 - nu) int G(t - s) d(delta^(3/2)), as long as the contact does not shrink."""
+    values = {"G0": 1.0, "Ginf": 4.0, "tau": 0.7} | material
+    s = np.linspace(0, 1, 20001)  # of the ramp, of one second
+    grown = np.diff((ramp * s) ** 1.5)
+    middle = (s[1:] + s[:-1]) / 2
+    relaxed, excess = values["G0"], values["Ginf"] - values["G0"]
+    force = [
+        np.sum(
+            (relaxed + excess * np.exp(-np.maximum(t - middle, 0) / values["tau"]))[middle < t]
+            * grown[middle < t]
+        )
+        for t in time
+    ]
+    return 8 / 3 * RADIUS**0.5 / 0.5 * np.array(force)
+
+
+def curve(force: np.ndarray, depth: np.ndarray = RAMP_HOLD, name: str = "a", **more: Any) -> ForceCurve:
+    return ForceCurve(name, TIME, depth, force, **more)
+
+
+def noisy(seed: int, level: float = 0.01) -> np.ndarray:
+    clean = on_halfspace(TIME)
+    return clean + level * clean.max() * np.random.default_rng(seed).standard_normal(clean.size)
+
+
+def test_hertz_gives_the_shear_modulus() -> None:
+    # F = (8/3) G R^(1/2) delta^(3/2)/(1 - nu) to the precision of the solver's interpolation in time, 1e-3.
+    ramp = np.linspace(0, 0.2, TIME.size)
+    fit = fit_indentation(
+        curve(8 / 3 * 7.0 * RADIUS**0.5 * ramp**1.5 / 0.5, ramp), body(Ginf=1.0), ["layer.material.G0"]
+    )
+    assert fit["G0"].value == pytest.approx(7.0, rel=1e-3)
+
+
+def test_the_hereditary_integral_gives_moduli_and_time() -> None:
+    # On a halfspace with a growing contact, from starts a factor of 3 off.
+    fit = fit_indentation(curve(on_halfspace(TIME)), body(G0=3.0, Ginf=5.0, tau=2.0), ZENER)
+    found = [fit[key].value for key in ZENER]
+    assert found == pytest.approx([1.0, 4.0, 0.7], rel=2e-3)
+
+
+def test_the_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    # 12 draws of three parameters: fewer than 29 of 36 within 95 % has a probability below 1e-3.
+    truth = np.array([1.0, 4.0, 0.7])
+    held = 0
+    for seed in range(12):
+        fit = fit_indentation(curve(noisy(seed)), body(), ZENER)
+        ends = np.array([fit[key].interval for key in ZENER])
+        held += int(np.sum((ends[:, 0] < truth) & (truth < ends[:, 1])))
+    assert held >= 29
+
+
+def test_profile_and_linear_intervals_agree_where_the_problem_is_nearly_linear() -> None:
+    fit = fit_indentation(curve(noisy(1)), body(), ZENER, profile=True)
+    for each in fit.parameters:
+        assert each.profile is not None
+        width = each.interval[1] - each.interval[0]
+        # both ends are found to 2 % of the half width; the curvature of the model is of order of the error
+        assert each.profile == pytest.approx(each.interval, abs=0.1 * width)
+
+
+def test_the_last_modulus_follows_from_eulers_theorem() -> None:
+    model = Model(body(thickness=1.0))
+    parameters = free_parameters(model, ZENER, ["a"], {})
+    problem = LeastSquares(model, parameters, [Prediction(curve(noisy(0)))])
+    u = problem.start
+    exact = problem.jacobian(u)[:, 1]
+    step = 1e-3  # central differences, of error step^2
+    moved = np.array([0.0, step, 0.0])
+    by_differences = (problem.residuals(u + moved) - problem.residuals(u - moved)) / (2 * step)
+    # the exact column is the force less the other columns, which are forward differences of step 5e-3
+    assert np.abs(exact - by_differences).max() < 5e-3 * np.abs(exact).max()
+
+
+def test_a_time_shorter_than_the_ramp_is_said_to_be_undetermined() -> None:
+    force = on_halfspace(TIME, tau=1e-4)
+    force += 0.05 * force.max() * np.random.default_rng(3).standard_normal(force.size)
+    fit = fit_indentation(
+        curve(force), body(tau=1e-3), {ZENER[0]: None, ZENER[1]: [1.5, 100.0], ZENER[2]: [1e-5, 1e-2]}
+    )
+    assert any("determine" in warning or "bound" in warning for warning in fit.warnings)
+
+
+def test_a_thickness_and_a_modulus_that_a_small_contact_cannot_tell_apart() -> None:
+    ramp = np.linspace(0, 0.002, TIME.size)
+    force = 8 / 3 * RADIUS**0.5 * ramp**1.5 / 0.5
+    force += 0.02 * force.max() * np.random.default_rng(0).standard_normal(force.size)
+    fit = fit_indentation(
+        curve(force, ramp),
+        body(thickness=3.0, Ginf=1.0),
+        {"layer.material.G0": None, "layer.thickness": [0.3, 30.0]},
+    )
+    assert any(warning.startswith("layer.thickness") for warning in fit.warnings)
+
+
+def test_curves_share_a_material_and_have_contact_points_of_their_own() -> None:
+    shifts = {"a": 0.01, "b": -0.02}
+    curves = [
+        ForceCurve(name, TIME, RAMP_HOLD + shift, on_halfspace(TIME) * (1 + 1e-4 * np.sin(40 * TIME)))
+        for name, shift in shifts.items()
+    ]
+    fit = fit_indentation(curves, body(), [*ZENER, "contact_point"])
+    for name, shift in shifts.items():
+        # 1e-3 of the force is 1e-3/1.5 of the depth
+        assert fit[f"contact_point[{name}]"].value == pytest.approx(shift, abs=1e-3 * 0.2)
+    assert [fit[key].value for key in ZENER] == pytest.approx([1.0, 4.0, 0.7], rel=1e-2)
+
+
+def test_a_drift_is_found_beside_the_moduli() -> None:
+    drifting = curve(on_halfspace(TIME), RAMP_HOLD + 0.004 * TIME)
+    fit = fit_indentation(drifting, body(), [*ZENER, "drift"])
+    assert fit["drift"].value == pytest.approx(0.004, abs=1e-4)
+
+
+def test_outliers_pull_a_robust_fit_less() -> None:
+    force = noisy(5)
+    force[::15] += 0.5 * force.max()
+    plain = fit_indentation(curve(force), body(), ZENER)
+    robust = fit_indentation(curve(force), body(), ZENER, loss="cauchy")
+    assert abs(robust["Ginf"].value / 4 - 1) < 0.02 < abs(plain["Ginf"].value / 4 - 1)
+
+
+def test_information_criteria_prefer_the_law_that_made_the_curve() -> None:
+    data = curve(noisy(2))
+    fits = {
+        "zener": fit_indentation(data, body(), ZENER),
+        "elastic": fit_indentation(data, body(Ginf=1.0), ["layer.material.G0"]),
+    }
+    assert comparison(fits)[1].startswith("zener")
+    assert fits["zener"].aic < fits["elastic"].aic
+
+
+def test_the_contact_point_of_a_noisy_curve_is_within_its_error() -> None:
+    depth = np.linspace(-0.1, 0.2, 600)
+    rng = np.random.default_rng(4)
+    force = 8 / 3 * RADIUS**0.5 * np.maximum(depth, 0.0) ** 1.5 / 0.5
+    force += 0.3 + 0.005 * force.max() * rng.standard_normal(force.size)
+    found = detect(ForceCurve("a", np.linspace(0, 1, 600), depth + 0.5, force))
+    assert found.depth == pytest.approx(0.5, abs=4 * found.error)
+    assert 0 < found.error < 0.01
+    assert found.offset == pytest.approx(0.3, abs=0.01)
+
+
+def test_detection_carries_its_uncertainty_into_the_moduli() -> None:
+    time = np.concatenate((np.linspace(-0.5, 0, 50, endpoint=False), TIME))
+    depth = np.concatenate((np.linspace(-0.1, 0, 50, endpoint=False), RAMP_HOLD))
+    clean = np.concatenate((np.zeros(50), on_halfspace(TIME)))
+    force = clean + 0.01 * clean.max() * np.random.default_rng(6).standard_normal(clean.size)
+    known = fit_indentation(ForceCurve("a", time, depth, force), body(), ZENER)
+    found = fit_indentation(ForceCurve("a", time, depth + 0.3, force + 0.2), body(), ZENER, contact="detect")
+    assert found["contact_point"].value == pytest.approx(0.3, abs=4 * found["contact_point"].error)
+    assert found["Ginf"].error > 1.2 * known["Ginf"].error
+
+
+def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
+    depth = RAMP_HOLD + 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
+    drive = Drive.of(TIME, depth)
+    assert drive.time.size <= 6
+    assert drive.error == pytest.approx(1e-3, rel=0.2)
+    assert np.abs(np.interp(TIME, drive.time, drive.depth) - RAMP_HOLD).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"force": np.where(TIME[7] == TIME, np.nan, TIME)}, "force is not a finite number in row 8"),
+        ({"time": TIME[::-1]}, "time does not increase"),
+        ({"time": TIME[:-1]}, "200 of time, 201 of depth"),
+        ({"depth": 0 * TIME}, "depth never changes"),
+        ({"force": -TIME}, "no force is positive"),
+        ({"noise": -1.0}, "noise = -1.0; must be > 0"),
+        ({"depth": [[1.0]]}, "depth has 2 dimensions"),
+        ({"depth": ["one"]}, "depth cannot be read as numbers"),
+    ],
+)
+def test_columns_that_cannot_be_used_are_named(change: dict[str, Any], message: str) -> None:
+    given: dict[str, Any] = {"time": TIME, "depth": RAMP_HOLD, "force": on_halfspace(TIME)} | change
+    with pytest.raises(FitError, match=message):
+        ForceCurve("a", **given)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda c: replace(c, depth=30 * c.depth), "beyond the layer of thickness 1"),
+        (lambda c: ForceCurve("a", TIME[:8] + 1, RAMP_HOLD[40:48], c.force[40:48]), "8 rows for 5 free"),
+    ],
+)
+def test_curves_that_the_model_cannot_have_made_are_refused(
+    make: Callable[[ForceCurve], ForceCurve], message: str
+) -> None:
+    free = [*ZENER, "contact_point", "drift"]
+    with pytest.raises(FitError, match=message):
+        fit_indentation(make(curve(on_halfspace(TIME))), body(thickness=1.0), free)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda c: replace(c, force=1e6 * c.force), "units of force, depth, punch and moduli"),
+        (
+            lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
+            "residuals",
+        ),
+        (
+            lambda c: ForceCurve("a", *(np.delete(x, slice(20, 45)) for x in (c.time, c.depth, c.force))),
+            "gap of 0.52 after row 20",
+        ),
+    ],
+)
+def test_what_is_odd_about_a_curve_is_warned_of(
+    make: Callable[[ForceCurve], ForceCurve], message: str
+) -> None:
+    fit = fit_indentation(
+        make(curve(on_halfspace(TIME))), body(), {ZENER[0]: [1e-3, 1e9], ZENER[1]: [1e-3, 1e9]}
+    )
+    assert any(message in warning for warning in fit.warnings), fit.warnings
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (["layer.material.GO"], "did you mean 'G0'|did you mean 'layer.material.G0'"),
+        (["layer.thickness"], "starts at .inf; must start at a number > 0 and finite"),
+        ({"layer.material.G0": [2.0, 3.0]}, "starts at 1; must start between 2 and 3"),
+        ({"layer.material.G0": [3.0, 2.0]}, "bounds 3 and 2; must grow"),
+        ([], "free: must name parameters"),
+    ],
+)
+def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        fit_indentation(curve(on_halfspace(TIME)), body(), free)
+
+
+def test_models_of_foreign_keys_are_refused() -> None:
+    with pytest.raises(ConfigError, match="trajectory: unknown key"):
+        fit_indentation(curve(on_halfspace(TIME)), body() | {"trajectory": {}}, ZENER)
+
+
+def test_text_files_tell_their_units(tmp_path: Path) -> None:
+    path = tmp_path / "gel.csv"
+    rows = "\n".join(f"{5 * i},{i},{1000 * i * i}" for i in range(20))
+    path.write_text(f"Force (pN),time [ms],Indentation / nm\n{rows}\n")
+    found = read_curve(entries([path])[0])
+    assert found.time[1] == pytest.approx(1e-3)
+    assert found.force[1] == pytest.approx(5e-12)
+    assert found.depth[1] == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "units", "message"),
+    [
+        ("time (s),depth (nm),force", None, "force without a unit beside time and depth"),
+        ("time (s),depth (nN),force (nN)", None, "'nN' is no unit of depth; must be m, mm, um or nm"),
+        ("time,height,force", None, "names no column depth"),
+        ("time,depth,depth", None, "two columns are named depth"),
+        ("time,depth,force", ("s", "nm", "kg"), "'kg' is no unit of force"),
+    ],
+)
+def test_units_and_headings_that_are_unknown_are_refused(
+    tmp_path: Path, head: str, units: tuple[str, ...] | None, message: str
+) -> None:
+    path = tmp_path / "gel.csv"
+    path.write_text(head + "\n" + "\n".join(f"{i},{i},{i}" for i in range(20)))
+    with pytest.raises(TableError, match=message):
+        read_curve(entries([path])[0], units)
+
+
+def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "rows.h5", "w") as h5:
+        h5["time"], h5["depth"], h5["force"] = TIME, np.stack([RAMP_HOLD] * 3), np.stack([TIME] * 3)
+        h5["force"][2, 150:] = np.nan
+        h5["depth"][2, 150:] = np.nan
+        h5["x"], h5["y"] = [0.0, 1.0, 2.0], [5.0, 5.0, 5.0]
+    with h5py.File(tmp_path / "groups.h5", "w") as h5:
+        for name in ("left", "right"):
+            group = h5.create_group(name)
+            group["time"], group["depth"], group["force"] = TIME, RAMP_HOLD, TIME
+            group["depth"].attrs["units"], group["time"].attrs["units"] = "um", "s"
+            group["force"].attrs["units"] = "uN"
+    rows = entries([tmp_path / "rows.h5"])
+    assert [each.name for each in rows] == ["rows-0", "rows-1", "rows-2"]
+    assert rows[1].position == (1.0, 5.0)
+    assert read_curve(rows[2]).time.size == 150
+    groups = entries([tmp_path / "groups.h5"])
+    assert [each.name for each in groups] == ["left", "right"]
+    assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
+
+
+def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path: Path) -> None:
+    from gfmdlayer import load
+
+    fit = fit_indentation(curve(noisy(1)), body(), ZENER)
+    lines = write_report(fit, tmp_path / "gel")
+    config = load(tmp_path / "gel.yaml")
+    assert pytest.approx(fit["G0"].value, rel=1e-12) == config.layer.material.G0
+    assert {"gel.yaml", "gel.json", "gel.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert any("layer.material.tau" in line for line in lines)
+
+
+def test_the_command_fits_a_file_and_refuses_what_it_cannot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("gel.csv").write_text(
+        "time,depth,force\n"
+        + "\n".join(f"{t!r},{d!r},{f!r}" for t, d, f in np.stack([TIME, RAMP_HOLD, noisy(0)], 1).tolist())
+    )
+    Path("model.yaml").write_text(
+        "layer: {thickness: .inf, material: {model: zener, G0: 2, Ginf: 5, tau: 1}}\n"
+        "punch: {shape: parabola, radius: 5}\nfree: [layer.material.G0, layer.material.Ginf]\n"
+    )
+    arguments = ["fit-indentation", "gel.csv", "--model", "model.yaml", "--out", "fit"]
+    assert cli.main([*arguments, "--free", *ZENER[:2], f"{ZENER[2]}=0.01:10"]) == 0
+    assert "layer.material.tau" in capsys.readouterr().out
+    assert cli.main(arguments) == 2
+    assert "fit.yaml: exists" in capsys.readouterr().err
+    assert cli.main([*arguments, "--force", "--free", "layer.material.G0=a"]) == 2
+    assert "KEY=LOW:HIGH" in capsys.readouterr().err
+    assert cli.main([*arguments, "--force", "--jobs", "2"]) == 2
+    assert "no effect without --each" in capsys.readouterr().err

@@ -1,0 +1,184 @@
+"""Fits of force maps: resumed with the same bits, failures named by curve, one file of maps."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gfmdlayer import cli, open_results
+from gfmdlayer.execution.workers import assemble
+from gfmdlayer.fitting.indentation.estimates import FitOptions
+from gfmdlayer.force_maps.map_file import parameter_names
+from gfmdlayer.force_maps.run import ForceMap
+
+MPIRUN = Path(sys.executable).parent / "mpirun"
+MODEL = {
+    "layer": {"thickness": float("inf"), "material": {"model": "zener", "G0": 1.0, "Ginf": 1.0, "tau": 1.0}},
+    "punch": {"shape": "parabola", "radius": 5.0},
+}
+YAML = """\
+layer: {thickness: .inf, material: {model: zener, G0: 1, Ginf: 1, tau: 1}}
+punch: {shape: parabola, radius: 5}
+free: [layer.material.G0]
+"""
+BAD = 3  # the curve with a hole
+MODULI = np.linspace(1.0, 2.0, 6)
+
+
+@pytest.fixture(autouse=True)
+def curves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_map(Path("map.h5"), MODULI)
+    Path("model.yaml").write_text(YAML)
+
+
+def write_map(path: Path, moduli: np.ndarray, bad: int = BAD) -> None:
+    """Write Hertz's forces with noise, on a grid of 3 by 2."""
+    depth = np.linspace(0.0, 0.2, 60)
+    hertz = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5
+    force = np.outer(moduli, hertz) + 0.01 * np.random.default_rng(0).standard_normal((moduli.size, 60))
+    force[bad, 7] = np.nan
+    with h5py.File(path, "w") as h5:
+        h5["time"], h5["depth"], h5["force"] = depth, np.stack([depth] * moduli.size), force
+        h5["x"], h5["y"] = np.arange(moduli.size) % 3 * 2.0, np.arange(moduli.size) // 3 * 1.0
+
+
+def force_map(out: str, path: str = "map.h5") -> ForceMap:
+    return ForceMap([Path(path)], Path(out), MODEL, ["layer.material.G0"], FitOptions())
+
+
+def fitted(out: str, path: str = "map.h5") -> None:
+    with assemble() as pool:
+        assert pool is not None
+        force_map(out, path).run(pool)
+
+
+def bits(folder: str) -> dict[str, bytes]:
+    """Return the bits of every variable of the map and of the fits."""
+    found = {}
+    for path in sorted(Path(folder).rglob("*.h5")):
+        with h5py.File(path) as h5:
+            for name in h5:
+                values = np.asarray(h5[name])
+                text = values.dtype.kind == "O"  # whose bytes are those of pointers
+                found[f"{path.name}:{name}"] = b"|".join(values.ravel()) if text else values.tobytes()
+    return found
+
+
+def test_a_map_holds_the_moduli_at_their_places_and_names_the_curve_that_failed() -> None:
+    fitted("out")
+    with open_results("out") as found:
+        assert found["G0"].dims == ("y", "x")
+        values = found["G0"].to_numpy().ravel()
+        errors = found["G0_error"].to_numpy().ravel()
+        good = np.arange(6) != BAD
+        assert np.isnan(values[BAD])
+        assert (np.abs(values - MODULI)[good] < 5 * errors[good]).all()
+        assert (found["G0_low"] < found["G0"]).to_numpy().ravel()[good].all()
+        assert found.attrs["failed"].startswith("0003: curve map-3: CurveError")
+        assert found["name"].sel(x=4.0, y=0.0).item() == "map-2"
+
+
+def test_a_map_that_was_interrupted_goes_on_with_the_same_bits() -> None:
+    fitted("whole")
+    fitted("out")
+    for lost in ("out/cases/0001.h5", "out/cases/0004.h5", "out/sweep.h5"):
+        Path(lost).unlink()
+    Path("out/cases/0002.h5").write_bytes(b"damaged")
+    kept = Path("out/cases/0000.h5").stat().st_mtime_ns
+    fitted("out")
+    assert Path("out/cases/0000.h5").stat().st_mtime_ns == kept
+    assert Path("out/cases/0002.h5.aside").exists()
+    assert bits("out") == bits("whole")
+
+
+def test_curves_that_have_changed_and_other_models_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]
+    assert cli.main(arguments) == 1  # a curve failed
+    assert "curve map-3" in capsys.readouterr().out
+    Path("model.yaml").write_text(YAML.replace("radius: 5", "radius: 6"))
+    assert cli.main(arguments) == 2
+    assert "radius: 6" in capsys.readouterr().err
+    Path("model.yaml").write_text(YAML)
+    write_map(Path("map.h5"), 2 * MODULI)
+    assert cli.main(arguments) == 2
+    assert "was fitted to other data" in capsys.readouterr().err
+    assert cli.main([*arguments, "--restart"]) == 1
+    assert open_results("out")["G0"].max() > 3
+
+
+def test_status_and_plot_read_a_map(capsys: pytest.CaptureFixture[str]) -> None:
+    fitted("out")
+    assert cli.main(["status", "out"]) == 0
+    shown = capsys.readouterr().out
+    assert "6 cases: 5 complete, 0 running, 1 failed, 0 waiting" in shown
+    assert "curve map-3: CurveError" in shown
+    assert cli.main(["plot", "out", "--kind", "map", "--out", "map.png"]) == 0
+    assert Path("map.png").exists()
+    assert cli.main(["plot", "out", "--kind", "curves"]) == 2
+
+
+def test_curves_without_places_are_in_a_row() -> None:
+    with h5py.File("map.h5", "r+") as h5:
+        del h5["x"]
+    fitted("out")
+    with open_results("out") as found:
+        assert found["G0"].dims == ("curve",)
+
+
+def test_a_folder_of_something_else_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("out").mkdir()
+    Path("out/notes.txt").write_text("mine")
+    assert cli.main(["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]) == 2
+    assert "not a results folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("keys", "names"),
+    [
+        (["layer.material.G0", "layer.thickness"], ["G0", "thickness"]),
+        (["layers[0].thickness", "layers[1].thickness"], ["layers[0].thickness", "layers[1].thickness"]),
+    ],
+)
+def test_parameters_are_named_by_their_last_parts_where_these_differ(
+    keys: list[str], names: list[str]
+) -> None:
+    assert parameter_names(keys) == names
+
+
+@pytest.mark.slow
+def test_a_map_over_ranks_that_is_killed_twice_has_the_same_bits() -> None:
+    moduli = np.linspace(1.0, 2.0, 36)
+    write_map(Path("map.h5"), moduli, bad=35)
+    fitted("whole")
+    command = [
+        *(str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "fit-indentation", "map.h5"),
+        *("--model", "model.yaml", "--each", "--out", "out"),
+    ]
+    for wanted in (6, 18):
+        kill_after(command, lambda wanted=wanted: len(list(Path("out/cases").glob("*.h5"))) >= wanted)
+        assert not Path("out/sweep.h5").exists()
+    assert subprocess.run(command, capture_output=True, timeout=300, check=False).returncode == 1
+    assert bits("out") == bits("whole")
+
+
+def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
+    """Start a run and kill all of its processes at once when it has come far enough."""
+    run = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    while not reached() and run.poll() is None:
+        time.sleep(0.01)
+    assert run.poll() is None
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    time.sleep(2.0)  # ranks that the launcher started in sessions of their own end when it has died

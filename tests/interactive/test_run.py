@@ -1,0 +1,393 @@
+"""`gfmdlayer.run`: data in memory are those of the files, bit for bit; arrays are files of their contents."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray
+
+import gfmdlayer
+from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zener
+from gfmdlayer.config import digest
+from gfmdlayer.execution.folder import FolderError
+from gfmdlayer.execution.interrupts import STOP_SIGNALS
+
+X = np.arange(256) / 256 - 0.5
+SHORT: dict[str, Any] = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
+LINE = SHORT | {"grid": {"points": 256}}
+SURFACE = SHORT | {"grid": {"points": [16, 12]}, "output": {"snapshots": [1.0], "patches": True}}
+OF_A_RUN = ("started", "finished", "wall_seconds")
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def same(found: xarray.Dataset, wanted: xarray.Dataset) -> None:
+    """Assert that two datasets have the same bits, names, types and attributes."""
+    for each in (found, wanted):
+        for name in OF_A_RUN:
+            each.attrs.pop(name, None)
+    xarray.testing.assert_identical(found, wanted)
+    assert {n: v.dtype.kind for n, v in found.variables.items()} == {
+        n: v.dtype.kind for n, v in wanted.variables.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        LINE,
+        LINE | {"output": {}},
+        SURFACE,
+        LINE | {"output": {"snapshots": [1.0], "histograms": {"pressure": {"max": 2.0, "bins": 7}}}},
+        LINE | {"units": {"length": "mm", "stress": "MPa", "time": "s"}},
+        LINE | {"time": {"end": 0.5, "step": "adaptive"}, "output": {"times": 0.25}},
+    ],
+    ids=["line", "no snapshots", "surface", "histograms", "units", "adaptive"],
+)
+def test_a_case_in_memory_is_that_of_its_file(config: dict[str, Any]) -> None:
+    with gfmdlayer.run(config, out="out") as written:
+        same(gfmdlayer.run(config), written.load())
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        {"layer.thickness": [0.05, 0.1], "layer.material.tau": [1, 2]},
+        {
+            "zip": {
+                "layer.thickness": [0.05, 0.1],
+                "punch": [{"radius": 0.5}, {"shape": "wedge", "slope": 0.1}],
+            }
+        },
+        {"output.patches": [False, True]},
+        {"output.histograms.gap": [{"max": 1.0, "bins": 3}, {"max": 1.0, "bins": 4}]},
+        {"grid.points": [64, 128]},
+        {"trajectory.depth": [0.005, 0.01]},
+    ],
+    ids=["product", "list", "a column of one", "other bins", "grids", "named as a column"],
+)
+def test_a_sweep_in_memory_is_that_of_its_file(sweep: dict[str, Any]) -> None:
+    config = SURFACE | {"sweep": sweep}
+    with gfmdlayer.run(config, out="out") as written:
+        same(gfmdlayer.run(config), written.load())
+
+
+def test_a_notebook_runs_an_array_in_a_loop_and_plots_without_a_file(tmp_path: Path) -> None:
+    mpl.use("agg")
+    x = np.arange(512) / 512 - 0.5
+    for d in (0.05, 0.1, 0.2):
+        data = gfmdlayer.run({"time": {"end": 2.0, "step": 0.1}}, punch=-(x**2) / 0.5, layer__thickness=d)
+        (line,) = data.contact_area.plot()  # type: ignore[call-arg]
+    assert line.get_xdata().size == 21
+    assert data.sizes["x"] == 512
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- arrays ---
+
+
+def test_heights_count_outward_from_the_punch() -> None:
+    """The parabola of a configuration is -x^2/(2 R), wherever its top is; a bump touches first."""
+    wanted = gfmdlayer.run(LINE, punch={"radius": 0.25})
+    for given in (-(X**2) / 0.5, 3.0 - X**2 / 0.5, lambda x: -(x**2) / 0.5):
+        found = gfmdlayer.run(LINE, punch=given)
+        np.testing.assert_allclose(found.pressure, wanted.pressure, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.depth, wanted.depth)
+    bump = np.where(np.arange(256) == 40, 0.5, -(X**2) / 0.5)
+    assert gfmdlayer.run(LINE, punch=bump).pressure[0].to_numpy().argmax() == 40
+
+
+def test_an_array_of_a_surface_has_x_first() -> None:
+    x, y = np.meshgrid(np.arange(16) / 16 - 0.5, np.arange(12) / 12 - 0.5, indexing="ij")
+    wanted = gfmdlayer.run(SURFACE, punch={"radius": [0.25, 1.0]})
+    array = gfmdlayer.run(SURFACE, punch=-(x**2) / 0.5 - y**2 / 2)
+    function = gfmdlayer.run(SURFACE, punch=lambda x, y: -(x**2) / 0.5 - y**2 / 2)
+    np.testing.assert_allclose(array.pressure, wanted.pressure, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(function.pressure, wanted.pressure, rtol=0, atol=1e-9)
+
+
+def test_a_punch_is_also_an_object() -> None:
+    same(gfmdlayer.run(LINE, punch=Sphere(radius=2.0)), gfmdlayer.run(LINE | {"punch": Sphere(radius=2.0)}))
+
+
+@pytest.mark.parametrize("control", ["depth", "load", "force"])
+def test_a_history_is_the_table_of_a_file(control: str) -> None:
+    rows = np.array([[0.0, 0.0], [0.4, 0.02], [1.0, 1 / 300]])
+    Path("table.txt").write_text("\n".join(f"{t!r} {v!r}" for t, v in rows.tolist()) + "\n")
+    table = {"control": control, "kind": "table", "file": "table.txt"}
+    wanted = gfmdlayer.run(LINE | {"trajectory": table})
+    before: dict[str, Any] = {"control": control, control: 0.01, "ramp_time": 1.0}
+    for given in (rows, rows.tolist(), (rows[:, 0], rows[:, 1])):
+        for trajectory in ({"control": control}, before, table):
+            found = gfmdlayer.run(LINE | {"trajectory": trajectory}, history=given)
+            xarray.testing.assert_equal(found, wanted)
+            assert found.attrs["digest"] == wanted.attrs["digest"]
+
+
+def test_arrays_lie_with_the_results_that_are_run_again_from_them() -> None:
+    given = {"punch": -(X**2) / 0.5, "history": [(0.0, 0.0), (1.0, 0.01)]}
+    found = gfmdlayer.run(SHORT, **given)  # type: ignore[arg-type]
+    with gfmdlayer.run(SHORT, out="out", **given) as written:  # type: ignore[arg-type]
+        assert written.attrs["digest"] == found.attrs["digest"]
+        xarray.testing.assert_equal(found, written)
+    assert sorted(path.suffix for path in Path("out/inputs").iterdir()) == [".npy", ".txt"]
+    assert digest(gfmdlayer.load("out/config.yaml")) == found.attrs["digest"]
+    begun = Path("out/cases/0000.h5").stat().st_mtime_ns
+    gfmdlayer.run(SHORT, out="out", **given).close()  # type: ignore[arg-type]
+    gfmdlayer.run("out/config.yaml", out="out").close()
+    assert Path("out/cases/0000.h5").stat().st_mtime_ns == begun
+    other = given | {"punch": -(X**2)}
+    gfmdlayer.run(SHORT, out="other", **other).close()  # type: ignore[arg-type]
+    with pytest.raises(FolderError, match=r"punch\.file"):
+        gfmdlayer.run(SHORT, out="out", name="run", **other, trajectory__velocity=1.0)  # type: ignore[arg-type]
+
+
+def test_a_folder_of_something_else_is_left_alone() -> None:
+    Path("mine").mkdir()
+    Path("mine/thesis.tex").touch()
+    with pytest.raises(FolderError, match="not a results folder"):
+        gfmdlayer.run(SHORT, punch=-(X**2), out="mine")
+    assert [path.name for path in Path("mine").iterdir()] == ["thesis.tex"]
+
+
+# --- what is refused ---
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "a misspelt key": ({"layer__thicknes": 1}, "layer.thicknes: unknown key; allowed: thickness, "),
+    "a value": ({"layer__thickness": -1}, "layer.thickness: got -1; must be a number >= 0 or .inf"),
+    "a list": ({"layer__thickness": [1, 2]}, "layer.thickness: got [1, 2]; must be a number"),
+    "another shape": ({"grid__points": 64, "punch": X}, "punch: holds 256 heights; must be 64, as the grid"),
+    "a hole": (
+        {"punch": np.where(X == 0, np.nan, X)},
+        "punch: the height at index [128] is not a finite number",
+    ),
+    "infinity": ({"punch": np.where(X == 0, np.inf, X)}, "punch: the height at index [128] is infinite"),
+    "words": ({"punch": ["high", "low"]}, "punch: got an array of type <U4; must be real numbers"),
+    "complex numbers": ({"punch": X * 1j}, "punch: got an array of type complex128"),
+    "rows of different lengths": ({"punch": [[1, 2], [3]]}, "must be an array of real numbers"),
+    "a function of another shape": (
+        {"punch": lambda x: x[:3], "grid__points": 64},
+        "punch: holds 3 heights; must be 64",
+    ),
+    "three axes": ({"punch": np.zeros((8, 8, 8))}, "grid.points: got 3 values"),
+    "a function on several grids": (
+        {"punch": lambda x: x, "sweep": {"grid.points": [64, 128]}},
+        "punch: got a function, which is evaluated on one grid",
+    ),
+    "a swept key of another punch": (
+        {"punch": X, "sweep": {"punch.radius": [1, 2]}},
+        "sweep.punch.radius: unknown key; allowed: punch.shape, punch.file",
+    ),
+    "a flat history": ({"history": [0.0, 1.0]}, "history: got an array of 2; must be (m, 2)"),
+    "a history of words": ({"history": [("a", "b")]}, "history: could not convert"),
+    "a pair that differs": ({"history": ([0, 1], [0, 1, 2])}, "must be an (m, 2) array, or a pair of arrays"),
+    "a late history": ({"history": [(1, 0), (2, 1)]}, "the first time is 1; must be 0"),
+    "a history back in time": ({"history": [(0, 0), (2, 0.1), (1, 0)]}, "must increase from row to row"),
+    "too deep a history": ({"history": [(0, 0), (1, 10)]}, "must be below the mean height of the punch"),
+    "no process": ({"jobs": 0}, "jobs: got 0; must be a whole number >= 1"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_impossible_input_is_refused_in_words(name: str) -> None:
+    values, words = REFUSED[name]
+    with pytest.raises(ConfigError) as caught:
+        gfmdlayer.run(SHORT, **values)
+    assert words in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
+def test_errors_of_a_mapping_are_those_of_its_file_without_the_place() -> None:
+    text = (
+        "name: a\nlayer: {thickness: -1, poison: 0.3}\nsolver: {method: fir}\npunch: {shape: cube, side: 1}\n"
+    )
+    Path("a.yaml").write_text(text)
+    with pytest.raises(ConfigError) as of_file:
+        gfmdlayer.run("a.yaml")
+    sections = {
+        "layer": {"thickness": -1, "poison": 0.3},
+        "solver": {"method": "fir"},
+        "punch": {"shape": "cube", "side": 1},
+    }
+    wanted = {line.split(": ", 1)[1] for line in of_file.value.problems}
+    assert len(wanted) == 4
+    for refuse in (
+        lambda: gfmdlayer.run(sections),
+        lambda: Config(name="a", **sections),
+        lambda: Config(name="a").with_values(sections),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            refuse()
+        assert set(caught.value.problems) == wanted
+
+
+def test_values_replace_those_of_a_file_and_keep_its_places() -> None:
+    Path("a.yaml").write_text(
+        "name: a\nlayer: {thickness: -1}\ntime: {end: 1, step: 0.5}\ngrid: {points: 64}\n"
+    )
+    with pytest.raises(ConfigError) as caught:
+        gfmdlayer.run("a.yaml", solver__tolerance=2)
+    assert [line.split(":")[:3] for line in caught.value.problems] == [
+        ["a.yaml", "2", "20"],
+        ["solver.tolerance", " got 2; must be a number >= 1e-13 and < 1"],
+    ] or [line.split(":")[0] for line in caught.value.problems] == ["solver.tolerance", "a.yaml"]
+    by_dots = gfmdlayer.run("a.yaml", **{"layer.thickness": 0.2})  # type: ignore[arg-type]
+    same(gfmdlayer.run("a.yaml", layer__thickness=np.float64(0.2)), by_dots)
+    with pytest.raises(ConfigError, match=r"trajectory\.load: missing"):
+        gfmdlayer.run("a.yaml", layer__thickness=0.2, trajectory__control="load")
+
+
+def test_materials_and_shapes_are_objects_in_a_configuration() -> None:
+    material = Prony(1.0, [(2.0, 0.5), (3.0, 5.0)])
+    config = Config(name="a", layer={"material": material}, punch=Sphere(radius=2.0), **SHORT)
+    assert config.layer.material == material
+    again = config.with_values({"layer.thickness": np.float32(0.25), "grid.points": np.int64(64)})
+    assert (again.layer.material, again.punch, again.layer.thickness) == (material, Sphere(radius=2.0), 0.25)
+    Path("a.yaml").write_text(again.dump())
+    assert gfmdlayer.load("a.yaml") == again
+    swept = gfmdlayer.run(again, sweep={"layer.material": [material, Zener(1, 6, 0.5)]})
+    assert swept.material.values.tolist()[1] == "model=zener, G0=1.0, Ginf=6.0, tau=0.5"
+
+
+# --- failures ---
+
+HARD: dict[str, Any] = LINE | {"solver": {"method": "fire", "max_iterations": 25}}
+
+
+def test_a_case_that_does_not_converge_raises_with_its_state() -> None:
+    with pytest.raises(
+        ConvergenceError, match=r"t = 0\.25: residual .* after 25 iterations of fire"
+    ) as caught:
+        gfmdlayer.run(HARD)
+    error = caught.value
+    assert error.time == 0.25
+    assert error.problem is not None
+    assert error.solution is not None
+    assert error.data is not None
+    assert error.solution.residual > 1e-6
+    assert error.problem.obstacle.size == error.solution.pressure.size == 256
+    assert error.data.time.values.tolist() == [0.0]
+    with pytest.raises(ConvergenceError, match=r"t = 0\.25"):
+        gfmdlayer.run(HARD, out="out")
+
+
+def test_a_case_of_a_sweep_that_fails_is_nan_and_named_wherever_it_runs() -> None:
+    config = HARD | {"sweep": {"solver.max_iterations": [25, 20000]}}
+    found = []
+    for options in ({}, {"jobs": 2}, {"out": "out"}):
+        with pytest.warns(
+            UserWarning, match=r"1 of 2 cases failed and are NaN:\n0000: ConvergenceError: t = 0"
+        ):
+            found.append(gfmdlayer.run(config, **options))
+    assert found[0].attrs["failed"].startswith("0000: ConvergenceError: t = 0.25")
+    assert np.isnan(found[0].contact_area.sel(max_iterations=25)).all()
+    assert np.isfinite(found[0].contact_area.sel(max_iterations=20000)).all()
+    same(found[1], found[0])
+    with found[2] as written:
+        xarray.testing.assert_identical(written.contact_area.load(), found[0].contact_area)
+
+
+@pytest.mark.parametrize("options", [{}, {"out": "out"}], ids=["here", "folder"])
+def test_a_sweep_without_a_complete_case_raises(options: dict[str, Any]) -> None:
+    with pytest.raises(ConvergenceError):
+        gfmdlayer.run(HARD, sweep={"solver.max_iterations": [24, 25]}, **options)
+
+
+def test_signals_have_their_effect_again_after_a_run() -> None:
+    import signal
+
+    before = [signal.getsignal(each) for each in STOP_SIGNALS]
+    gfmdlayer.run(LINE, out="out").close()
+    assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
+
+
+def test_a_dimension_is_not_named_as_an_argument_of_sel() -> None:
+    found = gfmdlayer.run(LINE, sweep={"solver.method": ["fire", "active_set"], "layer.thickness": [0.1]})
+    assert found.contact_area.dims == ("solver.method", "thickness", "time")
+    assert found.contact_area.sel({"solver.method": "fire"}).dims == ("thickness", "time")
+
+
+# --- progress ---
+
+
+class _Spy:
+    lists_complete = False
+
+    def __init__(self) -> None:
+        self.fractions: list[float] = []
+        self.notes: list[str] = []
+        self.closed = False
+
+    def note(self, line: str) -> None:
+        self.notes.append(line)
+
+    def advance(self, progress: Any) -> None:
+        self.fractions.append(progress.fraction)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize("sweep", [{}, {"layer.thickness": [0.1, 0.2, 0.3]}], ids=["case", "sweep"])
+def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[str, Any]) -> None:
+    spy = _Spy()
+    monkeypatch.setattr("gfmdlayer.interactive.run.chosen_display", lambda _: spy)
+    monkeypatch.setattr("gfmdlayer.interactive.progress.INTERVAL", -1.0)
+    gfmdlayer.run(LINE | ({"sweep": sweep} if sweep else {}))
+    assert spy.fractions == sorted(spy.fractions)
+    assert spy.fractions[-1] == 1.0
+    assert len(set(spy.fractions)) > 4
+    assert spy.closed
+
+
+def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gfmdlayer.execution.status import Progress
+    from gfmdlayer.interactive import progress
+
+    made: list[_Spy] = []
+
+    def make() -> _Spy:
+        made.append(_Spy())
+        return made[-1]
+
+    for delay, shown in ((1e6, False), (-1.0, True)):
+        monkeypatch.setattr(progress, "DELAY", delay)
+        display = progress.Delayed(make)
+        display.note("first")
+        display.advance(Progress(2, 1))
+        display.close()
+        assert bool(made) is shown
+    assert (made[0].notes, made[0].fractions, made[0].closed) == (["first"], [0.5], True)
+
+
+def test_a_notebook_has_a_bar_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel of a notebook is recognised by IPython's shell; IPython itself need not be there."""
+    from types import ModuleType, SimpleNamespace
+
+    shown: list[str] = []
+    handle = SimpleNamespace(update=shown.append)
+    ipython, display = ModuleType("IPython"), ModuleType("IPython.display")
+    ipython.get_ipython = lambda: SimpleNamespace(kernel=None)  # type: ignore[attr-defined]
+    display.HTML = str  # type: ignore[attr-defined]
+    display.display = lambda _html, **_options: handle  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    gfmdlayer.run(LINE, progress=True)
+    assert shown[-1] == '<progress value="1.0000" max="1"></progress> 1 of 1 complete'
+
+
+def test_nothing_is_said_where_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gfmdlayer.run(LINE)
+        gfmdlayer.run(LINE, progress=False, sweep={"layer.thickness": [0.1]})
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,184 @@
+"""The contact area between the points of the grid, against closed forms, symmetries and irregular edges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import spence
+
+from gfmdlayer.config import Config
+from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.observables.contact_edges import T0, interpolated_area
+from gfmdlayer.observables.distributions import closed_gap, in_contact
+from gfmdlayer.simulation import simulate
+from gfmdlayer.verification.runs import Recording
+
+Floats = NDArray[np.float64]
+MODULUS = 4.0  # E*
+RADIUS = 0.25
+
+
+def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:
+    """A halfspace of period 1 under a punch and a mean pressure."""
+    grid = Grid(punch.shape, (1.0,) * punch.ndim)
+    stiffness = MODULUS / 2 * grid.wavenumbers.ravel()
+    height = float(np.ptp(punch))
+    problem = Problem(stiffness, np.zeros(stiffness.size, complex), punch.ravel(), load, None, height)
+    solver = ConjugateGradient(Transforms(punch.shape), 1e-9, 5000)
+    solution = solver.solve(problem, np.full(punch.size, load))
+    assert solution.converged
+    return problem, solution
+
+
+def area(punch: Floats, load: float) -> float:
+    """Contact area in points."""
+    problem, solution = pressed(punch, load)
+    fields = (in_contact(problem, solution), solution.pressure, solution.gap)
+    return punch.size * interpolated_area(*(field.reshape(punch.shape) for field in fields))
+
+
+def from_middle(n: int, shift: float) -> Floats:
+    """Distances from a place between two points, on a periodic line."""
+    return (np.arange(n) / n - shift / n + 0.5) % 1.0 - 0.5
+
+
+class Gaps(Recording):
+    """Keeps the gaps of snapshots."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gaps: list[Floats] = []
+
+    def snapshot(self, _time: float, _displacement: Floats, _pressure: Floats, gap: Floats, /) -> None:
+        self.gaps.append(gap)
+
+
+def parabola(n: int, shift: float) -> Floats:
+    return from_middle(n, shift) ** 2 / (2 * RADIUS)
+
+
+def load_of(width: float) -> float:
+    """Mean pressure under a periodic parabola, from the part of the line in contact."""
+    return -MODULUS / (2 * math.pi * RADIUS) * math.log(math.cos(math.pi * width / 2))
+
+
+@pytest.mark.parametrize(("n", "width"), [(256, 20.0), (255, 33.3), (512, 60.7), (512, 171.9)])
+def test_a_line_contact_is_as_wide_as_the_closed_form(n: int, width: float) -> None:
+    # A twentieth of a cell is asked for. The estimates of both edges are good to 0.002 each and 0.007 at the
+    # widest; places of the edges between two points are all passed.
+    errors = [area(parabola(n, shift), load_of(width / n)) - width for shift in np.linspace(0, 1, 9)]
+    assert np.max(np.abs(errors)) < 0.02
+
+
+@pytest.mark.parametrize("radius", [10.0, 17.3])
+def test_a_sphere_makes_a_circle_of_the_radius_of_hertz(radius: float) -> None:
+    n = 128
+    x, y = from_middle(n, 0.3)[:, None], from_middle(n, 0.85)
+    hertz = 4 * MODULUS * (radius / n) ** 3 / 3  # the force on a sphere of radius 1
+    found = math.sqrt(area((x**2 + y**2) / 2, hertz) / math.pi)
+    # Neighbours at a distance of 128 cells lift the surface by a parabola of relative curvature (a/L)^3; the
+    # sum over them is below 5 (a/L)^3, and a^3 goes with the radius of curvature.
+    assert found == pytest.approx(radius, abs=0.015 + 5 / 3 * radius * (radius / n) ** 3)
+
+
+def test_the_error_of_the_area_is_of_first_order_in_the_spacing_or_better() -> None:
+    errors = []
+    for n in (64, 256):
+        width = 20 * n / 64
+        shifts = np.linspace(0, 1, 5)
+        errors.append(max(abs(area(parabola(n, s), load_of(width / n)) - width) / n for s in shifts))
+    assert errors[1] < errors[0] / 4
+    assert errors[0] < 0.05 / 64
+
+
+def test_the_area_does_not_depend_on_place_or_direction() -> None:
+    rng, n = np.random.default_rng(5), 48
+    waves = rng.normal(size=(n, n))
+    q = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)) * n
+    punch = np.fft.irfft2(np.fft.rfft2(waves) * np.exp(-((q / 4) ** 2)), s=(n, n))
+    punch = 0.02 * (punch - punch.min()) / np.ptp(punch)
+    problem, solution = pressed(punch, 0.02)
+    fields = [each.reshape(n, n) for each in (in_contact(problem, solution), solution.pressure, solution.gap)]
+    whole = interpolated_area(*fields)
+    # A side of the grid that the edge crosses counts as a half; the edge is anywhere on it, or T0 before.
+    crossed = sum(np.count_nonzero(fields[0] != np.roll(fields[0], 1, axis)) for axis in (0, 1))
+    assert abs(whole - solution.contact_area) < (0.5 + T0) * crossed / n**2
+    for moved in (
+        [np.roll(each, (7, -19), (0, 1)) for each in fields],
+        [np.ascontiguousarray(each.T) for each in fields],
+        [np.ascontiguousarray(each[::-1]) for each in fields],
+    ):
+        assert interpolated_area(*moved) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(9,), (8, 9)])
+def test_full_contact_and_none_are_exact(shape: tuple[int, ...]) -> None:
+    none, ones = np.zeros(shape, bool), np.ones(shape)
+    assert interpolated_area(none, 0 * ones, ones) == 0.0
+    assert interpolated_area(~none, ones, 0 * ones) == 1.0
+
+
+@pytest.mark.parametrize("width", [1.0, 2.0, 3.0])
+def test_contacts_of_one_to_three_points_have_a_width(width: float) -> None:
+    # Where the count is wrong by up to a cell; the fields are no longer those of a wide contact.
+    errors = [area(parabola(128, shift), load_of(width / 128)) - width for shift in (0, 0.25, 0.5, 0.75)]
+    assert np.max(np.abs(errors)) < 0.1
+
+
+def test_the_edge_of_a_flat_punch_lies_between_the_points() -> None:
+    x = from_middle(64, 0.5)
+    found = area(np.where(np.abs(x) < 10 / 64, 0.0, 0.1), 0.05)
+    assert found == 20.0
+
+
+def test_a_curve_rises_without_stairs_and_is_that_of_a_finer_grid() -> None:
+    # The edge creeps by less than a point in many steps while the layer relaxes.
+    values = {"time": {"end": 3.0, "step": 0.05}, "layer.thickness": 0.1}
+    curves = []
+    for n in (256, 2048):
+        recording = Recording()
+        config = Config(name="creep").with_values(values | {"grid.points": n})
+        simulate(config, recording)
+        curves.append(np.asarray(recording["contact_area_interpolated"])[8:])
+    coarse, fine = curves
+    assert np.all(np.diff(coarse) > 0)
+    # A tenth of a cell: layers of some 25 points let the gap bend beside the contact.
+    np.testing.assert_allclose(coarse, fine, atol=0.1 / 256)
+
+
+def test_the_depth_gives_the_same_width_while_a_halfspace_relaxes() -> None:
+    # Contact that does not shrink is as wide as an elastic one at the same depth, whatever the history.
+    recording = Recording()
+    n = 512
+    values = {"grid.points": n, "layer.thickness": math.inf, "time": {"end": 3.0, "step": 0.1}}
+    simulate(Config(name="halfspace").with_values(values), recording)
+    half = np.pi * np.asarray(recording["contact_area_interpolated"]) / 2
+    found = (np.pi**2 / 6 - spence(np.sin(half) ** 2)) / np.pi**2
+    depth = np.asarray(recording["depth"])
+    wide = depth > 0.002  # 20 points
+    # d(depth)/d(width) = (2 / pi) tan(half) -ln cos^2... is below 0.5 here: a twentieth of a cell.
+    np.testing.assert_allclose(found[wide], depth[wide], atol=0.5 * 0.05 / n)
+
+
+@pytest.mark.parametrize("method", ["fire", "conjugate_gradient", "active_set"])
+def test_the_gap_is_zero_exactly_where_there_is_contact(method: str) -> None:
+    values = {"grid.points": 64, "time": {"end": 1.0, "step": 0.25}, "solver.method": method}
+    recording = Gaps()
+    simulate(Config(name="gap").with_values(values | {"output.snapshots": [1.0]}), recording)
+    (gap,) = recording.gaps
+    assert np.count_nonzero(gap == 0) == round(64 * recording["contact_area"][-1]) > 0
+    assert gap.min() == 0
+
+
+def test_an_open_gap_stays_as_it_is() -> None:
+    problem, solution = pressed(parabola(64, 0.0), 0.05)
+    closed = closed_gap(problem, solution)
+    touching = in_contact(problem, solution)
+    np.testing.assert_array_equal(closed[~touching], solution.gap[~touching])
+    assert not closed[touching].any()
