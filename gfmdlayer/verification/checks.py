@@ -8,7 +8,7 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import closed_forms, crosschecks, energy, limits, orders, peers
+from gfmdlayer.verification import closed_forms, crosschecks, energy, laws, limits, orders, peers
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -26,6 +26,8 @@ CHECKS: tuple[Check, ...] = (
     Check("Limits", limits.relaxing_modes),
     Check("Limits", limits.limiting_bodies),
     Check("Limits", limits.fast_and_slow),
+    Check("Laws and temperature", laws.series_of_laws),
+    Check("Laws and temperature", laws.jump_of_temperature),
     Check("Orders", orders.time_steps),
     Check("Orders", orders.papers_step),
     Check("Orders", orders.grid_spacing),
