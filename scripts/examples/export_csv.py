@@ -16,8 +16,9 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/figure2-quick")
 out = Path(sys.argv[2]) if len(sys.argv) > 2 else folder
 results = gfmdlayer.open_results(folder)
 
-# %% The curves: columns for the swept keys, the time, contact area and mean pressure.
-curves = results[["contact_area", "mean_pressure"]].to_dataframe().reset_index()
+# %% The curves: columns for the swept keys, the time, and every number that the cases report over time.
+numbers = [name for name, column in results.items() if column.dims[-1:] == ("time",)]
+curves = results[numbers].to_dataframe().reset_index()
 curves.to_csv(out / "curves.csv", index=False)
 print(f"{out / 'curves.csv'}: {len(curves)} lines, {', '.join(curves.columns)}")
 
