@@ -23,7 +23,6 @@ from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.units import Units
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -31,6 +30,7 @@ from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Location, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
+from gfmdlayer.validation.units import Units
 
 Name = Annotated[
     str,
