@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
+    from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
     from gfmdlayer.punch.self_affine import SelfAffine
-    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+    from gfmdlayer.punch.simple_shapes import Cylinder, Flat, Parabola, Sinusoid, Sphere
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import ConvergenceError, simulate
 
@@ -79,9 +80,8 @@ _MODULES = {
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.case": ("Case",),
-    "gfmdlayer.punch.simple_shapes": (
-        *("Cone", "Cylinder", "Flat", "Parabola", "Pyramid", "Sinusoid", "Sphere", "Wedge"),
-    ),
+    "gfmdlayer.punch.flanked_shapes": ("Cone", "Pyramid", "Wedge"),
+    "gfmdlayer.punch.simple_shapes": ("Cylinder", "Flat", "Parabola", "Sinusoid", "Sphere"),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
-import numpy as np
-
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body
@@ -28,7 +26,6 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.indentation.history import History
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -37,10 +34,6 @@ from gfmdlayer.resumable import CompositeState, Resumable
 
 if TYPE_CHECKING:
     from gfmdlayer.indentation.isolated import IsolatedIndentation
-
-
-# Error for which an isolated indentation on fixed steps has its nodes.
-_TOLERANCE = 1e-4
 
 
 class Integrator(Energy, Resumable, Protocol):
@@ -161,19 +154,7 @@ class Case:
         """The isolated contact of an indenter of revolution."""
         from gfmdlayer.indentation.isolated import IsolatedIndentation
 
-        given, grid, time = self.config.trajectory, self.config.grid, self.config.time
-        times = [0.0, *sorted({kink for kink in self.trajectory.kinks if 0 < kink < time.end}), time.end]
-        return IsolatedIndentation(
-            self.body,
-            self.config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
-            History(np.array(times), np.array([*map(self.trajectory, times)]), given.control == "force"),
-            tolerance=time.tolerance or _TOLERANCE,
-            step=None if isinstance(time.step, str) else time.step,
-            snapshots=self.config.output.snapshot_times,
-            stops=output_times(self.config),
-            points=grid.points[0],
-            extent=grid.extent,
-        )
+        return IsolatedIndentation.of(self.config, self.body, self.trajectory, output_times(self.config))
 
     @cached_property
     def transforms(self) -> Transforms:

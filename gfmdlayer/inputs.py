@@ -18,6 +18,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
@@ -86,8 +87,7 @@ def make_trajectory(config: Config) -> Trajectory:
         If it comes from a file that cannot be used.
     """
     given = config.trajectory
-    divided = given.control == "force" and not config.grid.axisymmetric
-    unit = math.prod(config.grid.period) if divided else 1.0
+    unit = math.prod(config.grid.period) if given.control == "force" else 1.0  # 1 of an isolated contact
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
@@ -228,7 +228,12 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
     if config.grid.axisymmetric:
-        yield from _errors_of_indentation(config, key)
+        try:
+            config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+            key = "trajectory.file"
+            yield from admissible.table_errors(config, make_trajectory(config))
+        except TableError as error:
+            yield key, str(error)
         return
     try:
         heights = make_punch(config, make_grid(config))
@@ -277,23 +282,3 @@ def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
         f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
         f"must be below the mean height of the punch, {mean_height:.6g}"
     )
-
-
-def _errors_of_indentation(config: Config, key: str) -> Iterator[tuple[str, str]]:
-    given, floor = config.trajectory, sum(layer.thickness for layer in config.stacked)
-    try:
-        config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
-        key = "trajectory.file"
-        trajectory = make_trajectory(config)
-    except TableError as error:
-        yield key, str(error)
-        return
-    if not isinstance(trajectory, Table):
-        return
-    least, most = float(trajectory.values.min()), float(trajectory.values.max())
-    if given.control == "force" and least < 0:
-        yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
-    rigid = config.halfspace.shear_modulus == math.inf
-    if given.control == "depth" and rigid and most >= floor:
-        message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
-        yield key, f"{message}; must be below the thickness of the layers, {floor!r}"

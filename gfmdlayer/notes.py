@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from gfmdlayer.config import Config
-from gfmdlayer.validation.problems import dotted
+from gfmdlayer.validation.problems import Location, dotted
 from gfmdlayer.validation.sections import Section, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
@@ -82,12 +82,18 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
     """Return the dimensional keys left out, with their defaults, and those given in another unit."""
     left: dict[str, float] = {}
     foreign: list[str] = []
-    of_layers = [part for at, part in sections_in(config) if at[:1] in {("layer",), ("layers",)}]
-    alone = any(getattr(part, "thickness", 0.0) == math.inf for part in of_layers)
+    thicknesses = {
+        getattr(part, "thickness", None)
+        for at, part in sections_in(config)
+        if at[:1] in {("layer",), ("layers",)}
+    }
+    unused: dict[Location, bool] = {
+        ("halfspace",): math.inf in thicknesses,
+        ("layer",): 0.0 in thicknesses,
+        ("grid",): config.grid.axisymmetric,
+    }
     for at, section in sections_in(config):
-        if (at[:1] == ("halfspace",) and alone) or (
-            at[:1] == ("layer",) and getattr(config.layer, "thickness", 1.0) == 0
-        ):
+        if unused.get(at[:1]):
             continue
         for key in type(section).model_fields:
             value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0

@@ -36,6 +36,7 @@ NAMES = (
     "peer",
     "rough",
     "ablation",
+    "indentation",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
 OPTIONAL = ("ranks", "peer", "rough", "ablation")  # left out by --quick, unless named by --only

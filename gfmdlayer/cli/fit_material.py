@@ -1,4 +1,4 @@
-"""`gfmdlayer fit-material`: fit a Prony series to a measured curve: omega, G' and G'', or t and G."""
+"""`gfmdlayer fit-material`: fit a law to a measured curve: omega, G' and G'', or t and G."""
 
 from __future__ import annotations
 
@@ -7,12 +7,18 @@ from pathlib import Path
 
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
+LAWS = ("prony", "fractional_zener", "power_law", "kohlrausch", "havriliak_negami")
 EXAMPLE = "gfmdlayer fit-material configs/polymer.csv --temperature 35 --reference 25 --wlf 17.4 51.6"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
+    parser.add_argument("--law", choices=LAWS, default="prony", help="law to fit (default: a Prony series)")
+    parser.add_argument("--columns", metavar="NAMES", help='names of columns, such as "f, E\', tan delta"')
+    parser.add_argument(
+        "--poisson", metavar="NU", type=float, default=0.5, help="Poisson's ratio, for E (default: 0.5)"
+    )
     parser.add_argument("--out", metavar="PATH", help="YAML file, or folder for it (default: NAME.yaml here)")
     parser.add_argument(
         "--branches", metavar="N", type=int, help="number of branches (default: the fewest that fit)"
@@ -28,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def fit_material(options: argparse.Namespace) -> int:
-    """Fit a Prony series to a measured curve."""
+    """Fit a law to a measured curve."""
     from gfmdlayer.fitting import report
     from gfmdlayer.fitting.measurement import FitError
     from gfmdlayer.fitting.wlf import WLF
@@ -36,10 +42,15 @@ def fit_material(options: argparse.Namespace) -> int:
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):
         return refuse("--temperature, --reference and --wlf: must be given together")
+    if not -1 < options.poisson <= 0.5:
+        return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:
         summary = report.fit_material(
             Path(options.data),
             None if options.out is None else Path(options.out),
+            law=options.law,
+            poisson=options.poisson,
+            names=options.columns,
             branches=options.branches,
             relaxed=options.relaxed_modulus,
             wlf=None if options.wlf is None else WLF(*shift[:2], *options.wlf),

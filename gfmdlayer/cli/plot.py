@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
@@ -11,6 +12,7 @@ KINDS = {
     "friction) against time, or the columns of --y against that of --x",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
+    "body": "the layers and their moduli; also of a configuration, DIR then being its file",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
 # The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.
@@ -63,7 +65,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--select",
         metavar="KEY=VALUE",
-        type=_selected,
         nargs="+",
         action="extend",
         default=[],
@@ -83,31 +84,33 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--time",
         metavar="T",
-        type=_time,
         help="time of a map, or of curves against a swept key: a number, end (default), or for the extremes "
         "over time max or min",
     )
-    parser.add_argument("--fps", metavar="N", type=_rate, help="frames of a movie in a second")
+    parser.add_argument("--fps", metavar="N", type=int, help="frames of a movie in a second")
 
 
-def _selected(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not (key.strip() and equals and value.strip()):
-        raise argparse.ArgumentTypeError(f"got {text!r}; must be KEY=VALUE, such as thickness=0.1")
-    return key.strip(), value.strip()
+def _selected(texts: list[str]) -> dict[str, str]:
+    """Return what is selected, by key; ValueError where that is not said."""
+    selected: dict[str, str] = {}
+    for text in texts:
+        key, _, value = (part.strip() for part in text.partition("="))
+        if not (key and value):
+            raise ValueError(f"--select: got {text!r}; must be KEY=VALUE, such as thickness=0.1")
+        if key in selected:
+            raise ValueError(f"--select: {key} is given twice; must be given once, or with a range: 0.1:0.5")
+        selected[key] = value
+    return selected
 
 
-def _time(text: str) -> float | str:
+def _time(text: str | None) -> Any:
+    """Return the time of a map; ValueError where it is none."""
+    if text in ("end", "max", "min", None):
+        return text
     try:
-        return text if text in ("end", "max", "min") else float(text)
+        return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"got {text!r}; must be a number, end, max or min") from None
-
-
-def _rate(text: str) -> int:
-    if not (text.isdecimal() and 1 <= int(text) <= MOST_FRAMES):
-        raise argparse.ArgumentTypeError(f"got {text!r}; must be a whole number from 1 to {MOST_FRAMES}")
-    return int(text)
+        raise ValueError(f"--time: got {text!r}; must be a number, end, max or min") from None
 
 
 def plot(options: argparse.Namespace) -> int:
@@ -116,9 +119,12 @@ def plot(options: argparse.Namespace) -> int:
         if getattr(options, name) not in (None, False, [], "") and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
             return refuse(f"--{name.replace('_', '-')}: has no effect on this figure; must be with {allowed}")
-    selected = dict(options.select)
-    if len(selected) < len(options.select):
-        return refuse("--select: a key is given twice; must be given once, or with a range such as 0.1:0.5")
+    try:
+        selected, time = _selected(options.select), _time(options.time)
+    except ValueError as error:
+        return refuse(str(error))
+    if options.fps is not None and not 1 <= options.fps <= MOST_FRAMES:
+        return refuse(f"--fps: got {options.fps}; must be a whole number from 1 to {MOST_FRAMES}")
     from gfmdlayer.figures.plots import plot_results
 
     for picture in plot_results(
@@ -129,7 +135,7 @@ def plot(options: argparse.Namespace) -> int:
         style=options.style or ("screen" if options.kind == "movie" else "paper"),
         log_time=options.log_time,
         inset=options.inset,
-        time=options.time,
+        time=time,
         select=selected,
         x=options.x,
         y=options.y,

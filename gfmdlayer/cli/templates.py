@@ -52,6 +52,17 @@ time.end: 100.0
 output.snapshots: [1.0, 10.0, 100.0]
 """,
     ),
+    "stack": (
+        "A parabola is pressed into a stiff skin on a soft layer on a rigid base, each viscoelastic.",
+        _QUICK,
+        """
+layers:
+  - {thickness: 0.01, poisson: 0.45, material: {G0: 5.0, Ginf: 20.0, tau: 1.0}}
+  - {thickness: 0.1, poisson: 0.49, material: {G0: 1.0, Ginf: 4.0, tau: 0.3}}
+halfspace.shear_modulus: .inf
+sweep: {layers.0.thickness: [0.005, 0.01, 0.02]}
+""",
+    ),
     "sliding": (
         "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
         _QUICK,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -20,15 +19,15 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
-from gfmdlayer.config.dotted_keys import assigned, leaves, sweepable
 from gfmdlayer.config.hidden import with_hidden
+from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
-from gfmdlayer.validation.problems import ConfigError, InconsistentError, Location, Problem
+from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
 from gfmdlayer.validation.units import Units
 
@@ -67,15 +66,15 @@ class Config(Section):
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
-    layers: Annotated[tuple[sections.StackedLayer, ...] | None, given] = Field(
+    layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
-    """layers from the surface down, in place of layer; the last may be infinitely thick"""
-    layer: Annotated[sections.Layer | None, given] = Field(
-        default_factory=lambda data: sections.Layer() if data.get("layers") is None else None
+    """layers from the surface down, in place of layer"""
+    layer: Annotated[Layer | None, given] = Field(
+        default_factory=lambda data: Layer() if data.get("layers") is None else None
     )
     """the viscoelastic layer"""
-    halfspace: sections.Halfspace = Field(default_factory=sections.Halfspace)
+    halfspace: Halfspace = Field(default_factory=Halfspace)
     """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
     """temperature of the body, over time; for materials with a shift"""
@@ -97,9 +96,9 @@ class Config(Section):
         found = contradictions(self)
         if self.sweep:
             given = self._given()
-            keys = sweepable(self)
+            keys = sweeps.sweepable(self)
             found = sweep_checks.conflicts(
-                self.sweep, keys, list(found), lambda values: problems(assigned(given, values))
+                self.sweep, keys, list(found), lambda values: problems(sweeps.assigned(given, values))
             )
         if listed := list(found):
             raise InconsistentError(listed)
@@ -107,35 +106,11 @@ class Config(Section):
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
-        yield from self._problems_of_the_body()
+        yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        if self.grid.axisymmetric:
-            yield from admissible.problems(self)
-        else:
-            fit = self.punch.misfits(self.grid.cell)
-            yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        yield from admissible.problems(self)
         yield from self._problems_of_the_motion()
         yield from self._problems_of_the_output()
-
-    def _problems_of_the_body(self) -> Iterator[Problem]:
-        if self.layers is not None and self.layer is not None:
-            yield Problem(("layers",), "given beside layer; must be one of the two", ("layer",), at_key=True)
-            return
-        if not self.stacked:
-            yield Problem(("layers",), "got an empty list; must hold at least one {thickness: ...}")
-            return
-        for i, layer in enumerate(self.stacked[:-1]):
-            if math.isinf(layer.thickness):
-                message = "got .inf above another layer; must be finite: only the last can be a halfspace"
-                yield Problem(("layers", i, "thickness"), message, ("layers",))
-        modulus = self.halfspace.shear_modulus
-        if modulus in {0, math.inf} and not any(layer.thickness for layer in self.stacked):
-            nothing = "halfspace without stiffness: nothing carries a load"
-            base = "rigid halfspace: nothing is left to deform" if modulus else nothing
-            allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
-            message = f"got 0 on a {base}; {allowed}"
-            at: Location = ("layer", "thickness") if self.layers is None else ("layers", 0, "thickness")
-            yield Problem(at, message, ("halfspace.shear_modulus", "layers"))
 
     def _problems_of_the_motion(self) -> Iterator[Problem]:
         given, time = self.trajectory, self.time
@@ -163,21 +138,15 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        if self.grid.axisymmetric:  # what can be wrong else has been refused
-            return self.trajectory.file is None and not hasattr(self.punch, "file")
-        given, mean_height = self.trajectory, self.punch.mean_height(self.grid.cell)
-        tables = given.file, given.velocity_file, self.temperature and self.temperature.file
-        if any(table is not None for table in tables) or mean_height is None:
-            return False
-        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+        return admissible.plainly_possible(self)
 
     @property
-    def stacked(self) -> tuple[sections.Layer, ...]:
+    def stacked(self) -> tuple[Layer, ...]:
         """The layers from the surface down: those of `layers`, or `layer` alone."""
         return self.layers or (() if self.layer is None else (self.layer,))
 
     @property
-    def surface(self) -> sections.Layer:
+    def surface(self) -> Layer:
         """The uppermost layer: its modulus is the unit of dimensionless pressures, its time that of times."""
         return self.stacked[0]
 
@@ -209,7 +178,7 @@ class Config(Section):
         ConfigError
             A key does not exist, or a value is not possible.
         """
-        data = assigned(self._given(), plain(values))
+        data = sweeps.assigned(self._given(), plain(values))
         try:
             return Config.model_validate(data)
         except ValidationError as error:
@@ -305,4 +274,4 @@ def explain(error: ValidationError) -> list[Problem]:
 
 @cache
 def _known_keys() -> list[str]:
-    return ["name", *leaves(Config(name="defaults"))]
+    return ["name", *sweeps.leaves(Config(name="defaults"))]

@@ -20,15 +20,11 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.body.materials import Law
-from gfmdlayer.body.maxwell import Zener
-from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,
     Count,
-    Extended,
     File,
     Finite,
     MustBe,
@@ -49,7 +45,6 @@ Points = Annotated[
     MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]"),
 ]
 Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
-Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
 Tolerance = Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")]
 Step = Annotated[
     Annotated[float, strict, Field(gt=0)] | Literal["adaptive"],
@@ -125,43 +120,6 @@ class Grid(Section):
         if math.prod(self.points) >= MANY:
             total = f"{math.prod(self.points):.3g} points"
             yield Problem(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")
-
-
-class Layer(Section):
-    """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
-
-    thickness: Extended = 0.05
-    """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
-    poisson: Poisson = 0.5
-    """Poisson's ratio of the layer; 0.5 is incompressible"""
-    material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
-    """viscoelastic law: its model, or {file: ...} of fit-material"""
-
-
-class StackedLayer(Layer):
-    """One of several layers; thickness 0 leaves it out, and .inf makes the last one the halfspace."""
-
-    thickness: Extended
-    """thickness d: length; .inf: the halfspace, for the last one"""
-
-
-class Halfspace(Section):
-    """The halfspace below: elastic, rigid (shear modulus .inf), absent (0), or of a material."""
-
-    material: Annotated[Annotated[Law, MATERIALS] | None, given] = None
-    """viscoelastic law of the base, in place of shear_modulus"""
-    shear_modulus: Annotated[Extended | None, given] = Field(
-        default_factory=lambda data: 1.0 if data.get("material") is None else None
-    )
-    """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
-    poisson: Poisson = 0.5
-    """Poisson's ratio of the base"""
-
-    def problems(self) -> Iterator[Problem]:
-        """Refuse a modulus beside a material."""
-        if self.material is not None and self.shear_modulus is not None:
-            message = "given beside material; must be left out, or material be left out"
-            yield Problem(("shear_modulus",), message, ("material",))
 
 
 class Trajectory(Section):

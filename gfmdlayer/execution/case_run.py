@@ -158,8 +158,12 @@ def attributes(config: Config) -> dict[str, str | float]:
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
-    found |= {"G0": config.surface.material.unit, "L": config.grid.period[0]}
+    found["G0"] = config.surface.material.unit
     found["control"] = config.trajectory.control
+    if not config.grid.axisymmetric:
+        found["L"] = config.grid.period[0]
+    elif config.grid.extent is None:
+        found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config]):

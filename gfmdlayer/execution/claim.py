@@ -32,6 +32,7 @@ from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint|journal\d|state)(\.aside)?")
+_INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
@@ -176,7 +177,8 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
     """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
     if restart:
         results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
-        for path in (folder.sweep, *results, folder.config):
+        inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
+        for path in (folder.sweep, *results, *inputs, folder.config):
             path.unlink(missing_ok=True)
     is_new = not folder.is_results()
     found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)

@@ -8,6 +8,7 @@
     DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
+    DIR/inputs/            the files that the configuration names, as the cases read them
     DIR/cases/stop         asks every process of the run to stop; stop-3-of-16 those of a shard
     DIR/inputs             punch and history of a run from Python that were arrays
     DIR/sweep.h5           all cases, labelled
@@ -20,6 +21,7 @@ numbers where these do not run from 0, because the sweep has grown (`gfmdlayer.e
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections import defaultdict
@@ -31,7 +33,7 @@ from typing import Any
 
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
 from gfmdlayer.execution.sweep import Shard, input_errors
-from gfmdlayer.files.whole import write_text
+from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.sections import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
@@ -155,6 +157,43 @@ class Folder:
             head += f"{_FILES}{', '.join(_ranges(numbers))}\n"
         write_text(self.config, head + config.dump())
 
+    def keep_input(self, path: Path, changed: bool) -> Path:
+        """Copy a file that the configuration names; the cases read the copy, whatever becomes of the file.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        changed : bool
+            Whether the configuration has changed, and the file may have too.
+
+        Returns
+        -------
+        Path
+            The copy, named by place and contents: NAME-PLACE-CONTENTS.SUFFIX.
+
+        Raises
+        ------
+        FolderError
+            Where the file has changed since the results were begun, or cannot be read or copied.
+        """
+        try:
+            content = path.read_bytes()
+            place, hashed = (hashlib.sha256(each).hexdigest()[:16] for each in (bytes(path), content))
+            kept = self.path / "inputs" / f"{path.stem}-{place}-{hashed}{path.suffix}"
+            if kept.exists():
+                return kept
+            kept.parent.mkdir(exist_ok=True)
+            if not changed and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
+                raise FolderError(
+                    f"{path}: has changed since the results in {self.path} were begun; {WAYS_OUT}"
+                )
+            with unfinished(kept) as part:
+                part.write_bytes(content)
+        except OSError as error:
+            raise FolderError(f"{path}: cannot be copied into {self.path} ({error.strerror})") from None
+        return kept
+
     def must_hold_results(self) -> None:
         """Refuse a folder that does not hold results.
 
@@ -196,7 +235,9 @@ def _numbers(ranges: str) -> Iterator[int]:
 
 
 def is_result(path: str | Path) -> bool:
-    """Tell whether a file is one of results, and not a configuration in YAML."""
+    """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
+    if not Path(path).is_file():
+        return False
     try:
         with Path(path).open("rb") as file:
             return file.read(len(_SIGNATURE)) == _SIGNATURE

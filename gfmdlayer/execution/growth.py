@@ -22,7 +22,8 @@ from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.config.stops import stops
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
-from gfmdlayer.execution.sweep import Case, Earlier, cases
+from gfmdlayer.execution.sweep import Case, Earlier, cases, with_files
+from gfmdlayer.validation.sections import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
 _LISTED = 8  # numbers of cases in a line
@@ -109,6 +110,34 @@ def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
 
 def _values(case: Case) -> str:
     return json.dumps(case.values, sort_keys=True, default=str)
+
+
+def with_inputs(folder: Folder, every: Sequence[Case], changed: bool) -> Sequence[Case]:
+    """Let cases read the folder's copies of their input files, which no one changes while they run.
+
+    Parameters
+    ----------
+    folder : Folder
+        The results folder, claimed.
+    every : sequence of Case
+        The cases.
+    changed : bool
+        Whether the configuration has changed, and files may have too.
+
+    Returns
+    -------
+    sequence of Case
+
+    Raises
+    ------
+    FolderError
+        Where a file has changed since the results were begun, or cannot be copied.
+    """
+    files = {path for case in every for path in files_named(case.config).values()}
+    if not files:
+        return every
+    kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
+    return [replace(case, config=with_files(case.config, kept)) for case in every]
 
 
 def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:

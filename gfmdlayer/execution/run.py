@@ -130,7 +130,8 @@ def run_sweep(
     every: Sequence[Case] = cases(config)
     own = every if options.shard is None else options.shard.share(every)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
-        own, every = growth.with_earlier(folder, found.numbered(own)), found.numbered(every)
+        every = found.numbered(every)
+        own = growth.with_earlier(folder, growth.with_inputs(folder, found.numbered(own), found.changed))
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
@@ -162,10 +163,11 @@ def run_sweep(
                 if outcome.state == "failed":
                     case = next(case for case in own if case.index == outcome.index)
                     record_failure(folder, case, outcome.reason)
-        notes: list[str] | None = None
-        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
-            notes = _collect(config, folder, every, outcomes)
-    return Summary(tuple(outcomes.values()), notes is not None, tuple(notes or ()))
+        ended = all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values())
+        collected = _collect(config, folder, every, outcomes) if ended else None
+        notes, lost = collected or ([], [])
+        outcomes |= {outcome.index: outcome for outcome in lost}
+    return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
 
 
 def _nothing() -> Display:
@@ -252,8 +254,11 @@ def _ordered(todo: Sequence[Case], seconds: Mapping[int, float], pool: WorkerPoo
 
 def _collect(
     config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]
-) -> list[str] | None:
-    """Write the sweep file and return the notes in it; None where cases of other shards are not complete."""
+) -> tuple[list[str], list[Outcome]] | None:
+    """Write the sweep file; return None where cases of other shards are not complete.
+
+    Else the notes in it, and the cases that ended well, but could not be read any more.
+    """
     from gfmdlayer.results.case_metadata import CaseRecord
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
@@ -272,7 +277,11 @@ def _collect(
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
             path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
-            return str(attributes(path)["notes"]).splitlines()
+            found = attributes(path)
+            named = (line.partition(": ") for line in str(found["failed"]).splitlines())
+            failed = {int(number): reason for number, _, reason in named if number.isdecimal()}
+            lost = [Outcome(i, "failed", reason) for i, reason in failed.items() if reasons.get(i) == ""]
+            return str(found["notes"]).splitlines(), lost
     except PermissionError as error:  # lost during the run
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
 

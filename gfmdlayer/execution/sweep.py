@@ -11,10 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
+from pathlib import Path
+from typing import Any, TypeVar
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
+from gfmdlayer.validation.sections import Section
+
+Part = TypeVar("Part", bound=Section)
 
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
@@ -88,6 +93,22 @@ def input_errors(config: Config) -> Iterable[tuple[str, str]]:
     from gfmdlayer import inputs
 
     return inputs.input_errors(doubtful)
+
+
+def with_files(section: Part, files: Mapping[Path, Path]) -> Part:
+    """Return a section that names other files, in itself and in all sections below it."""
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, Section):
+            return with_files(value, files)
+        if isinstance(value, tuple):
+            return tuple(map(replaced, value))
+        return files.get(value, value) if isinstance(value, Path) else value
+
+    new = {key: replaced(value) for key, value in vars(section).items()}
+    return section.model_copy(
+        update={key: new[key] for key, value in vars(section).items() if value != new[key]}
+    )
 
 
 def label(values: dict[str, object]) -> str:

@@ -21,11 +21,9 @@ if TYPE_CHECKING:
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
-    "depth": r"\delta",
-    "mean_stress": r"\bar{p}",
-    "force": "F",
-    "mean_gap": r"\bar{g}",
     **{column.name: column.symbol for column in INDENTATION if column.symbol},
+    "mean_stress": r"\bar{p}",
+    "mean_gap": r"\bar{g}",
     "displacement": "u",
     "pressure": "p",
     "gap": "g",

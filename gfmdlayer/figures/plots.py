@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
+from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Kind = Literal["curves", "snapshots", "waterfall", "map", "movie"]
+Kind = Literal["curves", "snapshots", "waterfall", "map", "movie", "body"]
 
 
 class Options(TypedDict, total=False):
@@ -33,8 +34,9 @@ class Options(TypedDict, total=False):
     ----------
     kind : str
         curves: columns against time. snapshots: the surface at the snapshot times. waterfall: pressure
-        profiles through time. map: columns over two swept keys. movie: displacement and pressure. By default
-        the curves and, as NAME-snapshots, the snapshots if there are any; with x or y the curves alone.
+        profiles through time. map: columns over two swept keys. movie: displacement and pressure. body: the
+        layers and their moduli, also of a configuration that has not been run. By default the curves and, as
+        NAME-snapshots, the snapshots if there are any; with x or y the curves alone.
     select : mapping
         Swept key -> the value of the cases that are drawn, of which the nearest is taken, or a range.
     x : str
@@ -99,6 +101,12 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         raise TypeError(f"plot_results has no options {', '.join(sorted(unknown))}")
     path, look = Path(path), STYLES[options.get("style", "paper")]
     kind: Kind | None = options.get("kind") or ("curves" if options.get("x") or options.get("y") else None)
+    if kind == "body":
+        picture = path.with_name(f"{path.stem}-body.png") if path.is_file() else path / "body.png"
+        picture = picture if out is None else Path(out)
+        check_suffix(picture)
+        save(body_figure(config_of(path, options.get("case")), look), picture, look)
+        return [picture]
     with ExitStack() as stack:
         opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
         if "fitted" in opened.attrs:

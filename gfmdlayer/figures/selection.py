@@ -244,7 +244,8 @@ def default_columns(dataset: Dataset) -> list[str]:
     control, depth = dataset.attrs.get("control"), _own_name(dataset, "depth")
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
     if "contact_radius" in dataset:
-        return [column.name for column in INDENTATION if column.symbol and column.name in dataset.data_vars]
+        own = (_own_name(dataset, column.name) for column in INDENTATION if column.symbol)
+        return [name for name in own if name in dataset.data_vars]
     if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
         at = names.index("mean_pressure")
         names[at : at + (0 if is_swept else 1)] = [depth]

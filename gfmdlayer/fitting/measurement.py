@@ -14,14 +14,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Material
+from gfmdlayer.body.materials import Law
 from gfmdlayer.files.tables import TableError, is_number, read_columns, read_lines
+from gfmdlayer.fitting import columns
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two with numbers left over
 
@@ -73,7 +74,7 @@ class Measurement(ABC):
         """Derivative of the response to the logarithm of the relaxation time, in the response's shape."""
 
     @abstractmethod
-    def predicted(self, material: Material, abscissa: FloatArray) -> FloatArray:
+    def predicted(self, material: Law, abscissa: FloatArray) -> FloatArray:
         """The moduli of a material, shape (moduli, abscissae)."""
 
     def slowed(self, factor: float) -> Self:
@@ -104,7 +105,7 @@ class MasterCurve(Measurement):
         cycles = 1j * np.multiply.outer(self.abscissa, times)
         return _parts(cycles / (1 + cycles) ** 2)
 
-    def predicted(self, material: Material, abscissa: FloatArray) -> FloatArray:
+    def predicted(self, material: Law, abscissa: FloatArray) -> FloatArray:
         """Storage and loss modulus of a material."""
         modulus = material.complex_modulus(abscissa)
         return np.stack([modulus.real, modulus.imag])
@@ -128,21 +129,32 @@ class RelaxationCurve(Measurement):
         elapsed = np.divide.outer(self.abscissa, times)
         return np.asarray(elapsed * np.exp(-elapsed))
 
-    def predicted(self, material: Material, abscissa: FloatArray) -> FloatArray:
+    def predicted(self, material: Law, abscissa: FloatArray) -> FloatArray:
         """Relaxation modulus of a material, in a first dimension of one."""
         return material.relaxation_modulus(abscissa)[np.newaxis]
 
 
-def read(path: Path) -> Measurement:
+class Reading(TypedDict, total=False):
+    """How a file is read, see `read`."""
+
+    poisson: float
+    names: str | None
+
+
+def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurement:
     """Read a measured curve: a master curve from three columns, a relaxation curve from two.
 
     Columns are separated by commas, semicolons or white space, `#` begins a comment, and the first line may
-    name the columns.
+    name the columns; without names they are omega, G' and G'', or t and G.
 
     Parameters
     ----------
     path : Path
-        A file with omega, G' and G'', or with t and G, in increasing order of the first.
+        A file in increasing order of the frequency or time, with columns as `columns` names them.
+    poisson : float
+        Poisson's ratio, where moduli are those of tension.
+    names : str, optional
+        Names of the columns, in place of those in the file.
 
     Returns
     -------
@@ -155,24 +167,27 @@ def read(path: Path) -> Measurement:
         `FEWEST_ROWS` rows; a number that is not finite or not positive; frequencies or times that do not
         increase.
     """
-    kind = _kind(path)
+    quantities = _quantities(path, names)
+    symbols = columns.symbols(quantities)
 
     def row_error(row: Sequence[float]) -> str | None:
-        wrong = (f"{name} = {value:g}" for name, value in zip(kind.columns, row, strict=True) if value <= 0)
+        wrong = (f"{name} = {value:g}" for name, value in zip(symbols, row, strict=True) if value <= 0)
         found = ", ".join(wrong)
         return found and f"{found}; must be > 0"
 
-    rows = read_columns(path, kind.columns, increasing=True, at_least=FEWEST_ROWS, row_error=row_error)
-    abscissa, *moduli = rows.T
+    increasing = quantities[0] in {"omega", "frequency", "time"}
+    rows = read_columns(path, symbols, increasing=increasing, at_least=FEWEST_ROWS, row_error=row_error)
+    abscissa, *moduli = columns.converted(quantities, rows, poisson).T
+    if not (np.diff(abscissa) > 0).all():
+        raise TableError(f"{path}: frequencies or times do not increase from row to row; they must")
+    kind = MasterCurve if len(moduli) == 2 else RelaxationCurve
     return kind(path.name, abscissa, np.array(moduli))
 
 
-def _kind(path: Path) -> type[Measurement]:
-    """Find the kind of curve from the number of columns; their names, if given, must agree."""
-    by_width: dict[int, type[Measurement]] = {
-        len(kind.columns): kind for kind in (MasterCurve, RelaxationCurve)
-    }
-    expected = " or ".join(f"{width} ({', '.join(kind.columns)})" for width, kind in by_width.items())
+def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
+    """Find the quantities of the columns, by their names or their number."""
+    by_width = {len(each): each for each in (columns.MASTER, columns.RELAXATION)}
+    expected = " or ".join(f"{len(kind.columns)} ({', '.join(kind.columns)})" for kind in KINDS)
     lines = read_lines(path)
     if not lines:
         raise TableError(f"{path}:1: holds no numbers; must be {FEWEST_ROWS} rows or more of {expected}")
@@ -181,28 +196,40 @@ def _kind(path: Path) -> type[Measurement]:
         if re.search(r"\d,\d", text) and re.search(r"\d\s*;|\d\s+[-+.\d]", text):
             raise TableError(f"{path}:{number}: {text!r} has decimal commas; must be decimal points")
     number, text, words = next((line for line in lines if any(map(is_number, line[2]))), lines[-1])
-    if len(words) not in by_width:
+    header = names if names is not None else lines[0][1] if number > lines[0][0] else None
+    place = "--columns" if names is not None else f"{path}:{lines[0][0]}"
+    if header is not None and (found := columns.recognised(header)) is not None:
+        if not columns.names_one_curve(found):
+            raise TableError(f"{place}: {header!r} is no curve; must be {columns.WAYS}")
+        if len(found) != len(words):
+            raise TableError(
+                f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(found)}"
+            )
+        return found
+    if names is not None or len(words) not in by_width:
+        if names is not None:
+            raise TableError(f"{place}: {names!r} is not understood; must be {columns.WAYS}")
         raise TableError(f"{path}:{number}: {text!r} is {len(words)} words; must be numbers, {expected}")
-    kind = by_width[len(words)]
-    if number > lines[0][0]:
-        _check_name(f"{path}:{lines[0][0]}", lines[0][1], kind)
-    return kind
+    if header is not None:
+        _check_name(place, header, len(words))
+    return by_width[len(words)]
 
 
-def _check_name(place: str, header: str, kind: type[Measurement]) -> None:
-    """Refuse a first column whose name is that of another quantity."""
+def _check_name(place: str, header: str, width: int) -> None:
+    """Refuse a first column whose name is that of another quantity than its number of columns says."""
     name = re.split(r"[,;\t]", header)[0] if re.search(r"[,;\t]", header) else header.split()[0]
-    symbol = re.split(r"[\s(\[/]", name.strip())[0].lower().strip("\"'")
-    if symbol in {"f", "nu", "freq", "frequency"} or re.search(r"\bHz\b", name):
+    kind = MasterCurve if width == 3 else RelaxationCurve
+    quantity = columns.quantity(name)
+    if quantity == "frequency":
+        raise TableError(f"{place}: {header!r} is not understood beside a frequency; must be {columns.WAYS}")
+    if quantity in {"time", "omega"} and (quantity == "omega") is not (kind is MasterCurve):
         raise TableError(
-            f"{place}: the first column is {name.strip()!r}; must be the angular frequency omega = 2 pi f"
+            f"{place}: the first column is {name.strip()!r}, but {width} columns make a {kind.name}; "
+            f"must be {', '.join(kind.columns)}"
         )
-    named = {"t": RelaxationCurve, "time": RelaxationCurve, "omega": MasterCurve, "w": MasterCurve}
-    if named.get(symbol, kind) is not kind:
-        raise TableError(
-            f"{place}: the first column is {name.strip()!r}, but {len(kind.columns)} columns make a "
-            f"{kind.name}; must be {', '.join(kind.columns)}"
-        )
+
+
+KINDS: tuple[type[Measurement], ...] = (MasterCurve, RelaxationCurve)
 
 
 def _parts(values: NDArray[np.complex128]) -> FloatArray:

@@ -31,6 +31,7 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.materials import Law
 from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.fitting.measurement import FitError, Measurement
 
@@ -54,14 +55,14 @@ class Fit:
     ----------
     measurement : Measurement
         The measured curve.
-    material : Prony
-        The series, from its fastest branch to its slowest.
+    material : Law
+        The fitted law; branches of a series from the fastest to the slowest.
     least : float
         The least root mean square error of any series with times in the range.
     """
 
     measurement: Measurement
-    material: Prony
+    material: Law
     least: float
 
     @property
@@ -81,10 +82,11 @@ class Fit:
         return float(np.abs(self.errors).max())
 
     def normalised(self) -> Fit:
-        """The same fit with all moduli in units of G0."""
-        G0 = self.material.G0
-        branches = tuple((modulus / G0, time) for modulus, time in self.material.branches)
-        return Fit(self.measurement.in_units_of(G0), Prony(1.0, branches), self.least)
+        """The same fit with all moduli in units of G0, or of G where a power law has none."""
+        unit, data = self.material.unit, self.material.model_dump(exclude_none=True)
+        for section in (data, *data.get("branches", ())):
+            section |= {key: section[key] / unit for key in ("G", "G0", "Ginf") if key in section}
+        return Fit(self.measurement.in_units_of(unit), type(self.material).model_validate(data), self.least)
 
 
 def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> Fit:
@@ -112,11 +114,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
     most = min(MOST_BRANCHES, (measurement.moduli.size - 1) // 2)
     if branches is not None and not 1 <= branches <= most:
         raise FitError(f"{branches} branches: must be 1 to {most} for {measurement.abscissa.size} rows")
-    lowest, highest = measurement.moduli[0].min(), measurement.moduli[0].max()
-    if relaxed is not None and not 0 < relaxed < highest:
-        raise FitError(
-            f"relaxed modulus {relaxed:g}: must be > 0 and below the highest measured modulus, {highest:.6g}"
-        )
+    check_relaxed(measurement, relaxed)
     problem = _Problem(measurement, relaxed)
     least = problem.error(problem.grid)
     enough = max(MARGIN * least, ACCURACY)
@@ -126,14 +124,41 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
             f"{measurement.source}: nothing relaxes within the measured range; the layer is elastic"
         )
     moduli = problem.moduli(times)
-    if relaxed is None and moduli[0] < FLOWING * lowest:
-        raise FitError(
-            f"{measurement.source}: flows like a liquid, the fitted G0 = {moduli[0]:.3g} is far below "
-            f"the lowest measured modulus, {lowest:.3g}; a layer needs G0 > 0: the data must reach "
-            f"{measurement.slower}, or --relaxed-modulus give it"
-        )
+    if relaxed is None and moduli[0] < FLOWING * measurement.moduli[0].min():
+        raise flows(measurement, float(moduli[0]))
     series = zip(moduli[1:].tolist(), np.exp(times).tolist(), strict=True)
     return Fit(measurement, Prony(float(moduli[0]), tuple(series)), least)
+
+
+def check_relaxed(measurement: Measurement, relaxed: float | None) -> None:
+    """Refuse a relaxed modulus that the curve cannot have.
+
+    Raises
+    ------
+    FitError
+        If so.
+    """
+    highest = measurement.moduli[0].max()
+    if relaxed is not None and not 0 < relaxed < highest:
+        raise FitError(
+            f"relaxed modulus {relaxed:g}: must be > 0 and below the highest measured modulus, {highest:.6g}"
+        )
+
+
+def flows(measurement: Measurement, relaxed: float) -> FitError:
+    """Return the refusal of a curve that does not determine the relaxed modulus."""
+    lowest = measurement.moduli[0].min()
+    return FitError(
+        f"{measurement.source}: flows like a liquid, the fitted G0 = {relaxed:.3g} is far below "
+        f"the lowest measured modulus, {lowest:.3g}; a layer needs G0 > 0: the data must reach "
+        f"{measurement.slower}, or --relaxed-modulus give it"
+    )
+
+
+def least_error(measurement: Measurement, relaxed: float | None) -> float:
+    """Return the least root mean square error of any series with times in the range."""
+    problem = _Problem(measurement, relaxed)
+    return problem.error(problem.grid)
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
+from gfmdlayer.body.materials import Law
+from gfmdlayer.body.maxwell import Prony
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.measurement import MasterCurve, read
+from gfmdlayer.fitting.continuous import fit_law
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
 from gfmdlayer.fitting.prony import Fit, fit
 from gfmdlayer.fitting.wlf import WLF
 from gfmdlayer.results.schema import ResultsError
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "os"
+POOR, POOR_RMS = 3.0, 0.02  # rms error over the least of any series, and by itself
 PLATEAU = 1.2  # a modulus further than this factor from the measured range is extrapolated
 
 
@@ -27,13 +32,15 @@ def fit_material(
     data: Path,
     out: Path | None = None,
     *,
+    law: str = "prony",
     branches: int | None = None,
     relaxed: float | None = None,
     wlf: WLF | None = None,
     normalise: bool = False,
     force: bool = False,
+    **reading: Unpack[Reading],
 ) -> str:
-    """Fit a Prony series to a file of measurements, and write the material and a figure.
+    """Fit a law to a file of measurements, and write the material and a figure.
 
     Parameters
     ----------
@@ -42,8 +49,10 @@ def fit_material(
     out : Path, optional
         The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
         beside it, to NAME.png.
+    law : str
+        prony, or a law of `continuous.MODELS`.
     branches : int, optional
-        Number of branches, see `prony.fit`.
+        Number of branches of a Prony series, see `prony.fit`.
     relaxed : float, optional
         Relaxed modulus, see `prony.fit`.
     wlf : WLF, optional
@@ -52,6 +61,8 @@ def fit_material(
         Write moduli in units of G0.
     force : bool
         Overwrite existing files; never `data` itself.
+    **reading
+        Poisson's ratio and names of the columns, see `measurement.read`.
 
     Returns
     -------
@@ -63,17 +74,23 @@ def fit_material(
     TableError
         The data cannot be used.
     FitError
-        No series can be fitted to them.
+        The law cannot be fitted to them.
     ResultsError
         A file exists or cannot be written.
     """
     material, picture = _targets(data, out, force)
-    curve = read(data)
-    fitted = fit(curve.slowed(wlf.factor) if wlf else curve, branches, relaxed)
-    G0 = fitted.material.G0
+    measured = read(data, **reading)
+    measured = measured.slowed(wlf.factor) if wlf else measured
+    if law == "prony":
+        fitted = fit(measured, branches, relaxed)
+    elif branches is None:
+        fitted = fit_law(measured, law, relaxed)
+    else:
+        raise FitError(f"--branches: given, but the law is {law}; must be left out, or the law be prony")
+    unit = fitted.material.unit
     if normalise:
         fitted = fitted.normalised()
-    notes = list(_origin(fitted, wlf, G0 if normalise else None))
+    notes = list(_origin(fitted, wlf, unit if normalise else None))
     try:
         material.parent.mkdir(parents=True, exist_ok=True)
         write_text(material, material_yaml(fitted, material.stem, notes), replace=force)
@@ -85,12 +102,15 @@ def fit_material(
 
 
 def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
-    """Write the series as a small configuration, with notes above it."""
+    """Write the law as a small configuration, with notes above it."""
     material = fitted.material
     lines = [f"# {note}" for note in notes]
     lines += [f"name: {re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')[:128] or 'material'}"]
-    lines += ["layer:", "  material:", "    model: prony", f"    G0: {material.G0:.6e}", "    branches:"]
-    lines += [f"      - {{G: {modulus:.6e}, tau: {time:.6e}}}" for modulus, time in material.branches]
+    lines += ["layer:", "  material:", f"    model: {material.model}"]
+    lines += [f"    {name}: {value:.6e}" for name, value in _parameters(material).items()]
+    if isinstance(material, Prony):
+        lines += ["    branches:"]
+        lines += [f"      - {{G: {modulus:.6e}, tau: {time:.6e}}}" for modulus, time in material.branches]
     return "\n".join(lines) + "\n"
 
 
@@ -140,10 +160,11 @@ def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
 
 
 def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
-    """Describe the origin and the error of the series."""
-    curve, count = fitted.measurement, len(fitted.material.branches)
-    rows = curve.abscissa.size
-    yield f"Prony series of {_branches(count)}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
+    """Describe the origin and the error of the law."""
+    curve, law = fitted.measurement, fitted.material
+    rows, name = curve.abscissa.size, law.model
+    kind = f"Prony series of {_branches(len(law.branches))}" if isinstance(law, Prony) else f"Law {name}"
+    yield f"{kind}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
     yield (
         f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
         f"the least that any series reaches is {_percent(fitted.least)} rms."
@@ -154,27 +175,41 @@ def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
             f"C1 = {wlf.C1:g}, C2 = {wlf.C2:g}; times multiplied by aT = {wlf.factor:.6g}."
         )
     if unit:
-        yield f"Moduli are in units of G0 = {unit:.6g} of the data, times in the unit of the data."
+        symbol = "G0" if law.relaxed else "G"
+        yield f"Moduli are in units of {symbol} = {unit:.6g} of the data, times in the unit of the data."
     else:
         yield "Moduli and times are in the units of the data."
 
 
 def _table(fitted: Fit) -> Iterator[str]:
+    law = fitted.material
+    if not isinstance(law, Prony):
+        yield from (f"{name:>9}  {value:13.6e}" for name, value in _parameters(law).items())
+        return
     yield f"{'':>6}  {'G':>13}  {'tau':>13}"
-    yield f"{'G0':>6}  {fitted.material.G0:13.6e}"
-    for number, (modulus, time) in enumerate(fitted.material.branches, start=1):
+    yield f"{'G0':>6}  {law.G0:13.6e}"
+    for number, (modulus, time) in enumerate(law.branches, start=1):
         yield f"{number:6d}  {modulus:13.6e}  {time:13.6e}"
-    yield f"{'Ginf':>6}  {fitted.material.glassy:13.6e}"
+    yield f"{'Ginf':>6}  {law.glassy:13.6e}"
+
+
+def _parameters(law: Law) -> dict[str, float]:
+    """Return the fitted numbers of a law by their names."""
+    kept = law.model_dump(exclude={"model", "shift", "tolerance", "branches"})
+    return {name: float(value) for name, value in kept.items()}
 
 
 def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator[str]:
     material, elastic = fitted.material, fitted.measurement.moduli[0]
-    if asked is not None and len(material.branches) < asked:
+    if asked is not None and isinstance(material, Prony) and len(material.branches) < asked:
         yield f"{_branches(len(material.branches))} instead of {asked}: more do not reduce the error"
-    if relaxed is None and elastic.min() > PLATEAU * material.G0:
+    if fitted.rms > max(POOR * fitted.least, POOR_RMS):
+        yield f"the law {material.model} does not follow the data; another law or a Prony series may"
+    if relaxed is None and material.relaxed and elastic.min() > PLATEAU * material.relaxed:
         yield (
-            f"G0 = {material.G0:.4g} is extrapolated: the lowest measured modulus is {elastic.min():.4g}; "
-            f"the data should reach {fitted.measurement.slower}, or --relaxed-modulus give it"
+            f"G0 = {material.relaxed:.4g} is extrapolated: the lowest measured modulus is "
+            f"{elastic.min():.4g}; the data should reach {fitted.measurement.slower}, "
+            "or --relaxed-modulus give it"
         )
     decades = np.log(fitted.measurement.abscissa)
     if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
@@ -182,15 +217,16 @@ def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator
             f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]}, "
             "and the fit follows these; rows spread evenly over the decades determine all of it"
         )
-    if elastic.max() * PLATEAU < material.glassy:
+    if elastic.max() * PLATEAU < material.glassy < math.inf:
         yield (
             f"Ginf = {material.glassy:.4g} is extrapolated: the highest measured modulus is "
             f"{elastic.max():.4g}"
         )
-    if abs(material.G0 - 1) > 1e-6:
+    if abs(material.unit - 1) > 1e-6:
+        symbol = "G0" if material.relaxed else "G"
         yield (
-            f"G0 = {material.G0:.6g} is not 1: halfspace.shear_modulus must be in the same unit; "
-            "--normalise divides the moduli by G0"
+            f"{symbol} = {material.unit:.6g} is not 1: halfspace.shear_modulus must be in the same unit; "
+            f"--normalise divides the moduli by {symbol}"
         )
 
 

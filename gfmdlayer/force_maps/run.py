@@ -8,7 +8,7 @@ of their files, and the map of all of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
@@ -22,8 +22,9 @@ from gfmdlayer.execution.run import Summary
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.indentation.curve_files import Units, contents, entries
+from gfmdlayer.fitting.indentation.curve_files import Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions
+from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import Free, Model
 from gfmdlayer.force_maps.case_file import FitTask, MapCase, read_estimates
 from gfmdlayer.force_maps.map_file import collect
@@ -130,9 +131,9 @@ class ForceMap:
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
-            from gfmdlayer.fitting.indentation.forward import warm_up
-
-            warm_up(self._model.config)
+            with suppress(Exception):  # the fit will meet it again, and be recorded as failed
+                curve = read_curve(todo[0].entry, self.task.units)
+                Prediction(curve).force(self._model.config)
 
     def _is_done(self, case: MapCase) -> bool:
         path = self.folder.case(case.index)

@@ -1,4 +1,4 @@
-"""What a configuration may ask of an isolated, axisymmetric contact; imports no numerics."""
+"""What a configuration may ask of punch and geometry, periodic or isolated; imports no numerics."""
 
 from __future__ import annotations
 
@@ -24,13 +24,17 @@ _GEOMETRY = ("grid.geometry",)
 
 
 def problems(config: Any) -> Iterator[Problem]:
-    """Yield why the contact of a configuration cannot be an isolated, axisymmetric one.
+    """Yield why a punch does not fit into its cell, or cannot be an isolated one of revolution.
 
     Parameters
     ----------
     config : Config
-        A configuration with grid.geometry: axisymmetric.
+        A configuration.
     """
+    if not config.grid.axisymmetric:
+        fit = config.punch.misfits(config.grid.cell)
+        yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+        return
     yield from _periodic_keys(config)
     if config.temperature is not None:
         message = "given with grid.geometry: axisymmetric, which has no temperature; must be left out"
@@ -41,7 +45,7 @@ def problems(config: Any) -> Iterator[Problem]:
         )
         yield Problem(("trajectory", "control"), message, _GEOMETRY)
     if config.output.snapshots == "every":
-        message = "got 'every' with grid.geometry: axisymmetric; must be a list of times"
+        message = "got 'every', without meaning for grid.geometry: axisymmetric; must be a list of times"
         yield Problem(("output", "snapshots"), message, _GEOMETRY)
     yield from _of_the_punch(config.punch)
     yield from _of_the_base(config)
@@ -74,11 +78,52 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
 
 
 def _of_the_base(config: Any) -> Iterator[Problem]:
-    thickness, modulus = sum(layer.thickness for layer in config.stacked), config.halfspace.shear_modulus
+    layers, modulus = config.stacked, config.halfspace.shear_modulus
+    thickness = sum(layer.thickness for layer in layers)
     if modulus == 0 and math.isfinite(thickness):
         message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-        yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", *_GEOMETRY))
+        yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers", *_GEOMETRY))
     depth = config.trajectory.depth
     if depth is not None and modulus == math.inf and depth >= thickness:
-        message = f"got {depth!r}, beyond the rigid base; must be below layer.thickness = {thickness!r}"
-        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "halfspace.shear_modulus"))
+        message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
+        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
+
+
+def table_errors(config: Any, trajectory: Any) -> Iterator[tuple[str, str]]:
+    """Yield key and message of depths or forces of a table that are not possible.
+
+    Parameters
+    ----------
+    config : Config
+        A configuration with grid.geometry: axisymmetric.
+    trajectory : Trajectory
+        Its trajectory.
+    """
+    file, control = config.trajectory.file, config.trajectory.control
+    if file is None:
+        return
+    least, most = float(trajectory.values.min()), float(trajectory.values.max())
+    thickness = sum(layer.thickness for layer in config.stacked)
+    if control == "force" and least < 0:
+        yield "trajectory.file", f"{file}: holds a negative force; must be >= 0, there is no adhesion"
+    if control == "depth" and config.halfspace.shear_modulus == math.inf and most >= thickness:
+        message = f"{file}: holds a depth of {most:.6g}, beyond the rigid base"
+        yield "trajectory.file", f"{message}; must be below the thickness above it, {thickness!r}"
+
+
+def plainly_possible(config: Any) -> bool:
+    """Whether no table has to be read, and the depth is well below a mean height in closed form.
+
+    Parameters
+    ----------
+    config : Config
+        A configuration.
+    """
+    given = config.trajectory
+    if config.grid.axisymmetric:
+        return given.file is None and not hasattr(config.punch, "file")
+    mean_height = config.punch.mean_height(config.grid.cell)
+    tables = given.file, given.velocity_file, config.temperature and config.temperature.file
+    if any(table is not None for table in tables) or mean_height is None:
+        return False
+    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,39 @@ class IsolatedIndentation:
     stops: Sequence[float] = ()
     points: int = 256
     extent: float | None = None
+
+    @classmethod
+    def of(
+        cls, config: Any, body: Body, trajectory: Callable[[float], float], stops: Sequence[float]
+    ) -> IsolatedIndentation:
+        """Return the indentation of a configuration with grid.geometry: axisymmetric.
+
+        Parameters
+        ----------
+        config : Config
+            The case.
+        body : Body
+            The body.
+        trajectory : Trajectory
+            Prescribed depth or force over time, with its kinks.
+        stops : sequence of float
+            Times of rows to land on.
+        """
+        grid, time = config.grid, config.time
+        kinks = {kink for kink in trajectory.kinks if 0 < kink < time.end}  # type: ignore[attr-defined]
+        times = [0.0, *sorted(kinks), time.end]
+        by_force = config.trajectory.control == "force"
+        return cls(
+            body,
+            config.punch.revolution(),
+            History(np.array(times), np.array([trajectory(each) for each in times]), by_force),
+            tolerance=time.tolerance or DEFAULT_TOLERANCE,
+            step=None if isinstance(time.step, str) else time.step,
+            snapshots=config.output.snapshot_times,
+            stops=stops,
+            points=grid.points[0],
+            extent=grid.extent,
+        )
 
     @cached_property
     def _space(self) -> Space:

@@ -34,6 +34,7 @@ _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step t
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
 _MOST_ITERATIONS = 80
 _SAME_RADIUS = 1e-11  # width of the bracket of a radius, relative to it, at which it is found
+_INSTANT = 1e-9  # part of a step at whose ends a change of contact is not inside
 _SUBSTEPS = 12  # of one step: contact found and lost
 _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 
@@ -711,75 +712,57 @@ def march(  # noqa: C901
         work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
     stop = min(profile.rim, nodes.reach)
     a_old, depth, h_old, rate, lost, status, taken, snapshot = 0.0, 0.0, -1.0, 0.0, 0.0, COMPLETE, 0, 0
-    weights = (0.0, 0.0)
+    weights, stopped = (0.0, 0.0), nt
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
         begin = drive.value[at - 1] if at else 0.0
-        done, met = 0.0, False  # part of the step that is behind; whether contact begins there
+        done, piece, met = 0.0, 1.0, False  # part of the step behind; of the rest ahead; contact begins there
         for _ in range(_SUBSTEPS):
-            h = duration * (1 - done)
+            h = duration * (1 - done) * piece
             now = begin + done * (drive.value[at] - begin)
-            part, force, n = 1.0, 0.0, 0
+            target = now + piece * (drive.value[at] - now)
             if h != h_old:
                 weights = _set_step(h, body, nodes, step, work)
                 h_old = h
             _find_past(body, nodes, state, step, work)
-            target = drive.value[at]
-            a = 0.0
             free = work.past[0] + work.far_past[0] + (weights[1] * state.chi[0] if a_old > 0 else 0.0)
             touches = target > 0 if drive.by_force else target > free
+            starts = touches and a_old == 0 and not met and at > 0
+            ends = not touches and a_old > 0 and drive.adhesion == 0
+            if piece < 1:
+                touches = False
+            elif starts or ends:
+                part = _event(h, now, target, drive.by_force, body, state, ends)
+                if _INSTANT < part < 1 - _INSTANT:
+                    piece, met = part, starts
+                    continue
+                touches = starts and part <= _INSTANT
+            a, force, n = 0.0, 0.0, 0
             if touches or (drive.adhesion > 0 and a_old > 0):
-                if a_old == 0 and not met and at > 0:
-                    part = _event(h, now, target, drive.by_force, body, state, False)
-                if part > 1e-9 and part < 1 - 1e-9:
-                    touches, met = False, True
-                elif part > 0.5 and a_old == 0 and not met and at > 0:  # at the end of the step, to rounding
-                    touches, part = False, 1.0
-                else:
-                    part = 1.0
-                    guess = stop
-                    if a_old > 0:
-                        guess = min(stop, max(0.2 * a_old, a_old + rate * h))
-                        if drive.adhesion > 0:
-                            guess = a_old
-                    elif drive.adhesion == 0:
-                        guess = 0.3 * stop
-                    a, force, depth, n, trials, status = _find_radius(
-                        h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
-                    )
-                    taken += trials
-                    touches = a > 0
-                    if status != COMPLETE:
-                        break
-            elif a_old > 0:
-                part = _event(h, now, target, drive.by_force, body, state, True)
-                if part < 1e-9 or part > 1 - 1e-9:
-                    part = 1.0
-            if not touches:
-                if part < 1:
-                    h_old = part * h
-                    weights = _set_step(h_old, body, nodes, step, work)
-                    _find_past(body, nodes, state, step, work)
-                    target = now + part * (drive.value[at] - now)
-                depth = target
-                if drive.by_force:
-                    depth = work.past[0] + work.far_past[0]
-                    if a_old > 0:
-                        depth += weights[1] * state.chi[0]
-            lost += _close(part * h, a, a_old, depth, n, weights, body, profile, nodes, state, step, work)
-            change = (a - a_old) / (part * h)
+                guess = 0.3 * stop if drive.adhesion == 0 else stop
+                if a_old > 0:
+                    guess = a_old + rate * h if drive.adhesion == 0 else a_old
+                    guess = min(stop, max(0.2 * a_old, guess))
+                a, force, depth, n, trials, status = _find_radius(
+                    h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
+                )
+                taken += trials
+                if status != COMPLETE:
+                    break
+            if a == 0:
+                depth = free if drive.by_force else target
+            lost += _close(h, a, a_old, depth, n, weights, body, profile, nodes, state, step, work)
+            change = (a - a_old) / h
             if rate * change < 0 and at > 1 and a_old > 0:
                 _remember(state.marks, a_old)
             rate, a_old = change, a
-            done = 1.0 if part == 1 else done + (1 - done) * part
-            if done >= 1:
+            if piece == 1:
                 break
+            done, piece = done + (1 - done) * piece, 1.0
         if status != COMPLETE:
-            return Marched(
-                columns[0], columns[1], columns[2], columns[3], columns[4], columns[5],
-                fields_chi, fields_local, fields_q, taken, status, at,
-            )  # fmt: skip
+            stopped = at
+            break
         if drive.kinks[at] and a_old > 0:
             _remember(state.marks, a_old)
         columns[0, at], columns[1, at], columns[2, at] = force, depth, a_old
@@ -802,5 +785,5 @@ def march(  # noqa: C901
             snapshot += 1
     return Marched(
         columns[0], columns[1], columns[2], columns[3], columns[4], columns[5],
-        fields_chi, fields_local, fields_q, taken, COMPLETE, nt,
+        fields_chi, fields_local, fields_q, taken, status, stopped,
     )  # fmt: skip

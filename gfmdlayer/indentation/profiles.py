@@ -105,6 +105,7 @@ class _Surface:
     def displacement_and_gap(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Upward displacement and gap at these distances; the gap is infinite beyond the indenter's end."""
         h, a = heights(self._profile, r), self._a
+        r = np.maximum(r, _CENTRE * self._space.nodes.reach)
         gap, outside = np.zeros(r.size), r > a
         under = outside & np.isfinite(h)
         t, w = _gauss(np.arcsin(a / r[under]), np.full(int(under.sum()), math.pi / 2))

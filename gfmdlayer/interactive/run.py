@@ -171,7 +171,7 @@ def _compute(
     config = case.config
     parts, recording = Case(config, wisdom, threads), Recording()
     described = case_run.attributes(config) | {"digest": digest(config)}
-    coordinates = dict(zip("xy", parts.grid.coordinates, strict=False))
+    coordinates = parts.coordinates
     try:
         said = simulate(parts, recording, advance)
     except ConvergenceError as error:

@@ -158,3 +158,8 @@ def _from_apex(x: FloatArray, length: float, count: int) -> FloatArray:
 
     copies = np.floor((x / length + 0.5) * count)
     return np.asarray(x - ((copies + 0.5) / count - 0.5) * length)
+
+
+def across(axes: Axes, along: str) -> FloatArray:
+    """Return the coordinate across a punch that is long along an axis."""
+    return axes[1] if along == "x" else axes[0]

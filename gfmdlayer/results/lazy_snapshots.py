@@ -75,7 +75,7 @@ class _FieldOfCases(BackendArray):
         return found
 
     def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        with h5py.File(file, locking="best-effort") as h5:
+        with h5py.File(file, locking=False) as h5:
             field = h5[self._name]
             if field.shape != self._inner:
                 raise ResultsError(

@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 SWEEP_FILE = "sweep.h5"
 _ROWS_READ = 4096  # at a time
 
-_LOCK_IF_POSSIBLE = h5p.create(h5p.FILE_ACCESS)
-_LOCK_IF_POSSIBLE.set_file_locking(True, True)
+# Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
+# fail. (A file that another program has open for writing is found by `files.locks`.)
+_NO_LOCK = h5p.create(h5p.FILE_ACCESS)
+_NO_LOCK.set_file_locking(False, True)
 
 
 def case_path(directory: str | Path, index: int) -> Path:
@@ -45,7 +47,7 @@ def sweep_path(directory: str | Path) -> Path:
 @contextmanager
 def opened(path: Path) -> Iterator[h5f.FileID]:
     """Open an HDF5 file for reading with `column` and `attribute`."""
-    file = h5f.open(bytes(path), h5f.ACC_RDONLY, _LOCK_IF_POSSIBLE)
+    file = h5f.open(bytes(path), h5f.ACC_RDONLY, _NO_LOCK)
     try:
         yield file
     finally:
@@ -86,7 +88,7 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
         Digest of the configuration that the case must have been computed from.
     """
     try:
-        with h5py.File(path, locking="best-effort") as h5:
+        with h5py.File(path, locking=False) as h5:
             return _is_whole(h5) and (digest is None or h5.attrs.get("digest") == digest)
     except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
         return False
@@ -104,7 +106,7 @@ def replay(path: Path, until: float, recorder: Recorder) -> None:
     recorder : Recorder
         Gets the rows, then the snapshots.
     """
-    with h5py.File(path, locking="best-effort") as h5:
+    with h5py.File(path, locking=False) as h5:
         columns, fields = _growing(h5)
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
         for start in range(0, rows, _ROWS_READ):
@@ -149,7 +151,7 @@ def attributes(path: str | Path) -> dict[str, object]:
         If the file is missing or is not HDF5.
     """
     try:
-        with h5py.File(path, locking="best-effort") as h5:
+        with h5py.File(path, locking=False) as h5:
             return dict(h5.attrs)
     except OSError as error:
         raise ResultsError(f"{path}: {_reason(Path(path))}") from error
@@ -186,8 +188,8 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        For a sweep, contact_area and mean_pressure along the swept keys and time, with the coordinate `case`,
-        the number of each case's file. Where the cases share a grid, also displacement, pressure and gap
+        For a sweep, every column of the cases along the swept keys and time, with the coordinate `case`, the
+        number of each case's file. Where the cases share a grid, also displacement, pressure and gap
         along the swept keys, snapshot, x and y; of these, only the parts that are used are read, then and
         there, from the files of the cases.
 
@@ -233,14 +235,15 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
         return sweep
     with _open(first) as example:
-        return with_snapshots(sweep, example, files) if example.sizes["snapshot"] else sweep
+        alike = example.sizes["snapshot"] and "axes" not in example.attrs  # each case has its own
+        return with_snapshots(sweep, example, files) if alike else sweep
 
 
 def _open(path: Path) -> xarray.Dataset:
     import xarray
 
     try:
-        return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": "best-effort"})
+        return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
     except (OSError, ValueError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
 

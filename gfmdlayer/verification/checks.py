@@ -8,7 +8,16 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import closed_forms, crosschecks, energy, limits, orders, peers
+from gfmdlayer.verification import (
+    closed_forms,
+    crosschecks,
+    energy,
+    indentation,
+    limits,
+    orders,
+    peers,
+    stacks,
+)
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -33,11 +42,19 @@ CHECKS: tuple[Check, ...] = (
     Check("Energy", energy.stored_energy),
     Check("Energy", energy.balance),
     Check("Energy", energy.cycle),
+    Check("Stacks", stacks.spectrum),
+    Check("Stacks", stacks.limits),
+    Check("Stacks", stacks.pavement),
+    Check("Stacks", stacks.runs),
     Check("Independent methods", crosschecks.three_solvers),
     Check("Independent methods", crosschecks.two_forms_of_backward_euler),
     Check("Independent methods", crosschecks.load_against_depth),
     Check("Independent methods", crosschecks.lines_and_surfaces),
     Check("Independent methods", crosschecks.recorded_results),
+    Check("Isolated indentation", indentation.indented_halfspace),
+    Check("Isolated indentation", indentation.indented_layer),
+    Check("Isolated indentation", indentation.indented_over_time),
+    Check("Isolated indentation", indentation.peeled_sphere),
     Check("Other codes", peers.tamaas, peer="tamaas"),
     Check("Other codes", peers.contact_mechanics, peer="ContactMechanics"),
 )

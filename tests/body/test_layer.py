@@ -200,15 +200,15 @@ def test_wavenumbers_and_moduli_broadcast() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((-0.1, 0.5, 1.0, 0.5), "thickness = -0.1"),
-        ((math.nan, 0.5, 1.0, 0.5), "thickness = nan"),
-        ((0.1, 0.51, 1.0, 0.5), "poisson = 0.51: must be above -1 and at most 0.5"),
-        ((0.1, 0.5, 1.0, -1.0), "bulk_poisson = -1.0"),
-        ((0.1, math.nan, 1.0, 0.5), "poisson = nan"),
-        ((0.1, 0.5, -1.0, 0.5), "bulk_modulus = -1.0"),
-        ((0.1, 0.5, math.nan, 0.5), "bulk_modulus = nan"),
-        ((0.0, 0.5, 0.0, 0.5), "not bulk_modulus = 0.0"),
-        ((0.0, 0.5, math.inf, 0.5), "not bulk_modulus = inf"),
+        ((-0.1, 0.5, 1.0, 0.5), "thickness: got -0.1; must be 0, positive"),
+        ((math.nan, 0.5, 1.0, 0.5), "thickness: got nan"),
+        ((0.1, 0.51, 1.0, 0.5), "poisson: got 0.51; must be above -1 and at most 0.5"),
+        ((0.1, 0.5, 1.0, -1.0), "bulk_poisson: got -1.0"),
+        ((0.1, math.nan, 1.0, 0.5), "poisson: got nan"),
+        ((0.1, 0.5, -1.0, 0.5), "bulk_modulus: got -1.0"),
+        ((0.1, 0.5, math.nan, 0.5), "bulk_modulus: got nan"),
+        ((0.0, 0.5, 0.0, 0.5), "got 0 with bulk_modulus 0.0"),
+        ((0.0, 0.5, math.inf, 0.5), "got 0 with bulk_modulus inf"),
     ],
 )
 def test_impossible_bodies_raise(arguments: tuple[float, float, float, float], message: str) -> None:

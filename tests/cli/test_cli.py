@@ -196,12 +196,16 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["clean", "."], "not a results folder"),
         (["run", "tiny.yaml", "--only-failed"], "results/tiny: no such folder"),
         (["plot", "absent"], "absent: no such folder"),
+        (
+            ["plot", "tiny.yaml"],
+            "tiny.yaml: is a configuration; must be results, such as the folder results/NAME",
+        ),
         (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: has no effect on this figure"),
         (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
         (["plot", "absent", "--fps", "25"], "--fps: has no effect on this figure; must be with --kind movie"),
-        (["plot", "absent", "--movie", "--fps", "0"], "got '0'; must be a whole number from 1 to 100"),
+        (["plot", "absent", "--movie", "--fps", "0"], "--fps: got 0; must be a whole number from 1 to 100"),
         (["plot", "absent", "--select", "thickness"], "must be KEY=VALUE, such as thickness=0.1"),
-        (["plot", "absent", "--select", "d=1", "d=2"], "--select: a key is given twice"),
+        (["plot", "absent", "--select", "d=1", "d=2"], "--select: d is given twice"),
         (["plot", "absent", "--kind", "map", "--time", "late"], "must be a number, end, max or min"),
     ],
 )

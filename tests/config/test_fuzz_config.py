@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from gfmdlayer import cli
 from gfmdlayer.config import Config
-from gfmdlayer.config.dotted_keys import leaves
+from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.punch.shapes import SHAPES
 
 CONFIGS = Path(__file__).parents[2] / "configs"

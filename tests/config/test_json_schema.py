@@ -25,6 +25,7 @@ ROOT = Path(__file__).parents[2]
 SCHEMA = json_schema()
 VALIDATOR = Draft202012Validator(SCHEMA)
 LINE = "name: line\ngrid: {points: 64, period: 2.0}\n"
+AXISYMMETRIC = "name: tip\ngrid:\n  geometry: axisymmetric\n  points: 64\n"
 SURFACE = "name: surface\ngrid: {points: [64, 32], period: [2.0, 1.0]}\n"
 # Sound configurations that have every key between them.
 SOUND = [
@@ -115,6 +116,9 @@ punch:
   {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, roll_off: 0.4, long_cutoff: 1, rms_slope: 0.1, seed: 1}
 """,
     SURFACE + "punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.2, rms_height: 0.1, seed: 0}\n",
+    LINE + "punch: {shape: blunted_cone, slope: 0.1, tip_radius: 0.3}\n",
+    AXISYMMETRIC + "  extent: 2.0\npunch: {shape: flat_punch, radius: 0.1}\n",
+    AXISYMMETRIC + "punch: {shape: radial_profile, file: heights.txt}\n",
     SURFACE
     + """\
 punch:

@@ -157,7 +157,7 @@ def test_another_content_of_an_input_file_is_refused(configure: Configure, tmp_p
     write(2.0)
     run(configure(text), tmp_path / "out")
     write(3.0)
-    with pytest.raises(FolderError, match="computed from other input"):
+    with pytest.raises(FolderError, match="has changed since the results"):
         run(configure(text), tmp_path / "out")
 
 

@@ -273,8 +273,8 @@ def test_two_columns_are_a_relaxation_curve(tmp_path: Path) -> None:
         ("1;0,5\n2;0,4\n", "1: '1;0,5' has decimal commas; must be decimal points"),
         ("0,5 2\n", "1: '0,5 2' has decimal commas"),
         (
-            table(ROWS, head="f [Hz], G', G''\n"),
-            "1: the first column is 'f [Hz]'; must be the angular frequency",
+            table(ROWS, head="f [Hz], G', spread\n"),
+            '1: "f [Hz], G\', spread" is not understood beside a frequency; must be omega or f',
         ),
         (table(ROWS, head="t, G, spread\n"), "1: the first column is 't', but 3 columns make a master curve"),
         (table(ROWS) + "end\n", "9: cannot read 'end'"),

@@ -7,17 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
+from gfmdlayer.punch.indenters import FlatPunch, RadialProfile
 from gfmdlayer.punch.measured import Profile
-from gfmdlayer.punch.shape import Shape
+from gfmdlayer.punch.revolution import heights
+from gfmdlayer.punch.shape import Analytic, Shape
 from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
-from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+from gfmdlayer.punch.simple_shapes import Cylinder, Flat, Parabola, Sinusoid, Sphere
 
 LINE = Grid((16,), (1.0,))
+ISOLATED = {FlatPunch, RadialProfile}
 SQUARE = Grid((16, 16), (1.0, 1.0))
 ROUND: dict[str, tuple[Shape, Callable[[FloatArray], FloatArray]]] = {
     "parabola": (Parabola(radius=0.25), lambda r: r**2 / 0.5),
@@ -237,13 +242,14 @@ def test_a_file_that_is_gone_is_named(name: str, tmp_path: Path) -> None:
         punch.heights(LINE)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", [name for name, shape in SHAPES.items() if shape not in ISOLATED])
 def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name: str, tmp_path: Path) -> None:
     np.save(tmp_path / "h.npy", np.random.default_rng(0).random((16, 16)))
     file = {"file": str(tmp_path / "h.npy")}
     keys: dict[str, dict[str, object]] = {
         "sphere": {"radius": 1}, "cylinder": {"radius": 1}, "cone": {"slope": 1}, "wedge": {"slope": 1},
         "flat": {"width": 0.1, "edge_radius": 0.1}, "sinusoid": {"amplitude": 0.1, "wavelength": 0.5},
+        "blunted_cone": {"slope": 1, "tip_radius": 0.1},
         "array": {"counts": 2, "element": {"radius": 1}}, "profile": file, "topography": file,
         "self_affine": {"hurst": 0.8, "short_cutoff": 0.2, "seed": 1, "rms_slope": 0.1},
     }  # fmt: skip
@@ -253,3 +259,33 @@ def test_every_shape_is_chosen_by_its_word_and_touches_at_height_zero(name: str,
     heights = config.punch.heights(SQUARE)
     assert heights.shape == (16, 16)
     assert heights.min() == 0 < heights.max()
+
+
+def of_revolution(tmp_path: Path) -> dict[str, dict[str, object]]:
+    """Return keys of each shape that may be a body of revolution."""
+    (tmp_path / "tip.txt").write_text("radius height\n0 0\n0.5 0.1\n1 0.4\n2 1.6\n")
+    return {
+        "parabola": {"radius": 0.5}, "sphere": {"radius": 3.0}, "cone": {"slope": 0.3},
+        "flat": {"width": 0.4, "edge_radius": 0.5}, "blunted_cone": {"slope": 0.3, "tip_radius": 1.0},
+        "flat_punch": {"radius": 0.7}, "radial_profile": {"file": str(tmp_path / "tip.txt")},
+    }  # fmt: skip
+
+
+def test_profiles_of_revolution_have_the_heights_of_their_shapes(tmp_path: Path) -> None:
+    r = np.linspace(0.0, 0.6, 13)
+    for name, keys in of_revolution(tmp_path).items():
+        grid = {"geometry": "axisymmetric"}
+        punch = Config.model_validate({"name": "x", "grid": grid, "punch": {"shape": name, **keys}}).punch
+        profile = heights(punch.revolution(), r)  # type: ignore[attr-defined]
+        expected = punch.height([r]) if isinstance(punch, Analytic) else 0 * r
+        if name != "radial_profile":
+            np.testing.assert_allclose(profile, expected, atol=1e-15)
+    assert of_revolution(tmp_path).keys() == {
+        word for word, each in SHAPES.items() if hasattr(each, "revolution")
+    }
+
+
+@pytest.mark.parametrize("name", ["flat_punch", "radial_profile"])
+def test_an_indenter_with_a_rim_is_refused_in_a_periodic_cell(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ValidationError, match="has a rim; must be another shape"):
+        Config.model_validate({"name": "x", "punch": {"shape": name, **of_revolution(tmp_path)[name]}})

@@ -159,7 +159,7 @@ sweep:
     assert "\n0 2 0 0\n" in said
     assert "bad.yaml:5:43: punch.radius: got 0.5; must be below half the period in x, 1.0" in said
     assert '"const": "frustum"' in said
-    assert "wedge, pyramid, flat, frustum, array" in (tmp_path / "indentation.yaml").read_text()
+    assert "wedge, pyramid, flat, frustum, blunted_cone, array" in (tmp_path / "indentation.yaml").read_text()
     wedge, tip, top, two = (open_case(tmp_path / f"out/cases/{i:04d}.h5").load() for i in range(4))
     # Without a top it is a wedge; the solver's tolerance is 1e-6.
     np.testing.assert_allclose(tip["mean_pressure"], wedge["mean_pressure"], rtol=1e-5, atol=1e-9)

@@ -33,7 +33,7 @@ Given = ForceCurve | str | Path | Mapping[str, Any]
 TIMES = (0.0, 0.01, 0.1, 1.0)  # of the duration, for the first relaxation time; 0: as the model has it
 ROUGH, FINE = 1e-2, 1e-5  # precision of the fit before the times of the solution are chosen again, and then
 ROUNDS = 4
-STAYS = 0.05  # change of a logarithm that needs no other times of the solution
+STAYS = 0.2  # change of a logarithm that needs no other times of the solution
 
 
 def fit_indentation(

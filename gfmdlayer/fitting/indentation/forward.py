@@ -19,9 +19,10 @@ from gfmdlayer.config import Config
 from gfmdlayer.fitting.indentation.curve import ForceCurve
 from gfmdlayer.fitting.indentation.drive import Drive
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.solve import on_halved_steps
-from gfmdlayer.indentation.space import History, LeftGridError, Space, find_space, make_space
+from gfmdlayer.indentation.space import LeftGridError, Space, find_space, make_space
 
 STEPS = 32  # of a mesh; each piece has at least FEWEST
 FEWEST = 2
@@ -139,10 +140,3 @@ def _graded(times: FloatArray, force: FloatArray, drive: Drive) -> list[FloatArr
         parts[piece][[0, -1]] = 0.0, 1.0
         begin = end
     return parts
-
-
-def warm_up(config: Config) -> None:
-    """Compile the kernels."""
-    time = np.linspace(0.0, 1.0, 8)
-    length = float(np.sqrt(np.finfo(float).eps)) * min(config.layer.thickness, 1.0)
-    Prediction(ForceCurve("warm-up", time, length * time, time)).force(config)

@@ -1,0 +1,152 @@
+"""The body of a case: its layers with their thicknesses, and the relaxation of their shear moduli.
+
+Layers that are thin beside the others are drawn thicker than to scale.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gfmdlayer.config import Config, load
+from gfmdlayer.figures.labels import value_labels
+from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
+from gfmdlayer.results.reader import attributes, case_path
+from gfmdlayer.results.schema import ResultsError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from gfmdlayer.body.materials import Law
+
+LEAST_HEIGHT = 0.12  # of a layer, relative to that of all: its label fits
+BASE_HEIGHT = 0.25  # of the halfspace
+DECADES = 6  # of time up to the end of the run
+CLEAREST, PALEST = 0.55, 0.2  # opacity of the stiffest and of the softest layer
+
+
+class Block(NamedTuple):
+    """A layer or halfspace in the picture, of finite stiffness."""
+
+    label: str
+    thickness: float
+    law: Law | None  # None: an elastic halfspace
+    modulus: float  # of the relaxed material, in the units of the configuration
+
+
+def config_of(path: Path, case: int | None) -> Config:
+    """Return the configuration of a case.
+
+    Parameters
+    ----------
+    path : Path
+        A configuration, the folder of its results, or the file of a case.
+    case : int, optional
+        Number of the case in a folder; by default 0.
+
+    Raises
+    ------
+    ResultsError
+        If there is no such case.
+    ConfigError
+        If it is not a sound configuration.
+    """
+    if path.suffix in {".yaml", ".yml"}:
+        return load(path)
+    file = path if path.is_file() else case_path(path, case or 0)
+    return load(file, content=str(attributes(file)["config"]))
+
+
+def body_figure(config: Config, style: Style = PAPER) -> Figure:
+    """Draw the layers and the relaxation of their moduli.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration of a case.
+    style : Style
+        Fonts and lines, and the size of a column.
+
+    Raises
+    ------
+    ResultsError
+        If the configuration is that of a sweep over the body.
+    """
+    if any(key.split(".")[0] in {"layer", "layers", "halfspace"} for key in config.sweep):
+        raise ResultsError(f"{config.name}: the body differs between the cases; draw a case of the results")
+    blocks = _blocks(config)
+    shades = colours(len(blocks))
+    with styled(style):
+        figure = new_figure(2, 62.0, style)
+        section, moduli = figure.subplots(1, 2, width_ratios=(1, 1.2))
+        _draw_section(section, config, blocks, shades)
+        times = np.geomspace(config.time.end * 10.0**-DECADES, config.time.end, 121)
+        for block, shade in zip(blocks, shades, strict=True):
+            values = np.full(times.size, block.modulus)
+            if block.law is not None:
+                values = block.law.relaxation_modulus(times)
+            moduli.loglog(times, values, color=shade, label=block.label)
+        moduli.set(xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$G$", "pressure"))
+        moduli.set_xlim(times[0], times[-1])
+        moduli.legend()
+    return figure
+
+
+def _blocks(config: Config) -> list[Block]:
+    several, base = len(config.stacked) > 1, config.halfspace
+    blocks = [
+        Block(f"layer {i}" if several else "layer", layer.thickness, layer.material, layer.material.unit)
+        for i, layer in enumerate(config.stacked, 1)
+        if layer.thickness
+    ]
+    if blocks and math.isinf(blocks[-1].thickness):
+        return blocks
+    if base.material is not None:
+        return [*blocks, Block("halfspace", math.inf, base.material, base.material.unit)]
+    if base.shear_modulus and math.isfinite(base.shear_modulus):
+        return [*blocks, Block("halfspace", math.inf, None, base.shear_modulus)]
+    return blocks
+
+
+def _draw_section(axes: Axes, config: Config, blocks: list[Block], shades: list[str]) -> None:
+    finite = [block.thickness for block in blocks if math.isfinite(block.thickness)]
+    total = sum(finite) or 1.0
+    heights = [
+        max(block.thickness / total, LEAST_HEIGHT) if math.isfinite(block.thickness) else BASE_HEIGHT
+        for block in blocks
+    ]
+    poissons = [layer.poisson for layer in config.stacked if layer.thickness] + [config.halfspace.poisson]
+    logarithms = np.log([block.modulus for block in blocks])
+    span = float(np.ptp(logarithms)) or 1.0
+    top = 0.0
+    for i, (block, height) in enumerate(zip(blocks, heights, strict=True)):
+        opacity = PALEST + (CLEAREST - PALEST) * float(logarithms[i] - logarithms.min()) / span
+        axes.axhspan(top - height, top, color=shades[i], alpha=opacity, linewidth=0)
+        axes.axhline(top, color="black", linewidth=0.6)
+        depth = value_labels([block.thickness])[0]
+        written = f"{block.label}: $d$ = {depth} {_label(config, 'length')}".rstrip()
+        if math.isinf(block.thickness):
+            written = block.label
+        axes.text(0.5, top - height / 2, rf"{written}, $\nu$ = {poissons[i]:g}", ha="center", va="center")
+        top -= height
+    if not math.isinf(blocks[-1].thickness):
+        rigid = config.halfspace.shear_modulus != 0
+        axes.axhline(top, color="black", linewidth=0.6)
+        axes.axhspan(top - 0.07, top, fill=False, hatch="////" if rigid else "", linewidth=0)
+        axes.text(0.5, top - 0.12, "rigid base" if rigid else "free", ha="center", va="top")
+        top -= 0.25
+    axes.set(xlim=(0, 1), ylim=(top, 0.06))
+    axes.axis("off")
+
+
+def _label(config: Config, words: str) -> str:
+    return "" if config.units is None else config.unit(words)
+
+
+def _in(config: Config, symbol: str, words: str) -> str:
+    unit = _label(config, words)
+    return f"{symbol} ({unit})" if unit else symbol

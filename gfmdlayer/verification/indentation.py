@@ -1,0 +1,99 @@
+"""Isolated axisymmetric indentation, against closed forms, published factors and the hereditary integral."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.maxwell import Prony, Zener
+from gfmdlayer.indentation.history import History
+from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.solve import follow, on_steps
+from gfmdlayer.punch.revolution import Revolution, cone, flat, paraboloid, sphere
+from gfmdlayer.verification.rows import Row
+
+_ELASTIC, _ZENER = Prony(1.0), Zener(1.0, 10.0, 1.0)
+_SNEDDON = "Sneddon (1965)"
+
+
+def _body(material: Prony | Zener, thickness: float, poisson: float) -> ViscoelasticLayer:
+    """Return a layer on a rigid base, or a halfspace."""
+    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, math.inf), material)
+
+
+def _force(body: ViscoelasticLayer, indenter: Revolution, depth: float) -> float:
+    history = History(np.array([0.0, 1.0]), np.array([0.0, depth]))
+    return float(follow(body, indenter, history).force[-1])
+
+
+def indented_halfspace(quick: bool) -> Iterator[Row]:  # noqa: ARG001
+    """Cone, sphere and flat punch on an elastic halfspace: exact, but for rounding of some hundred sums."""
+    body, stiff, a = _body(_ELASTIC, math.inf, 0.3), 2 / 0.7, 0.8
+    log = math.log((2 + a) / (2 - a))
+    cases = (
+        ("cone", cone(0.3), math.pi / 2 * 0.3 * a, stiff * a * math.pi / 2 * 0.3 * a),
+        ("sphere", sphere(2.0), a / 2 * log, stiff * ((a * a + 4) / 2 * log - 2 * a)),
+        ("flat punch", flat(a), 0.1, 2 * stiff * a * 0.1),
+    )
+    for name, indenter, depth, force in cases:
+        yield Row(f"F of a {name}, a = {a:g}", force, _force(body, indenter, depth), 1e-10 * force, _SNEDDON)
+
+
+def indented_layer(quick: bool) -> Iterator[Row]:  # noqa: ARG001
+    """Sphere and flat punch on a bonded layer, over the force on a halfspace.
+
+    The factors are known to the digits given: half of the last is the bound.
+    """
+    source, bound = "dual integral equations, tabulated", 5.1e-5
+    for root, factor in ((0.5, 2.1562), (1.0, 5.1154), (1.5, 10.3045)):
+        depth = root**2 / 5
+        found = _force(_body(_ELASTIC, 1.0, 0.5), paraboloid(5.0), depth) / (16 / 3 * 5**0.5 * depth**1.5)
+        yield Row(f"F/F_Hertz, nu = .5, (R depth)^(1/2)/d = {root:g}", factor, found, bound, source)
+    for nu, a, factor in ((0.5, 1.0, 3.6187), (0.5, 3.0, 18.1574), (0.4, 2.0, 5.2985), (0.3, 0.4, 1.4726)):
+        found = _force(_body(_ELASTIC, 1.0, nu), flat(a), 0.1) * (1 - nu) / (0.4 * a)
+        yield Row(f"flat punch, nu = {nu:g}, a/d = {a:g}", factor, found, bound, source)
+
+
+def indented_over_time(quick: bool) -> Iterator[Row]:  # noqa: ARG001
+    """A sphere on a Zener layer over a rigid base: the hereditary integral while the contact grows.
+
+    F(t) = Ginf F_el(t) + int G'(t - s) F_el(s) ds with the elastic force of unit modulus, by Gauss's rule in
+    s = t y^2. The tolerance of the run is 1e-7. The balance of energy of a whole cycle closes within the
+    tolerance of 1e-4 that its run has; work, stored and dissipated energy are found independently.
+    """
+    indenter, history = sphere(5.0), History(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
+    body = _body(_ZENER, 1.0, 0.5)
+    run = follow(body, indenter, history, tolerance=1e-7)
+    assert run.space is not None
+    y, w = np.polynomial.legendre.leggauss(30)
+    y, w = (y + 1) / 2, w / 2
+    times = np.concatenate(([0.0], y**2, [1.0]))
+    force = on_steps(_body(_ELASTIC, 1.0, 0.5), run.space, indenter, history, times).force
+    memory = (_ZENER.G0 - _ZENER.Ginf) * np.exp(-(1 - times[1:-1]))
+    theory = float(_ZENER.Ginf * force[-1] + w @ (2 * y * memory * force[1:-1]))
+    name = "F at the end of a ramp over a rigid base"
+    yield Row(name, theory, float(run.force[-1]), 1e-6 * theory, "F = int G dF_el")
+    cycle = History(np.array([0.0, 1.0, 4.0, 5.0]), np.array([0.0, 0.2, 0.2, -0.02]))
+    columns = IsolatedIndentation(body, indenter, cycle).columns()
+    lack = float(np.abs(columns["energy_residual"]).max() / columns["work"].max())
+    yield Row("energy balance of ramp, hold and retraction", 0.0, lack, 1e-4, "work = stored + dissipated")
+
+
+def peeled_sphere(quick: bool) -> Iterator[Row]:  # noqa: ARG001
+    """An adhesive sphere that is pulled off an elastic halfspace at a prescribed depth.
+
+    Between rows of the curve the force bends by less than 1e-3 of its least value.
+    """
+    w, R = 1e-3, 1.0
+    history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.01, 0.02, -0.05]))
+    run = follow(_body(_ELASTIC, math.inf, 0.3), paraboloid(R), history, adhesion=w)
+    theory = -1.5 * math.pi * w * R
+    yield Row("pull-off force", theory, float(run.force.min()), 1e-3 * abs(theory), "JKR (1971)")
+    E, a = 2 / 0.7, run.radius[run.radius > 0]
+    force = 4 / 3 * E * a**3 / R - np.sqrt(8 * np.pi * w * E * a**3)
+    off = float(np.abs(run.force[run.radius > 0] - force).max() / abs(theory))
+    yield Row("F against a along approach and retraction", 0.0, off, 1e-8, "JKR (1971)")

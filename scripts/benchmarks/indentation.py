@@ -1,0 +1,84 @@
+"""An isolated sphere on a Zener layer, ramp, hold and retraction: time beside the periodic run of the same.
+
+CPU times, both warm, in turns. The periodic run has steps of equal length on a cell of 12 thicknesses, whose
+images shift its force; a finer grid or a larger cell would take longer still.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from statistics import median
+from tempfile import NamedTemporaryFile
+
+import numpy as np
+from benchmarks.tables import Cell, Effort, Table
+
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.materials import Zener
+from gfmdlayer.case import Case
+from gfmdlayer.config import Config
+from gfmdlayer.indentation.history import History
+from gfmdlayer.indentation.solve import follow
+from gfmdlayer.punch.revolution import sphere
+from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.verification.runs import Recording
+
+EFFORT = Effort(points=(128,), steps=50, repetitions=15)
+QUICK = Effort(points=(64,), steps=10, repetitions=5)
+
+_TIMES, _DEPTHS = (0.0, 1.0, 4.0, 5.0), (0.0, 0.2, 0.2, 0.0)
+_CELL = 12.0
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Measure both; the error of the isolated one is the estimated one."""
+    body = ViscoelasticLayer(LayeredHalfspace(1.0, 0.5, math.inf), Zener(1.0, 10.0, 1.0))
+    history = History(np.array(_TIMES), np.array(_DEPTHS))
+    found = follow(body, sphere(5.0), history)
+    isolated = median(_cpu(lambda: follow(body, sphere(5.0), history)) for _ in range(effort.repetitions))
+    rows: list[dict[str, Cell]] = [
+        {
+            "contact": "isolated",
+            "steps": found.time.size - 1,
+            "CPU, ms": 1e3 * isolated,
+            "largest force": float(found.force.max()),
+            "error": found.error,
+        }
+    ]
+    with NamedTemporaryFile("w", suffix=".txt") as file:
+        file.write("\n".join(f"{t} {d}" for t, d in zip(_TIMES, _DEPTHS, strict=True)))
+        file.flush()
+        rows += [_periodic(points, effort.steps, file.name) for points in effort.points]
+    return [Table("indentation", "Sphere on a Zener layer over a rigid base, error 1e-4", rows)]
+
+
+def _periodic(points: int, steps: int, file: str) -> dict[str, Cell]:
+    config = Config.model_validate(
+        {
+            "name": "periodic",
+            "grid": {"points": [points, points], "period": _CELL},
+            "layer": {"thickness": 1.0, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}},
+            "halfspace": {"shear_modulus": math.inf},
+            "punch": {"shape": "parabola", "radius": 5.0},
+            "trajectory": {"kind": "table", "file": file},
+            "time": {"end": _TIMES[-1], "step": _TIMES[-1] / steps},
+        }
+    )
+    wisdom, recording = warm_up(config), Recording()
+    seconds = _cpu(lambda: simulate(Case(config, wisdom), recording))
+    return {
+        "contact": f"periodic, {points}²",
+        "steps": recording["time"].size - 1,
+        "CPU, ms": 1e3 * seconds,
+        "largest force": float(recording["force"].max()),
+        "error": None,
+    }
+
+
+def _cpu(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun

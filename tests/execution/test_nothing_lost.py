@@ -1,0 +1,166 @@
+"""Nothing is lost or taken for lost: file systems without locks, files that vanish, pipes, changed tables."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gfmdlayer.cli import main
+from gfmdlayer.config import Config
+from gfmdlayer.execution import run as running
+from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
+
+Run = Callable[..., tuple[Any, str]]
+
+SMALL = {"grid.points": 32, "time.end": 0.3, "time.step": 0.1, "output.snapshots": [0.3]}
+SWEEP = {"layer.thickness": [0.02, 0.1, 0.3]}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+
+def small(sweep: dict[str, Any] | None = None, **values: object) -> Config:
+    given = Config(name="small").with_values(SMALL | {k.replace("__", "."): v for k, v in values.items()})
+    return Config.model_validate(given.model_dump(exclude_unset=True) | {"sweep": sweep or {}})
+
+
+@pytest.mark.parametrize("error", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS])
+def test_a_file_system_whose_locks_fail_changes_nothing(
+    error: int, run_here: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(error, os.strerror(error))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    run_here(small(SWEEP))
+    summary, log = run_here(small(SWEEP))
+    assert summary.count("complete") == 3
+    assert "damaged" not in log
+
+
+def test_reading_does_not_depend_on_locks(run_here: Run) -> None:
+    """HDF5 calls flock in C: files that another program has locked show whether it does."""
+    run_here(small(SWEEP))
+    paths = [Path("out/sweep.h5"), *Path("out/cases").glob("*.h5")]
+    files = [path.open("rb") for path in paths]
+    for file in files:
+        fcntl.flock(file, fcntl.LOCK_EX)
+    try:
+        assert all(is_complete(path) for path in paths[1:])
+        assert attributes(paths[0])["failed"] == ""
+        with open_case(paths[1]) as case:
+            assert np.isfinite(case["pressure"].to_numpy()).all()
+        with open_results("out") as sweep:
+            assert np.isfinite(sweep["mean_pressure"].to_numpy()).all()
+            assert np.isfinite(sweep["pressure"].to_numpy()).all()
+    finally:
+        for file in files:
+            file.close()
+
+
+@pytest.mark.parametrize("how", ["vanishes", "is truncated"])
+def test_a_case_that_is_lost_before_collection_fails_by_name(
+    how: str, monkeypatch: pytest.MonkeyPatch, run_here: Run
+) -> None:
+    collect = running._collect
+
+    def losing(config: Config, folder: Folder, *rest: Any) -> Any:
+        if how == "vanishes":
+            folder.case(1).unlink()
+        else:
+            os.truncate(folder.case(1), 1000)
+        return collect(config, folder, *rest)
+
+    with monkeypatch.context() as losses:
+        losses.setattr(running, "_collect", losing)
+        summary, _ = run_here(small(SWEEP))
+    (failure,) = summary.failures
+    assert (failure.index, failure.reason) == (1, "no complete result file")
+    assert run_here(small(SWEEP))[0].count("complete") == 3
+
+
+def test_files_of_others_survive_a_run_and_a_restart(run_here: Run) -> None:
+    run_here(small(SWEEP))
+    names = (
+        *(
+            "my_analysis.h5",
+            "0000-copy.h5",
+            "notes.failed",
+            "x.aside",
+            "00001.h5",
+            "0001.h5.bak",
+            "run.running",
+        ),
+        *("thesis.part", "notes.running", "backup-2024-deadbeef.part", "12.checkpoint", "old.journal0"),
+    )
+    others = [Path("out") / place / name for name in names for place in (".", "cases")]
+    for path in others:
+        path.write_text("mine")
+    run_here(small(SWEEP))
+    run_here(small(SWEEP), restart=True)
+    assert [path.read_text() for path in others] == ["mine"] * len(others)
+
+
+def test_a_configuration_through_a_pipe_is_read_from_its_beginning(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    os.mkfifo("pipe")
+    text = "name: piped\n" + "# a long comment\n" * 1000 + "grid: {points: 64}\n"
+    assert len(text) > 3 * 4096
+    writer = threading.Thread(target=Path("pipe").write_text, args=[text])
+    writer.start()
+    assert main(["check", "pipe"]) == 0
+    writer.join(timeout=10)
+    assert not writer.is_alive()
+    assert capsys.readouterr().out.startswith("piped: 1 case\n")
+
+
+def table(value: float) -> str:
+    return f"0 0\n0.3 {value}\n"
+
+
+TABLES: dict[str, dict[str, object]] = {
+    "trajectory.file": {"trajectory": {"kind": "table", "file": "table.txt"}},
+    "trajectory.velocity_file": {"trajectory.velocity_file": "table.txt"},
+}
+
+
+@pytest.mark.parametrize("key", TABLES)
+def test_a_table_that_changes_while_a_sweep_runs_is_read_once(
+    key: str, run_here: Run, bits: Callable[[str], dict[str, bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("table.txt").write_text(table(0.002))
+    config = small(SWEEP, **TABLES[key])
+    run_here(config, "undisturbed")
+    run_case = running.run_case
+
+    def changing(*arguments: Any, **options: Any) -> Any:
+        outcome = run_case(*arguments, **options)
+        Path("table.txt").write_text(table(0.004))
+        return outcome
+
+    with monkeypatch.context() as changes:
+        changes.setattr(running, "run_case", changing)
+        summary, _ = run_here(config)
+    assert summary.count("complete") == 3
+    assert bits("out") == bits("undisturbed")
+    # What was computed from the table before is not mixed with what would be computed from it now,
+    # not even where no case is complete.
+    for case in Path("out/cases").glob("*.h5"):
+        case.unlink()
+    with pytest.raises(FolderError, match=r"table\.txt: has changed since the results in out were begun"):
+        run_here(config)
+    assert run_here(config, restart=True)[0].count("complete") == 3
+    assert bits("out") != bits("undisturbed")

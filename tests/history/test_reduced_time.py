@@ -1,0 +1,186 @@
+"""Temperature: reduced time against its closed form, runs at a temperature against shifted ones, a jump."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import exp1
+
+from gfmdlayer import Config, ConfigError, load
+from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.relaxation import Spectrum
+from gfmdlayer.body.shifts import WLF, Arrhenius, Shift
+from gfmdlayer.case import Case
+from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.punch.trajectory import Constant, Table
+from gfmdlayer.simulation import simulate
+from gfmdlayer.verification.runs import Recording
+
+ROUNDING = 1e-14
+LAWS = [WLF(C1=17.44, C2=51.6, reference=20.0), Arrhenius(activation_energy=8e4, reference=20.0)]
+
+
+def identity(shift: Shift) -> str:
+    return shift.law
+
+
+def table(*rows: tuple[float, float]) -> Table:
+    times, values = np.array(rows).T
+    return Table(times, values)
+
+
+@pytest.mark.parametrize("shift", LAWS, ids=identity)
+@pytest.mark.parametrize(("first", "last"), [(10.0, 25.0), (40.0, -20.0), (-10.0, 90.0)])
+def test_step_of_reduced_time_is_the_exponential_integral(shift: Shift, first: float, last: float) -> None:
+    # 1/aT = exp(k/y0 - k/y) with y = T - pole linear in t; the primitive is y exp(-k/y) - k E1(k/y). Its
+    # difference loses no more than two digits at these ranges of temperature.
+    k, y0 = shift.slope, shift.reference - shift.pole
+
+    def primitive(temperature: float) -> float:
+        y = temperature - shift.pole
+        return y * math.exp(k / y0 - k / y) - k * math.exp(k / y0) * float(exp1(k / y))
+
+    expected = 3.0 * (primitive(last) - primitive(first)) / (last - first)
+    found = ReducedTime(shift, table((0.0, first), (3.0, last))).step(0.0, 3.0)
+    assert found == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize("shift", LAWS, ids=identity)
+def test_steps_add_up_across_the_rows_of_a_table_and_its_ends(shift: Shift) -> None:
+    reduced = ReducedTime(shift, table((0.0, 10.0), (1.0, 30.0), (2.5, 25.0)))
+    edges = [-0.5, 0.0, 0.3, 1.7, 2.5, 4.0]
+    parts = [reduced.step(a, b - a) for a, b in itertools.pairwise(edges)]
+    assert reduced.step(-0.5, 4.5) == pytest.approx(math.fsum(parts), rel=ROUNDING)
+    assert parts[0] == pytest.approx(0.5 / shift.factor(10.0), rel=ROUNDING)
+    assert parts[-1] == pytest.approx(1.5 / shift.factor(25.0), rel=ROUNDING)
+
+
+@pytest.mark.parametrize("shift", LAWS, ids=identity)
+def test_times_do_not_change_at_the_reference_and_are_longer_below_it(shift: Shift) -> None:
+    assert shift.factor(shift.reference) == 1.0
+    assert shift.factor(shift.reference - 5) > 1 > shift.factor(shift.reference + 5)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_history_in_reduced_time_is_that_of_shifted_relaxation_times(scheme: str) -> None:
+    # Stresses, energies and heat of all modes, over steps of different lengths: to rounding.
+    rng = np.random.default_rng(1)
+    weights, times = rng.random((3, 5)) + 0.1, rng.random((3, 5)) + 0.1
+    shift = LAWS[0]
+    reduced = ReducedTime(shift, Constant(14.0))
+    at_reference = Modes(Spectrum(np.ones(5), weights, times), SCHEMES[scheme])
+    shifted = Modes(Spectrum(np.ones(5), weights, shift.factor(14.0) * times), SCHEMES[scheme])
+    for step in (0.1, 3.0, 100.0):
+        u = rng.random(5) + 1j * rng.random(5)
+        for found, expected in zip(
+            at_reference.terms(reduced.step(0.0, step)), shifted.terms(step), strict=True
+        ):
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
+        at_reference.advance(u)
+        shifted.advance(u.copy())
+        assert at_reference.stored == pytest.approx(shifted.stored, rel=1e-12)
+        assert at_reference.dissipated == pytest.approx(shifted.dissipated, rel=1e-12)
+
+
+SHIFT = {"law": "wlf", "C1": 17.44, "C2": 51.6, "reference": 20.0}
+
+
+def recorded(**values: Any) -> Recording:
+    keys = {key.replace("__", "."): value for key, value in values.items()}
+    recording = Recording()
+    simulate(
+        Case(Config(name="a", grid={"points": 128}).with_values({"solver.tolerance": 1e-10} | keys)),
+        recording,
+    )
+    return recording
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        {"step": 0.25},
+        {"step": 0.25, "integrator": "backward_euler"},
+        {"step": "adaptive", "tolerance": 1e-3},
+    ],
+)
+def test_run_at_a_temperature_is_the_run_at_shifted_times(time: dict[str, object]) -> None:
+    shift = WLF(**SHIFT)
+    warm = recorded(layer__material=Zener(shift=SHIFT), temperature={"value": 22.0}, time=time)
+    shifted = recorded(layer__material=Zener(tau=shift.factor(22.0)), time=time)
+    for column in ("time", "mean_pressure", "stored", "dissipated"):
+        np.testing.assert_allclose(warm[column], shifted[column], rtol=1e-7, atol=1e-12)
+    assert warm["temperature"][0] == 22.0
+    assert warm["shift_factor"][-1] == shift.factor(22.0)
+
+
+def test_moving_punch_at_a_temperature_meets_the_friction_at_shifted_times() -> None:
+    sliding = {"trajectory__velocity": 0.1, "time": {"step": "adaptive", "tolerance": 1e-3, "end": 2.0}}
+    warm = recorded(layer__material=Zener(shift=SHIFT), temperature={"value": 22.0}, **sliding)
+    shifted = recorded(layer__material=Zener(tau=WLF(**SHIFT).factor(22.0)), **sliding)
+    np.testing.assert_allclose(warm["friction"][1:], shifted["friction"][1:], rtol=1e-7)
+
+
+FLAT = {
+    "layer__thickness": math.inf,
+    "punch": {"shape": "flat", "width": 0.25, "edge_radius": 1e-6},
+    "trajectory": {"depth": 0.01, "ramp_time": 0.5},
+}
+
+
+def test_pressure_after_a_jump_of_temperature_is_boltzmanns_integral(tmp_path: Path) -> None:
+    """p(t) = p_0 int G(xi(t) - xi(s)) dh(s)/G0, under a flat punch on the material alone.
+
+    The contact does not change, so that the pressure is linear in the depth. At adaptive steps of a tolerance
+    of 1e-5 the error was 2e-6; the bound is ten times that tolerance, as errors of steps add up.
+    """
+    (tmp_path / "jump.txt").write_text("0 18\n1 18\n1.001 30\n3 30\n")
+    time = {"step": "adaptive", "tolerance": 1e-5, "end": 3.0}
+    temperature = {"file": tmp_path / "jump.txt"}
+    found = recorded(
+        layer__material=Zener(shift=SHIFT), temperature=temperature, time=time,
+        output={"times": [0.5, 0.8, 1.0, 1.001, 1.01, 1.02, 1.05, 3.0]}, **FLAT,
+    )  # fmt: skip
+    elastic = recorded(
+        layer__material={"model": "elastic", "G": 1.0}, time={"step": 0.25, "end": 0.5}, **FLAT
+    )
+    reduced = ReducedTime(WLF(**SHIFT), table((0.0, 18.0), (1.0, 18.0), (1.001, 30.0), (3.0, 30.0)))
+    t, slow = found["time"], WLF(**SHIFT).factor(18.0)
+    held = t >= 0.5
+    xi = np.array([reduced.step(0.0, each) for each in t[held]])
+    ramp = slow * (np.exp(0.5 / slow) - 1) / 0.5
+    expected = elastic["mean_pressure"][-1] * (1 + 9 * np.exp(-xi) * ramp)
+    np.testing.assert_allclose(found["mean_pressure"][held], expected, rtol=1e-4)
+    # 4 % of the relaxation is over in the cold, all of it in the warm.
+    at_jump = int(np.searchsorted(t[held], 1.0))
+    assert expected[at_jump] > 8.5 * expected[-1]
+    residual = np.abs(found["energy_residual"]).max()
+    assert residual < 1e-3 * found["work"][-1]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("0 20\n4 25\n", "ends at time 4; must reach time.end = 8"),
+        ("0 20\n1 -40\n9 20\n", "degrees.txt:2: got -40, where the wlf law has no value"),
+        ("1 20\n9 20\n", "the first time is 1; must be 0"),
+    ],
+)
+def test_table_that_does_not_cover_the_run_or_leaves_the_law_is_refused(
+    tmp_path: Path, rows: str, words: str
+) -> None:
+    from gfmdlayer.execution.sweep import input_errors
+
+    (tmp_path / "degrees.txt").write_text(rows)
+    law = "C1: 17.44, C2: 51.6, reference: 20"
+    (tmp_path / "case.yaml").write_text(
+        f"name: a\nlayer: {{material: {{shift: {{law: wlf, {law}}}}}}}\ntemperature: {{file: degrees.txt}}\n"
+    )
+    with pytest.raises(ConfigError, match=r"case.yaml:3:21: temperature.file: ") as refused:
+        load(tmp_path / "case.yaml", inspect=input_errors)
+    assert words in str(refused.value)

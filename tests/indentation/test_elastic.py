@@ -1,0 +1,169 @@
+"""Elastic contacts: closed forms on a halfspace, published factors of layers, JKR."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gfmdlayer import LayeredHalfspace, Prony
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.indentation.history import History
+from gfmdlayer.indentation.solve import Indentation, follow
+from gfmdlayer.punch import revolution
+from gfmdlayer.punch.revolution import Revolution
+
+NU = 0.3
+INF = math.inf
+
+
+def layer(thickness: float, poisson: float, base: float, base_poisson: float = 0.5) -> ViscoelasticLayer:
+    """Return an elastic layer of unit modulus."""
+    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), Prony(1.0))
+
+
+HALFSPACE = layer(INF, NU, 1.0)
+
+
+def press(
+    body: ViscoelasticLayer, indenter: Revolution, value: float, *, by_force: bool = False
+) -> Indentation:
+    """Press to a depth or with a force."""
+    return follow(body, indenter, History(np.array([0.0, 1.0]), np.array([0.0, value]), by_force))
+
+
+def closed_form(name: str, a: float) -> tuple[Revolution, float, float]:
+    """Return indenter, depth and force of a contact of radius a on the halfspace (Sneddon 1965)."""
+    stiff = 2 / (1 - NU)
+    match name:
+        case "paraboloid":
+            return revolution.paraboloid(2.0), a**2 / 2, 4 * stiff * a**3 / (3 * 2)
+        case "cone":
+            depth = math.pi / 2 * 0.3 * a
+            return revolution.cone(0.3), depth, stiff * a * depth
+        case "sphere":
+            log = math.log((2 + a) / (2 - a))
+            return revolution.sphere(2.0), a / 2 * log, stiff * ((a * a + 4) / 2 * log - 2 * a)
+    return revolution.flat(a), 0.1, 2 * stiff * a * 0.1
+
+
+@pytest.mark.parametrize("name", ["paraboloid", "cone", "sphere", "flat"])
+@pytest.mark.parametrize("a", [1e-6, 0.4, 1.2])
+def test_depth_and_force_on_a_halfspace_are_those_of_sneddon(name: str, a: float) -> None:
+    indenter, depth, force = closed_form(name, a)
+    by_depth = press(HALFSPACE, indenter, depth)
+    assert by_depth.force[-1] == pytest.approx(force, rel=1e-10)
+    assert by_depth.radius[-1] == pytest.approx(a, rel=1e-9)
+    assert press(HALFSPACE, indenter, force, by_force=True).depth[-1] == pytest.approx(depth, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("poisson", "factors"),
+    [
+        (0.5, (1.2806, 1.6837, 2.2129, 2.8602, 3.6187, 6.0030, 9.1495, 18.1574)),
+        (0.4, (1.2323, 1.5422, 1.9178, 2.3402, 2.7938, 4.0100, 5.2985, 7.9916)),
+        (0.3, (1.2066, 1.4726, 1.7848, 2.1260, 2.4835, 3.4090, 4.3532, 6.2613)),
+    ],
+)
+def test_flat_punch_on_a_bonded_layer(poisson: float, factors: tuple[float, ...]) -> None:
+    for a, factor in zip((0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0), factors, strict=True):
+        force = press(layer(1.0, poisson, INF), revolution.flat(a), 0.1).force[-1]
+        assert force * (1 - poisson) / (4 * a * 0.1) == pytest.approx(factor, abs=5.1e-5)
+
+
+@pytest.mark.parametrize(("root", "factor"), [(0.5, 2.1562), (1.0, 5.1154), (1.5, 10.3045)])
+def test_sphere_on_a_thin_incompressible_layer(root: float, factor: float) -> None:
+    depth = root**2 / 5
+    force = press(layer(1.0, 0.5, INF), revolution.paraboloid(5.0), depth).force[-1]
+    assert force / (16 / 3 * 5**0.5 * depth**1.5) == pytest.approx(factor, abs=5.1e-5)
+
+
+@pytest.mark.parametrize(("a", "factor"), [(0.5, 1.7281), (1.0, 2.7278), (2.0, 4.4881)])
+def test_flat_punch_on_a_layer_over_a_stiffer_halfspace(a: float, factor: float) -> None:
+    force = press(layer(1.0, 0.5, 10.0, 0.3), revolution.flat(a), 0.1).force[-1]
+    assert force * 0.5 / (4 * a * 0.1) == pytest.approx(factor, abs=5.1e-5)
+
+
+def test_layer_of_the_base_s_material_is_a_halfspace() -> None:
+    alone = press(layer(INF, 0.4, 1.0, 0.4), revolution.cone(0.5), 0.3).force[-1]
+    assert press(layer(0.7, 0.4, 1.0, 0.4), revolution.cone(0.5), 0.3).force[-1] == pytest.approx(
+        alone, rel=1e-8
+    )
+    bare = ViscoelasticLayer(LayeredHalfspace(0.0, 0.2, 1.0, 0.4), Prony(7.0))
+    assert press(bare, revolution.cone(0.5), 0.3).force[-1] == pytest.approx(alone, rel=1e-12)
+
+
+def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing() -> None:
+    exact = press(layer(1.0, 0.45, INF), revolution.sphere(2.0), 0.2).force[-1]
+    errors = []
+    for rows in (41, 81):
+        r = np.linspace(0.0, 1.5, rows)
+        table = revolution.of_table(r, 2 - np.sqrt(4 - r**2))
+        errors.append(press(layer(1.0, 0.45, INF), table, 0.2).force[-1] / exact - 1)
+    assert abs(errors[1]) < 5e-5
+    assert 3.5 < errors[0] / errors[1] < 4.6
+
+
+def test_heights_and_abel_transforms_belong_together() -> None:
+    """H(x) = x int_0^{pi/2} h'(x sin t) dt, by Gauss's rule on either side of the kinks of h'."""
+    blunted = revolution.of_pieces([0.0, 0.4], [0.0, 0.2], [0.5, 0.0])
+    table = revolution.of_table([0.0, 0.3, 0.7, 1.0, 2.0], [0.0, 0.01, 0.2, 0.5, 2.0])
+    t, w = np.polynomial.legendre.leggauss(4000)
+    angle, w = np.pi / 4 * (t + 1), np.pi / 4 * w
+    for profile in (blunted, table, revolution.sphere(3.0), revolution.cone(0.2)):
+        for x in (0.1, 0.5, 1.7):
+            r = x * np.sin(angle)
+            slope = (revolution.heights(profile, r + 1e-6) - revolution.heights(profile, r - 1e-6)) / 2e-6
+            assert revolution.abel_transform(profile, x) == pytest.approx(x * w @ slope, rel=1e-5)
+
+
+def test_jkr_sphere_on_a_halfspace() -> None:
+    """Depth = a^2/R - (2 pi a w/E*)^(1/2) and F = 4 E* a^3/(3 R) - (8 pi w E* a^3)^(1/2) on either path."""
+    R, w, E = 1.0, 1e-3, 2 / (1 - NU)
+    history = History(np.array([0.0, 1.0, 3.0]), np.array([-0.01, 0.02, -0.05]))
+    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=w)
+    a = run.radius[run.radius > 0]
+    np.testing.assert_allclose(
+        run.depth[run.radius > 0], a**2 / R - np.sqrt(2 * np.pi * a * w / E), atol=1e-9
+    )
+    force = 4 / 3 * E * a**3 / R - np.sqrt(8 * np.pi * w * E * a**3)
+    np.testing.assert_allclose(run.force[run.radius > 0], force, atol=1e-9)
+    # Contact begins with a jump at depth 0, and lasts until the depth of pull-off at a fixed depth.
+    pull_off = -0.75 * (np.pi**2 * w**2 * R / E**2) ** (1 / 3)
+    touching = run.depth[run.radius > 0]
+    steps = np.abs(np.diff(run.depth)).max()
+    assert 0 <= touching[0] <= steps
+    assert pull_off <= touching[-1] <= pull_off + steps
+    assert run.force.min() == pytest.approx(-1.5 * np.pi * w * R, rel=5e-3)
+
+
+def test_adhesive_contact_under_a_tensile_force() -> None:
+    R, w, E = 1.0, 1e-3, 2 / (1 - NU)
+    history = History(
+        np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, -0.99 * 1.5 * np.pi * w * R]), by_force=True
+    )
+    run = follow(HALFSPACE, revolution.paraboloid(R), history, adhesion=w)
+    P = run.force[-1]
+    apparent = P + 3 * np.pi * w * R + np.sqrt(6 * np.pi * w * R * P + (3 * np.pi * w * R) ** 2)
+    assert run.radius[-1] == pytest.approx((3 * R * apparent / (4 * E)) ** (1 / 3), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("r", "h", "said"),
+    [
+        ([0, 1, 2], [0, 1, 1.5], "must be convex"),
+        ([0, 1, 2], [0, -1, 1], "must be convex"),
+        ([0.1, 1, 2], [0, 1, 3], "ascend from 0"),
+        ([0, 2, 1], [0, 1, 3], "ascend from 0"),
+        ([0, 1], [0, 1], ">= 3"),
+    ],
+)
+def test_tables_that_are_no_convex_profile_are_refused(r: list[float], h: list[float], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        revolution.of_table(r, h)
+
+
+def test_a_body_without_a_base_is_refused() -> None:
+    with pytest.raises(ValueError, match="no base"):
+        press(layer(1.0, 0.5, 0.0), revolution.cone(1.0), 0.1)

@@ -1,0 +1,248 @@
+"""Viscoelastic contacts: Ting's solution, the hereditary integral, orders, energy, contact lost and found."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gfmdlayer import LayeredHalfspace, Prony, Zener
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.materials import Material
+from gfmdlayer.indentation.balance import work_done
+from gfmdlayer.indentation.history import History
+from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.solve import follow, on_halved_steps, on_steps
+from gfmdlayer.indentation.space import find_space, make_space
+from gfmdlayer.punch import revolution
+from gfmdlayer.punch.revolution import Revolution
+
+ZENER = Zener(1.0, 10.0, 1.0)
+# G(t) ~ t^-0.3 from 1e-3 to 1e3, one branch a decade.
+POWER_LAW = Prony(0.01, [(0.5 * 10 ** (-0.3 * k), 10.0 ** (k - 3)) for k in range(7)])
+NU = 0.3
+
+
+def layer(material: Material, thickness: float, poisson: float, base: float) -> ViscoelasticLayer:
+    """Return a layer on a base of Poisson's ratio 0.3."""
+    return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, 0.3), material)
+
+
+BODIES = {
+    "halfspace": layer(ZENER, math.inf, NU, 1.0),
+    "rigid base": layer(ZENER, 1.0, 0.5, math.inf),
+    "soft base": layer(ZENER, 1.0, 0.45, 0.3),
+}
+LOST_AND_FOUND = History(np.array([0, 1, 1.2, 2.2, 3.2]), np.array([0, 0.1, -0.02, 0.15, 0.0]))
+RAMP_HOLD_RETRACT = History(np.array([0.0, 1.0, 4.0, 5.0]), np.array([0.0, 0.2, 0.2, -0.02]))
+
+
+def ting(material: Material, coefficient: float, power: float, t: np.ndarray) -> np.ndarray:
+    """Force of a triangle of depth to t = 1 and back to t = 2, by Ting (J. Appl. Mech. 33 (1966) 845).
+
+    F = C int_0^{t1} G(t - s) d(depth^p), where the contact is as large at t1 as at t:
+    int_{t1}^t G(t - s) d(depth) = 0. G is summed at Gauss nodes in panels that shrink towards t1.
+    """
+    G, tau = material.branch_moduli, material.branch_times
+
+    def integral(u: float) -> float:
+        return material.relaxed * u - float(G @ (tau * np.expm1(-u / tau)))
+
+    x, w = np.polynomial.legendre.leggauss(12)
+    ends = 1 - np.append(np.geomspace(1.0, 1e-7, 36), 0.0)
+    half = np.diff(ends)[:, np.newaxis] / 2
+    nodes, weights = (half * (x + 1) + ends[:-1, np.newaxis]).ravel(), (half * w).ravel()
+    forces = []
+    for time in t.tolist():
+        t1 = time
+        if time > 1:
+            returned = 2 * integral(time - 1)
+            if integral(time) <= returned:
+                forces.append(0.0)
+                continue
+            t1 = brentq(lambda s, time=time, back=returned: integral(time - s) - back, 0, 1, xtol=1e-14)
+        s = t1 * nodes
+        modulus = material.relaxed + (G * np.exp(-(time - s)[:, np.newaxis] / tau)).sum(axis=1)
+        forces.append(coefficient * power * t1 * float(weights @ (modulus * s ** (power - 1))))
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("material", [ZENER, POWER_LAW], ids=["Zener", "power law"])
+@pytest.mark.parametrize("shape", ["paraboloid", "cone"])
+def test_loading_and_unloading_of_a_halfspace_is_ting_s(shape: str, material: Material) -> None:
+    indenter = revolution.paraboloid(2.0) if shape == "paraboloid" else revolution.cone(0.3)
+    elastic = 8 / 3 * 2**0.5 * 0.1**1.5 if shape == "paraboloid" else 4 / (math.pi * 0.3) * 0.1**2
+    history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]))
+    run = follow(layer(material, math.inf, NU, 1.0), indenter, history)
+    expected = ting(material, elastic / (1 - NU), 1.5 if shape == "paraboloid" else 2.0, run.time[1:])
+    assert run.error <= 1e-4
+    np.testing.assert_allclose(run.force[1:], expected, rtol=0, atol=1e-4 * expected.max())
+
+
+def test_loading_over_a_rigid_base_is_the_hereditary_integral_of_the_elastic_force() -> None:
+    """F(t) = G(0) F_el(t) + int G'(t - s) F_el(s) ds, by Gauss's rule in s = t y^2 (F_el ~ depth^1.5)."""
+    sphere, history = revolution.sphere(5.0), History(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
+    body, elastic = BODIES["rigid base"], layer(Prony(1.0), 1.0, 0.5, math.inf)
+    run = follow(body, sphere, history, tolerance=1e-7)
+    y, w = np.polynomial.legendre.leggauss(30)
+    y, w = (y + 1) / 2, w / 2
+    assert run.space is not None
+    s = np.concatenate(([0.0], y**2, [1.0]))
+    force = on_steps(elastic, run.space, sphere, history, s).force
+    memory = -(ZENER.Ginf - ZENER.G0) * np.exp(-(1 - s[1:-1]))
+    expected = ZENER.Ginf * force[-1] + w @ (2 * y * memory * force[1:-1])
+    assert run.force[-1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_depth_creeps_under_a_sudden_force() -> None:
+    """On a halfspace a^3 = (3 (1 - nu) R/8) F J(t) while the contact grows."""
+    force = 1.0
+    run = follow(
+        BODIES["halfspace"],
+        revolution.paraboloid(2.0),
+        History(np.array([0.0, 20.0]), np.full(2, force), True),
+    )
+    J = 1 / ZENER.G0 - (1 / ZENER.G0 - 1 / ZENER.Ginf) * np.exp(-run.time * ZENER.G0 / ZENER.Ginf)
+    a = (3 * (1 - NU) * 2.0 / 8 * force * J) ** (1 / 3)
+    # The edge creeps by less than the spacing of the nodes in a step, which leaves some 2 % of it.
+    np.testing.assert_allclose(run.radius, a, rtol=0, atol=0.02 * run.space.nodes.spacing + 1e-4 * a.max())
+    np.testing.assert_allclose(run.depth, a**2 / 2, rtol=2e-4)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_order_in_time_is_two_and_more_after_extrapolation(name: str) -> None:
+    body, indenter = BODIES[name], revolution.sphere(5.0)
+    history = History(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.2, 0.195]))
+    space = find_space(body, indenter, history, 1e-6)
+    forces = {
+        n: on_steps(body, space, indenter, history, np.linspace(0, 2, n + 1)).force[-1]
+        for n in (16, 32, 64, 128)
+    }
+    exact = on_halved_steps(body, space, indenter, history, np.linspace(0, 2, 513)).force[-1]
+    errors = [abs(force / exact - 1) for force in forces.values()]
+    # Halving the steps divides the error by 4, less what the higher orders bring at the coarsest.
+    assert all(coarse / fine > 3.3 for coarse, fine in pairwise(errors))
+    halved = on_halved_steps(body, space, indenter, history, np.linspace(0, 2, 65)).force[-1]
+    assert abs(halved / exact - 1) < errors[-1] / 4
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_energy_balance_closes(name: str) -> None:
+    columns = IsolatedIndentation(BODIES[name], revolution.sphere(5.0), RAMP_HOLD_RETRACT).columns()
+    assert columns["dissipated"][-1] > 0.5 * columns["work"][-1] > 0
+    assert (np.diff(columns["dissipated"]) > -1e-6 * columns["work"].max()).all()
+    # Work, stored and dissipated energy each have the error of the force.
+    assert np.abs(columns["energy_residual"]).max() < 1e-4 * columns["work"].max()
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_contact_is_lost_and_found_again_to_the_tolerance(name: str) -> None:
+    run = follow(BODIES[name], revolution.sphere(2.0), LOST_AND_FOUND)
+    apart = run.radius == 0
+    assert np.count_nonzero(np.diff(apart.astype(int))) == 4  # begins, is lost, is found again, is lost
+    assert (run.radius >= 0).all()
+    assert (run.force[apart] == 0).all()
+    assert (run.force >= 0).all()
+    finer = follow(
+        BODIES[name], revolution.sphere(2.0), LOST_AND_FOUND, tolerance=3e-6, stops=run.time.tolist()
+    )
+    at = np.isin(finer.time, run.time)
+    np.testing.assert_allclose(run.force, finer.force[at], rtol=0, atol=1e-4 * run.force.max())
+
+
+def test_flat_punch_leaves_a_halfspace_at_once_at_the_time_when_its_force_vanishes() -> None:
+    """F = (4 a/(1 - nu)) int G(t - s) d(depth) as long as it is positive."""
+    history = History(np.array([0.0, 0.13, 1.13, 2.0]), np.array([-0.013, 0.0, 0.1, -0.05]))
+    run = follow(BODIES["halfspace"], revolution.flat(0.5), history)
+
+    def integral(u: np.ndarray) -> np.ndarray:
+        u = np.maximum(u, 0.0)
+        return u - 9 * np.expm1(-u)
+
+    rates = 0.1, 0.1 + 0.15 / 0.87
+    force = 2 / 0.7 * (rates[0] * integral(run.time - 0.13) - rates[1] * integral(run.time - 1.13))
+    touching = run.radius > 0
+    assert ((run.radius == 0) | (run.radius > 0.499999)).all()
+    np.testing.assert_allclose(run.force[touching], force[touching], atol=1e-4 * force.max())
+    after = (run.time > 1.13) & ~touching
+    assert force[after].max() < 1e-4 * force.max()
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_prescribing_the_force_that_was_found_gives_the_depth_back(name: str) -> None:
+    indenter = revolution.cone(0.4)
+    history = History(np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.15, 0.15]))
+    forward = follow(BODIES[name], indenter, history, tolerance=1e-5)
+    back = follow(BODIES[name], indenter, History(forward.time, forward.force, by_force=True), tolerance=1e-5)
+    # Force over time is linear between rows here, as it was not before: an error of its own, 1e-4 and less.
+    found = np.interp(forward.time, back.time, back.depth)
+    np.testing.assert_allclose(found, forward.depth, rtol=0, atol=2e-4 * 0.15)
+
+
+@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("kind", ["sphere", "cone", "blunted", "flat"])
+def test_pressure_and_gap_are_not_negative(name: str, kind: str) -> None:
+    """Within 1e-6 of the largest pressure and of the depth, at all stages of a history."""
+    indenter = made(kind)
+    times = (0.5, 1.0, 1.1, 1.7, 2.4, 3.0)
+    run = IsolatedIndentation(BODIES[name], indenter, LOST_AND_FOUND, snapshots=times, points=101)
+    kept = run.profiles()
+    assert kept.pressure.min() >= -1e-6 * kept.pressure.max()
+    assert kept.gap.min() >= -1e-6 * 0.15
+    assert not run.warnings
+    # The surface is under the indenter, and the pressure zero outside of the contact.
+    h = revolution.heights(indenter, kept.r)
+    at = np.searchsorted(run.solved.time, kept.time)
+    for k, i in enumerate(at.tolist()):
+        outside = kept.r > 1.01 * run.solved.radius[i]
+        assert (kept.pressure[k, outside] == 0).all()
+        seen = np.isfinite(h)
+        np.testing.assert_allclose(
+            (kept.displacement[k] + kept.gap[k])[seen], h[seen] - run.solved.fields.depth[i], atol=1e-12
+        )
+
+
+@cache
+def made(kind: str) -> Revolution:
+    """Return an indenter."""
+    if kind == "sphere":
+        return revolution.sphere(2.0)
+    if kind == "flat":
+        return revolution.flat(0.4)
+    if kind == "cone":
+        return revolution.cone(0.4)
+    return revolution.of_pieces([0.0, 0.2], [0.0, 0.4], [2.0, 0.0])
+
+
+def test_pressure_integrates_to_the_force() -> None:
+    """By the trapezoidal rule, to (dr/a)^(3/2) where the pressure falls like a root."""
+    run = IsolatedIndentation(
+        BODIES["soft base"],
+        revolution.sphere(5.0),
+        RAMP_HOLD_RETRACT,
+        snapshots=(1.0,),
+        points=4001,
+        extent=1.0,
+    )
+    kept = run.profiles()
+    force = np.trapezoid(2 * np.pi * kept.r * kept.pressure[0], kept.r)
+    assert force == pytest.approx(run.solved.force[run.solved.time == 1.0][0], rel=1e-3)
+
+
+def test_work_is_exact_for_a_parabola() -> None:
+    depth = np.array([0.0, 0.1, 0.25, 0.6, 1.0])
+    np.testing.assert_allclose(work_done(depth**2, depth, 0.5), 0.5 + depth**3 / 3, atol=1e-15)
+
+
+def test_nodes_may_be_reused_for_other_moduli() -> None:
+    sphere, soft = revolution.sphere(5.0), BODIES["soft base"]
+    space = make_space(find_space(soft, sphere, RAMP_HOLD_RETRACT).features, 1.0)
+    other = layer(Zener(1.3, 7.0, 0.6), 1.0, 0.45, 0.3)
+    own = follow(other, sphere, RAMP_HOLD_RETRACT)
+    reused = follow(other, sphere, RAMP_HOLD_RETRACT, space=space, stops=own.time.tolist())
+    at = np.isin(reused.time, own.time)
+    np.testing.assert_allclose(reused.force[at], own.force, atol=1e-4 * own.force.max())

@@ -1,0 +1,195 @@
+"""Cases with grid.geometry: axisymmetric, from the configuration to the results folder."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer.case import Case
+from gfmdlayer.cli import main
+from gfmdlayer.config import Config, ConfigError, load
+from gfmdlayer.execution.cost import estimate
+from gfmdlayer.verification.runs import Recording
+
+AFM: dict[str, Any] = {
+    "name": "afm",
+    "grid": {"geometry": "axisymmetric", "points": 64},
+    "layer": {"thickness": 1.0, "material": {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}},
+    "halfspace": {"shear_modulus": math.inf},
+    "punch": {"shape": "sphere", "radius": 5.0},
+    "trajectory": {"depth": 0.2},
+    "time": {"end": 4.0, "step": "adaptive"},
+    "output": {"snapshots": [0.5, 4.0]},
+}
+
+
+def changed(**sections: object) -> Config:
+    """Return the configuration with other sections."""
+    return Config.model_validate({**AFM, **sections})
+
+
+def simulated(config: Config) -> Recording:
+    """Run a case in memory."""
+    recording = Recording()
+    gfmdlayer.simulate(config, recording)
+    return recording
+
+
+def test_a_case_has_the_columns_of_indent() -> None:
+    recording = simulated(changed())
+    curve = gfmdlayer.indent(
+        Case(changed()).body, {"shape": "sphere", "radius": 5.0}, [0, 1, 4], depth=[0, 0.2, 0.2],
+        snapshots=[0.5, 4.0],
+    )  # fmt: skip
+    for name in (
+        "time",
+        "force",
+        "depth",
+        "contact_radius",
+        "work",
+        "stored",
+        "dissipated",
+        "energy_residual",
+    ):
+        np.testing.assert_array_equal(recording[name], curve[name])
+
+
+def test_run_in_memory_gives_the_same() -> None:
+    found = gfmdlayer.run(changed())
+    np.testing.assert_array_equal(found["force"], simulated(changed())["force"])
+    assert found["pressure"].sizes == {"snapshot": 2, "x": 64}
+    assert found["x"][0] == 0
+
+
+def test_equal_steps_agree_with_adaptive_ones() -> None:
+    adaptive, equal = simulated(changed()), simulated(changed(time={"end": 4.0, "step": 0.05}))
+    found = np.interp(equal["time"], adaptive["time"], adaptive["force"])
+    # Rows are compared by linear interpolation between the adaptive steps.
+    np.testing.assert_allclose(found, equal["force"], rtol=0, atol=2e-3 * found.max())
+    assert equal.last("force") == pytest.approx(adaptive.last("force"), rel=1e-4)
+
+
+def test_a_force_is_that_on_the_indenter() -> None:
+    found = simulated(changed(trajectory={"control": "force", "force": 4.0}, output={}))
+    curve = gfmdlayer.indent(Case(changed()).body, gfmdlayer.Sphere(radius=5.0), [0, 1, 4], force=[0, 4, 4])
+    np.testing.assert_array_equal(found["depth"], curve["depth"])
+    np.testing.assert_allclose(found["force"], 4 * np.minimum(found["time"], 1), rtol=1e-9)
+
+
+def test_a_stack_of_equal_layers_is_one_layer() -> None:
+    material = {"G0": 1.0, "Ginf": 10.0, "tau": 1.0}
+    layers = [{"thickness": 0.4, "material": material}, {"thickness": 0.6, "material": material}]
+    stack = Config.model_validate(
+        {**{key: value for key, value in AFM.items() if key != "layer"}, "layers": layers}
+    )
+    one, two = simulated(changed()), simulated(stack)
+    assert two.last("force") == pytest.approx(one.last("force"), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        (
+            {"punch": {"shape": "wedge", "slope": 0.1}},
+            "punch.shape: got 'wedge', which is no convex body of revol",
+        ),
+        ({"punch": {"radius": [1.0, 2.0]}}, "punch.radius: got"),
+        ({"trajectory": {"control": "load", "load": 1.0}}, "trajectory.control: got 'load', a mean pressure"),
+        ({"trajectory": {"depth": 1.0}}, "trajectory.depth: got 1.0, beyond the rigid base"),
+        ({"trajectory": {"velocity": 1.0}}, "trajectory.velocity: got 1.0, without meaning"),
+        ({"halfspace": {"shear_modulus": 0}}, "halfspace.shear_modulus: got 0: a layer without a base"),
+        ({"solver": {"method": "fire"}}, "solver.method: got 'fire', without meaning"),
+        (
+            {"time": {"step": 0.1, "integrator": "backward_euler"}},
+            "time.integrator: got 'backward_euler', with",
+        ),
+        ({"output": {"patches": True}}, "output.patches: got true, without meaning"),
+        ({"output": {"snapshots": "every"}}, "output.snapshots: got 'every', without meaning"),
+        (
+            {"grid": {"geometry": "axisymmetric", "points": [64, 64]}},
+            "grid.points: got \\[64, 64\\]; must be one",
+        ),
+        ({"grid": {"geometry": "axisymmetric", "period": 2.0}}, "grid.period: got"),
+        ({"grid": {"geometry": "round"}}, "grid.geometry: got 'round'; must be periodic or axisymmetric"),
+        ({"grid": {"extent": 2.0}}, "grid.extent: given, but geometry is periodic"),
+    ],
+)
+def test_keys_without_meaning_are_refused_with_their_place(sections: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load({**AFM, **sections})
+
+
+@pytest.mark.parametrize(
+    ("table", "control", "said"),
+    [
+        ("0 0\n1 1.2\n", "depth", "holds a depth of 1.2, beyond the rigid base"),
+        ("0 0\n1 -1\n", "force", "holds a negative force"),
+    ],
+)
+def test_tables_of_impossible_values_are_refused(table: str, control: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "table.txt").write_text(table)
+    trajectory = {"kind": "table", "control": control, "file": str(tmp_path / "table.txt")}
+    with pytest.raises(ConfigError, match=said):
+        load({**AFM, "trajectory": trajectory})
+
+
+def test_a_concave_profile_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "tip.txt").write_text("0 0\n1 1\n2 1.5\n")
+    with pytest.raises(ConfigError, match="the profile must be convex"):
+        load({**AFM, "punch": {"shape": "radial_profile", "file": str(tmp_path / "tip.txt")}})
+
+
+def test_a_sweep_is_run_plotted_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "afm.yaml").write_text(
+        "name: afm\ngrid: {geometry: axisymmetric, points: 32, extent: 3.0}\n"
+        "halfspace: {shear_modulus: .inf}\npunch: {shape: sphere, radius: 5.0}\n"
+        "trajectory: {depth: 0.2}\ntime: {end: 2.0, step: adaptive}\n"
+        "output: {snapshots: [1.0]}\nsweep: {layer.thickness: [0.5, 1.0]}\n"
+    )
+    assert main(["check", "afm.yaml"]) == 0
+    assert main(["run", "afm.yaml"]) == 0
+    written = (tmp_path / "results/afm/cases/0000.h5").stat().st_mtime_ns
+    assert main(["run", "afm.yaml"]) == 0
+    assert (tmp_path / "results/afm/cases/0000.h5").stat().st_mtime_ns == written
+    sweep = gfmdlayer.open_results("results/afm")
+    assert sweep["force"].isel(time=-1).to_numpy().min() > 0
+    assert float(sweep["force"].sel(thickness=0.5).max()) > float(sweep["force"].sel(thickness=1.0).max())
+    assert sweep["pressure"].sizes == {"thickness": 2, "snapshot": 1, "x": 32}
+    assert (sweep["pressure"].to_numpy() >= 0).all()
+    assert "contact_area" not in sweep
+    assert main(["plot", "results/afm"]) == 0
+    stored = load(tmp_path / "results/afm/config.yaml")
+    assert stored.grid.geometry == "axisymmetric"
+
+
+def test_profiles_of_cases_with_axes_of_their_own_are_not_put_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "afm.yaml").write_text(
+        "name: afm\ngrid: {geometry: axisymmetric, points: 32}\nhalfspace: {shear_modulus: .inf}\n"
+        "time: {end: 1.0, step: adaptive}\noutput: {snapshots: [1.0]}\nsweep: {layer.thickness: [0.5, 1.0]}\n"
+    )
+    assert main(["run", "afm.yaml"]) == 0
+    assert "pressure" not in gfmdlayer.open_results("results/afm")
+    case = gfmdlayer.open_case("results/afm/cases/0001.h5")
+    assert case["pressure"].sizes == {"snapshot": 1, "x": 32}
+
+
+def test_the_cost_has_no_transforms() -> None:
+    cost = estimate(changed())
+    assert cost.pairs == 0
+    assert cost.steps > 50
+    assert cost.work > 0
+
+
+def test_periodic_configurations_keep_their_digests() -> None:
+    """The geometry does not enter where it is not given."""
+    assert "geometry" not in Config(name="x").model_dump(exclude_none=True)["grid"]
+    assert Config(name="x").grid.points == (16384,)
