@@ -36,7 +36,8 @@ def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration."""
     from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
-    from gfmdlayer.execution.sweep import cases, label, notes
+    from gfmdlayer.execution.sweep import cases, label
+    from gfmdlayer.notes import notes
 
     config = read_config(options)
     every: Sequence[Case] = cases(config)

@@ -19,8 +19,9 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.sweep import Case, label, notes
+from gfmdlayer.execution.sweep import Case, label
 from gfmdlayer.files.whole import write_text
+from gfmdlayer.notes import notes
 
 Wisdom = dict[tuple[int, ...], str]
 
