@@ -48,10 +48,12 @@ class ForceCurve:
 
     Examples
     --------
-    >>> t = np.linspace(0.0, 1.0, 20)
-    >>> curve = gfmdlayer.ForceCurve("first", time=t, depth=1e-7 * t, force=1e-9 * t**1.5)
-    >>> curve.name
-    'first'
+    >>> import numpy as np
+    >>> from gfmdlayer import ForceCurve
+    >>> depth = np.linspace(0.0, 0.1, 50)
+    >>> curve = ForceCurve("ramp", 10 * depth, depth, 2.0 * depth**1.5, noise=1e-3)
+    >>> curve.time.size
+    50
     """
 
     name: str
