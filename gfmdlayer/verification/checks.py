@@ -35,6 +35,8 @@ CHECKS: tuple[Check, ...] = (
     Check("Limits", limits.relaxing_modes),
     Check("Limits", limits.limiting_bodies),
     Check("Limits", limits.fast_and_slow),
+    Check("Laws and temperature", crosschecks.series_of_laws),
+    Check("Laws and temperature", crosschecks.jump_of_temperature),
     Check("Orders", orders.time_steps),
     Check("Orders", orders.papers_step),
     Check("Orders", orders.grid_spacing),
