@@ -108,7 +108,10 @@ sweep:
     SURFACE + "punch: {shape: array, counts: 1, element: {radius: 0.1}}\n",
     *(
         SURFACE + f"punch: {{shape: array, counts: 1, element: {{shape: {element}}}}}\n"
-        for element in ("cylinder, radius: 3, along: x", "wedge, slope: 0.1", "pyramid, angle: 70, faces: 3")
+        for element in (
+            *("cylinder, radius: 3, along: x", "wedge, slope: 0.1", "pyramid, angle: 70, faces: 3"),
+            "blunted_cone, slope: 0.1, tip_radius: 0.1",
+        )
     ),
     SURFACE
     + """\
