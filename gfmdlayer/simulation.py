@@ -112,7 +112,7 @@ def simulate(
     ...     def snapshot(self, time, displacement, pressure, gap): ...
     ...
     ...     def note(self, **attributes): ...
-    >>> config = gfmdlayer.Config(name="a", grid={"points": 64}, time={"end": 1.0, "step": 0.5})
+    >>> config = gfmdlayer.Config(name="a", grid={"points": 1024}, time={"end": 1.0, "step": 0.5})
     >>> gfmdlayer.simulate(config, Printer())
     0.0 0.0
     0.5 0.005
@@ -251,8 +251,11 @@ def _in_small(config: Config) -> Config:
     ramp_time = 1.0 if isinstance(step, str) else 2 * step
     moves = {"velocity": 1.0} if config.trajectory.moves else {}
     times = {"times": ramp_time} if isinstance(step, str) else {}
+    shift = next(filter(None, (law.shift for law in config.laws)), None)
+    at_reference = {} if shift is None else {"temperature": {"value": shift.reference}}
     return config.with_values(
-        {
+        at_reference
+        | {
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
             "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},

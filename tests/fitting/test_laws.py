@@ -1,0 +1,160 @@
+"""Fits of laws with a continuous spectrum; columns by name; a fitted file as the material of a layer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gfmdlayer import Config, ConfigError, FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw, cli, load
+from gfmdlayer.body.materials import Law
+from gfmdlayer.config.model import digest
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.fitting.continuous import MODELS, fit_law
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
+from gfmdlayer.fitting.prony import fit
+
+LAWS = [
+    FractionalZener(1.0, 100.0, 0.5, 0.6),
+    PowerLaw(2.0, 1.0, 0.3),
+    Kohlrausch(1.0, 100.0, 0.5, 0.6),
+    HavriliakNegami(1.0, 100.0, 0.5, 0.7, 0.5),
+]
+KINDS = pytest.mark.parametrize("kind", [MasterCurve, RelaxationCurve])
+
+
+def measured(kind: type[Measurement], law: Law, rows: int = 40) -> Measurement:
+    abscissa = np.geomspace(1e-3, 1e3, rows)
+    return kind("measured.csv", abscissa, kind("", abscissa, np.empty(0)).predicted(law, abscissa))
+
+
+def parameters(law: Law) -> np.ndarray:
+    return np.array([*law.model_dump(exclude={"model", "shift", "tolerance"}).values()], dtype=float)
+
+
+@KINDS
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.model)
+def test_law_is_found_again_in_its_own_curve(kind: type[Measurement], law: Law) -> None:
+    # Without noise the least squares end at their tolerance of 1e-8 in the cost, 1e-4 in the parameters.
+    found = fit_law(measured(kind, law), law.model)
+    assert found.rms < 1e-5
+    np.testing.assert_allclose(parameters(found.material), parameters(law), rtol=1e-3, atol=1e-12)
+
+
+def test_every_law_may_be_fitted_by_the_command() -> None:
+    from gfmdlayer.cli import fit_material
+
+    assert {*fit_material.LAWS} == {"prony", *MODELS}
+
+
+def test_given_relaxed_modulus_is_kept() -> None:
+    curve = measured(MasterCurve, LAWS[0])
+    assert fit_law(curve, "fractional_zener", 1.5).material.relaxed == 1.5
+    with pytest.raises(FitError, match="relaxed modulus 1e"):
+        fit_law(curve, "fractional_zener", 1e6)
+
+
+def test_curve_of_a_liquid_has_no_law_with_a_relaxed_modulus() -> None:
+    with pytest.raises(FitError, match="flows like a liquid"):
+        fit_law(measured(MasterCurve, PowerLaw(1.0, 1.0, 0.6)), "fractional_zener")
+
+
+def written(path: Path, header: str, *columns: np.ndarray) -> Path:
+    rows = ("\t".join(f"{value:.17g}" for value in row) for row in zip(*columns, strict=True))
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "tension", "hertz"),
+    [
+        ("omega\tstorage\tloss", False, False),
+        ("w [rad/s]\tG'\ttan delta", False, False),
+        ("f [Hz]\tE' [MPa]\ttan(delta)", True, True),
+        ("frequency (Hz)\tE''\tE'", True, True),
+        ("freq\tG''\ttan_delta", False, True),
+    ],
+)
+def test_columns_are_known_by_their_names(tmp_path: Path, header: str, tension: bool, hertz: bool) -> None:
+    law, omega = LAWS[0], np.geomspace(1e-2, 1e2, 20)
+    modulus = law.complex_modulus(omega)
+    storage, loss = (part * (2 * 1.3 if tension else 1) for part in (modulus.real, modulus.imag))
+    ratio = loss / storage
+    known = {"s": storage, "'": storage, "l": loss, "''": loss, "t": ratio}
+    names = [name.split(" [")[0] for name in header.split("\t")[1:]]
+    chosen = [
+        known["t" if n.startswith("tan") else "''" if n.endswith("''") else "'" if n.endswith("'") else n[0]]
+        for n in names
+    ]
+    path = written(tmp_path / "data.txt", header, omega / (2 * np.pi) if hertz else omega, *chosen)
+    found = read(path, poisson=0.3)
+    np.testing.assert_allclose(found.abscissa, omega, rtol=1e-14)
+    np.testing.assert_allclose(found.moduli, [modulus.real, modulus.imag], rtol=1e-14)
+
+
+def test_columns_without_names_are_named_by_the_user(tmp_path: Path) -> None:
+    t = np.geomspace(1e-2, 1e2, 20)
+    path = written(tmp_path / "data.txt", "# nothing", t, 3 * LAWS[0].relaxation_modulus(t))
+    found = read(path, names="t, E")
+    np.testing.assert_allclose(found.moduli[0], LAWS[0].relaxation_modulus(t), rtol=1e-14)
+    with pytest.raises(TableError, match=r"--columns: 't, E, G' is no curve"):
+        read(path, names="t, E, G")
+    with pytest.raises(TableError, match=r"--columns: 'colour, E' is not understood"):
+        read(path, names="colour, E")
+
+
+def fitted_file(folder: Path, law: str, capsys: pytest.CaptureFixture[str]) -> Path:
+    omega = np.geomspace(1e-2, 1e2, 20)
+    modulus = LAWS[0].complex_modulus(omega)
+    data = written(folder / "data.txt", "omega\tstorage\tloss", omega, modulus.real, modulus.imag)
+    assert cli.main(["fit-material", str(data), "--law", law, "--out", str(folder)]) == 0
+    assert "material:" in capsys.readouterr().out
+    return folder / "data.yaml"
+
+
+@pytest.mark.parametrize("law", ["prony", "fractional_zener"])
+def test_fitted_file_is_the_material_of_a_layer(
+    tmp_path: Path, law: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = fitted_file(tmp_path, law, capsys)
+    (tmp_path / "case.yaml").write_text("name: a\nlayer: {material: {file: data.yaml}}\n")
+    config, itself = load(tmp_path / "case.yaml"), load(file)
+    assert config.layer.material == itself.layer.material
+    assert config.layer.material.model == law
+    assert Config(name="b", layer={"material": {"file": file}}).layer.material == config.layer.material
+    # Its contents count, and not its name.
+    assert digest(config) == digest(itself)
+    before, moved = digest(config), tmp_path / "moved.yaml"
+    moved.write_text(file.read_text())
+    assert digest(Config(name="c", layer={"material": {"file": moved}})) == before
+    moved.write_text(file.read_text().replace("G0: ", "G0: 1"))
+    assert digest(Config(name="c", layer={"material": {"file": moved}})) != before
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "layer: {material: {model: zenner}}\n",
+            "wrong.yaml:1:27: layer.material.model: got the text",
+        ),
+        ("material: {model: zener, Ginf: 0.1}\n", "wrong.yaml:1:32: material.Ginf: got 0.1, below G0"),
+        ("layer: {thickness: 1}\n", "wrong.yaml:1:1: holds no material"),
+        ("layer: [\n", "wrong.yaml:2:1: not YAML"),
+    ],
+)
+def test_file_without_a_sound_material_is_refused_at_both_places(
+    tmp_path: Path, content: str, words: str
+) -> None:
+    (tmp_path / "wrong.yaml").write_text(content)
+    (tmp_path / "case.yaml").write_text("name: a\nlayer: {material: {file: wrong.yaml}}\n")
+    with pytest.raises(ConfigError) as refused:
+        load(tmp_path / "case.yaml")
+    assert "case.yaml:2:26: layer.material.file: " in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_law_of_few_parameters_does_as_well_as_a_series_of_many() -> None:
+    curve = measured(MasterCurve, LAWS[0])
+    assert fit_law(curve, "fractional_zener").rms < fit(curve).rms
