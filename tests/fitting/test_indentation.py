@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -338,6 +340,37 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
     groups = entries([tmp_path / "groups.h5"])
     assert [each.name for each in groups] == ["left", "right"]
     assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
+
+
+class AfmCurve(dict):  # type: ignore[type-arg]
+    """A curve as afmformats has it: columns by name, and metadata."""
+
+    columns = property(lambda self: list(self))
+    metadata: dict[str, float] = {"spring constant": 0.05, "position x": 1.0, "position y": 2.0, "enum": 3}  # noqa: RUF012
+
+
+def test_afm_formats_give_the_depth_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "map.jpk-force"
+    path.touch()
+    force = TIME * 1e-9
+    curves = [AfmCurve(time=TIME, force=force) | {"height (measured)": -1e-6 * TIME}]
+    made = [AfmCurve(each) for each in curves]
+    monkeypatch.setitem(sys.modules, "afmformats", SimpleNamespace(load_data=lambda _: made))
+    (entry,) = entries([path])
+    assert (entry.name, entry.position) == ("map-3", (1.0, 2.0))
+    # the base sinks by the height, the cantilever bends back by F/k
+    assert read_curve(entry).depth == pytest.approx(1e-6 * TIME - force / 0.05)
+    made[0].pop("height (measured)")
+    with pytest.raises(TableError, match="no tip position"):
+        read_curve(entry)
+
+
+def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too() -> None:
+    time = np.concatenate((np.linspace(-0.5, 0, 50, endpoint=False), TIME))
+    depth = np.concatenate((np.linspace(-0.1, 0, 50, endpoint=False), RAMP_HOLD))
+    force = np.concatenate((np.zeros(50), on_halfspace(TIME))) + 0.5
+    with pytest.raises(FitError, match="are the units of force"):
+        fit_indentation(ForceCurve("a", time, depth, 1e9 * force), body(), ZENER, contact="detect")
 
 
 def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ many, which may share a time of (rows,) and have x and y of (curves,); or a grou
 variables in it and attributes x and y. Units are attributes `units`. Rows of NaN after the end of a short
 curve are left out.
 
-Other files are read by afmformats (the extra `afm`), in SI units; the depth is the negative tip position.
+Other files are read by afmformats (the extra `afm`), in SI units; the depth is that of the tip.
 
 A file of many curves is opened once, and a curve is read when it is used.
 """
@@ -268,11 +268,19 @@ def _afm_group(path: Path) -> Any:
 
 
 def _afm_curve(entry: Entry) -> ForceCurve:
+    """Read a curve by afmformats; the tip is at the measured height of its base plus its deflection."""
     data = _afm_group(entry.path)[int(entry.key)]
-    missing = [column for column in ("time", "tip position", "force") if column not in data.columns]
-    if missing:
+    stiffness = data.metadata.get("spring constant")
+    if "time" not in data.columns or "force" not in data.columns:
+        raise TableError(f"{entry.path}: curve {entry.name} has no time or no force; must have both")
+    force = np.asarray(data["force"])
+    if "tip position" in data.columns:
+        tip = np.asarray(data["tip position"])
+    elif "height (measured)" in data.columns and stiffness:
+        tip = np.asarray(data["height (measured)"]) + force / stiffness
+    else:
         raise TableError(
-            f"{entry.path}: curve {entry.name} has no {' and no '.join(missing)}; must have them"
+            f"{entry.path}: curve {entry.name} has no tip position; must have it, or the measured height and "
+            "the spring constant"
         )
-    depth = -np.asarray(data["tip position"])
-    return ForceCurve(entry.name, data["time"], depth, data["force"], position=entry.position)
+    return ForceCurve(entry.name, data["time"], -tip, force, position=entry.position)

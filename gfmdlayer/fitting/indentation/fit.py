@@ -222,8 +222,10 @@ def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
     """Return u with the moduli that fit best, the sum of squares, and the factor."""
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
-    predicted = np.concatenate(problem.forces(u))
-    measured = np.concatenate([each.curve.force for each in problem.predictions])
+    offsets = [problem.offset(u, each.curve.name) for each in problem.predictions]
+    pairs = list(zip(problem.predictions, offsets, strict=True))
+    predicted = np.concatenate([f - offset for f, offset in zip(problem.forces(u), offsets, strict=True)])
+    measured = np.concatenate([each.curve.force - offset for each, offset in pairs])
     along = float(predicted @ measured) / max(float(predicted @ predicted), 1e-300)
     factor = along if along > 0 else 1.0
     shifted = u.copy()

@@ -174,7 +174,7 @@ class LeastSquares:
                 break
         if self._euler is not None:
             *others, last = self._euler
-            whole = [f - self._offset(u, p.curve.name) for f, p in zip(forces, self.predictions, strict=True)]
+            whole = [f - self.offset(u, p.curve.name) for f, p in zip(forces, self.predictions, strict=True)]
             columns[last] = [
                 force - sum((columns[i][k] for i in others), np.zeros(1)) for k, force in enumerate(whole)
             ]
@@ -214,7 +214,7 @@ class LeastSquares:
     def _force(self, config: Config, u: FloatArray, prediction: Prediction) -> FloatArray:
         self.solutions += 1
         name = prediction.curve.name
-        return prediction.force(config, **self._motion(u, name)) + self._offset(u, name)
+        return prediction.force(config, **self._motion(u, name)) + self.offset(u, name)
 
     def _motion(self, u: FloatArray, curve: str) -> dict[str, float]:
         """Contact point and drift of a curve, where they are free."""
@@ -224,7 +224,8 @@ class LeastSquares:
             if each.key in {"contact_point", "drift"} and each.curve in {"", curve}
         }
 
-    def _offset(self, u: FloatArray, curve: str) -> float:
+    def offset(self, u: FloatArray, curve: str) -> float:
+        """Return the offset of the force of a curve."""
         return sum(
             float(u[i])
             for i, each in enumerate(self.parameters)
