@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
+    from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import Cylinder, Flat, Parabola, Sinusoid, Sphere
     from gfmdlayer.results.reader import open_case, open_results
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "WLF",
     "Arrhenius",
+    "BluntedCone",
     "Case",
     "Cone",
     "Config",
@@ -40,6 +42,7 @@ __all__ = [
     "Cylinder",
     "Elastic",
     "Flat",
+    "FlatPunch",
     "ForceCurve",
     "FractionalZener",
     "HavriliakNegami",
@@ -51,6 +54,7 @@ __all__ = [
     "PowerLaw",
     "Prony",
     "Pyramid",
+    "RadialProfile",
     "SelfAffine",
     "Sinusoid",
     "Sphere",
@@ -82,6 +86,7 @@ _MODULES = {
     "gfmdlayer.case": ("Case",),
     "gfmdlayer.punch.flanked_shapes": ("Cone", "Pyramid", "Wedge"),
     "gfmdlayer.punch.simple_shapes": ("Cylinder", "Flat", "Parabola", "Sinusoid", "Sphere"),
+    "gfmdlayer.punch.indenters": ("BluntedCone", "FlatPunch", "RadialProfile"),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),

@@ -8,13 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import Body, ViscoelasticLayer
-from gfmdlayer.body.layer import LayeredHalfspace
+from gfmdlayer.body.body import Body, layered_body
 from gfmdlayer.body.materials import Material, PronySeries
-from gfmdlayer.body.maxwell import Prony
-from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.stack import Layer
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
+from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -41,28 +40,11 @@ def make_body(config: Config, materials: Sequence[Material]) -> Body:
     materials : sequence of Material
         Of each of `config.laws`.
     """
-    given, halfspace = config.stacked, config.halfspace
-    modulus = materials[-1].relaxed if halfspace.shear_modulus is None else halfspace.shear_modulus
-    elastic = halfspace.material is None or materials[-1].elastic
-    if len(given) == 1 and elastic:
-        layer = LayeredHalfspace(given[0].thickness, given[0].poisson, modulus, halfspace.poisson)
-        return ViscoelasticLayer(layer, materials[0])
-    layers = [Layer(each.thickness, each.poisson, law) for each, law in zip(given, materials, strict=False)]
-    floating = math.isfinite(layers[-1].thickness)
-    if floating and 0 < modulus < math.inf:
-        layers.append(Layer(math.inf, halfspace.poisson, Prony(modulus) if elastic else materials[-1]))
-    return LayerStack(tuple(layers), floating and math.isinf(modulus), config.solver.tolerance)
-
-
-def mean_stiffness(config: Config) -> float:
-    """Return K(q = 0) of the layers by the units of their laws; 0 where the mean height stays."""
-    rigid = config.halfspace.shear_modulus == math.inf and math.isfinite(config.stacked[-1].thickness)
-    compliances = [
-        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
-        for layer in config.stacked
-        if layer.poisson < 0.5
-    ]
-    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
+    base = config.halfspace
+    given = zip(config.stacked, materials, strict=False)  # the last is the halfspace's, where it has one
+    layers = [Layer(each.thickness, each.poisson, material) for each, material in given]
+    below = materials[-1] if base.shear_modulus is None else base.shear_modulus
+    return layered_body(layers, below, base.poisson, accuracy=config.solver.tolerance)
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -231,8 +213,9 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     """
     seen = set()
     for config in configs:
+        held = mean_stiffness(config.stacked, config.halfspace)
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, mean_stiffness(config)),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, held),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -275,7 +258,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    if message := too_deep(float(values.max()), heights, mean_stiffness(config)):
+    if message := too_deep(float(values.max()), heights, mean_stiffness(config.stacked, config.halfspace)):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 

@@ -26,8 +26,9 @@ from gfmdlayer.fitting.indentation import forward
 from gfmdlayer.fitting.indentation.intervals import covariance
 from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
 from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.solve import on_steps
-from gfmdlayer.indentation.space import History, find_space
+from gfmdlayer.indentation.space import find_space
 from gfmdlayer.punch.revolution import paraboloid
 
 RADIUS, DEPTH = 5.0, 0.2  # a contact of about one thickness of the thin layer
@@ -266,11 +267,11 @@ def figure() -> None:
                     sizes, error, color=dark[k], linestyle=line_style(2 * i + 1), label=f"{which}, {name}"
                 )
         left.set(xlabel=r"$\sqrt{R\delta}/h$", ylabel=r"$F/F_\mathrm{Hertz}$", yscale="log")
-        right.set(xlabel=r"$\sqrt{R\delta}/h$", ylabel="error of the modulus (%)", ylim=(-80, 40))
+        right.set(xlabel=r"$\sqrt{R\delta}/h$", ylabel="error of the modulus (%)", ylim=(-90, 110))
         right.axhline(0, color="black", linewidth=0.5)
         for axes, letter in ((left, "a"), (right, "b")):
             axes.set_title(f"({letter})", loc="left")
-            axes.legend(fontsize=7)
+            axes.legend(fontsize=7, loc="upper left" if axes is left else "upper right")
     save(picture, Path(__file__).parents[1] / "docs" / "indentation.svg")
 
 

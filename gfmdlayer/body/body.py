@@ -8,6 +8,7 @@ of relaxing modes, a `Spectrum`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,6 +16,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.body.maxwell import Elastic
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.validation.problems import ConfigError
 
 if TYPE_CHECKING:
@@ -157,3 +159,45 @@ def halfspace(material: Material | float, *, poisson: float = 0.5) -> Viscoelast
     array([4., 8.])
     """
     return bonded_layer(math.inf, material, poisson=poisson, base=0.0)
+
+
+def layered_body(
+    layers: Sequence[Layer], base: Material | float, base_poisson: float, *, accuracy: float = 0.0
+) -> Body:
+    """Return layers on a base, a single one with the closed forms for it.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        From the surface down; on an infinitely thick one the base has no effect.
+    base : Material or float
+        Law of the halfspace below, or its shear modulus: inf is rigid, 0 leaves the lower face free.
+    base_poisson : float
+        Its Poisson's ratio.
+    accuracy : float
+        Relative error of K(q, s) up to which the modes of a stack are merged.
+
+    Returns
+    -------
+    ViscoelasticLayer or LayerStack
+
+    Raises
+    ------
+    ValueError
+        If the layers are not possible.
+    """
+    law: Material | None = None
+    if isinstance(base, Material):
+        law, modulus = (None if base.elastic else base), base.relaxed
+    else:
+        modulus = base
+    if len(layers) == 1 and law is None:
+        (single,) = layers
+        known = LayeredHalfspace(single.thickness, single.poisson, modulus, base_poisson)
+        return ViscoelasticLayer(known, single.material)
+    if math.isinf(layers[-1].thickness) or modulus == 0:
+        return LayerStack(tuple(layers), accuracy=accuracy)
+    if math.isinf(modulus):
+        return LayerStack(tuple(layers), rigid=True, accuracy=accuracy)
+    below = Layer(math.inf, base_poisson, law or Elastic(modulus))
+    return LayerStack((*layers, below), accuracy=accuracy)

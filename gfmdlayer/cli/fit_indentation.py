@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 EXAMPLE = (
-    "gfmdlayer fit-indentation configs/gel-curve.csv --model configs/gel.yaml --contact detect --out gel\n"
-    "  gfmdlayer fit-indentation map.h5 --model gel.yaml --each --jobs 4 --out results/map\n\n"
+    "gfmdlayer fit-indentation configs/gel.csv --model configs/gel.model.yml --contact detect\n"
+    "  gfmdlayer fit-indentation map.h5 --model gel.model.yml --each --jobs 4 --out results/map\n\n"
     f"{STATUSES}"
 )
 
@@ -116,13 +116,17 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
     from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
     from gfmdlayer.fitting.indentation.parameters import Model
+    from gfmdlayer.fitting.indentation.units import in_si
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
     models = {str(path): read_model(path, free) for path in options.model}
     checked = {path: (Model(data), keys) for path, (data, keys) in models.items()}
-    curves = [read_curve(entry, options.units) for entry in entries([Path(each) for each in options.data])]
-    fits = {path: fit_curves(curves, model, keys, chosen) for path, (model, keys) in checked.items()}
+    found = entries([Path(each) for each in options.data])
+    fits = {}
+    for path, (model, keys) in checked.items():
+        curves = [read_curve(entry, options.units, in_si(model.config.units)) for entry in found]
+        fits[path] = fit_curves(curves, model, keys, chosen)
     best = min(fits, key=lambda path: fits[path].bic)
     if len(fits) > 1:
         print("\n".join(report.comparison(fits)), end=f"\n\n{best}:\n")

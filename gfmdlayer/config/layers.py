@@ -85,3 +85,22 @@ def problems_of_layers(
         allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
         at: Location = ("layer", "thickness") if layers is None else ("layers", 0, "thickness")
         yield Problem(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))
+
+
+def mean_stiffness(layers: tuple[Layer, ...], halfspace: Halfspace) -> float:
+    """Return K(q = 0) by the units of the layers' laws; 0 where the mean height of the surface stays.
+
+    Parameters
+    ----------
+    layers : tuple of Layer
+        From the surface down.
+    halfspace : Halfspace
+        What lies below.
+    """
+    rigid = halfspace.shear_modulus == math.inf and math.isfinite(layers[-1].thickness)
+    compliances = [
+        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+        for layer in layers
+        if layer.poisson < 0.5
+    ]
+    return 1 / sum(compliances) if rigid and any(compliances) else 0.0

@@ -28,6 +28,7 @@ from gfmdlayer.fitting.indentation.curve_files import Entry, Units, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
 from gfmdlayer.fitting.indentation.parameters import Free, Model
+from gfmdlayer.fitting.indentation.units import in_si
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
@@ -110,8 +111,9 @@ class FitTask:
         return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
 
     def _fit(self, case: MapCase) -> IndentationFit:
-        curve = read_curve(case.entry, self.units)
-        fit = fit_curves([curve], Model(self.model), self.free, self.options)
+        model = Model(self.model)
+        curve = read_curve(case.entry, self.units, in_si(model.config.units))
+        fit = fit_curves([curve], model, self.free, self.options)
         if not all(np.isfinite(each.value) for each in fit.parameters):
             raise FitError("an estimate is not a finite number")
         return fit

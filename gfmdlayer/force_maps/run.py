@@ -86,7 +86,7 @@ class ForceMap:
         if isinstance(free, Mapping):
             data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
         kept = self._model.config.model_dump(exclude_none=True)
-        data |= {key: kept[key] for key in ("layer", "layers", "halfspace", "punch") if key in kept}
+        data |= {key: kept[key] for key in ("units", "layer", "layers", "halfspace", "punch") if key in kept}
         return f"{MARK}# Cases: {len(self.cases)}\n{text.written(data)}"
 
     def run(

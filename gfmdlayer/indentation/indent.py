@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
@@ -83,6 +86,8 @@ def indent(
         raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
+    if not history.by_force and history.value.max() >= (floor := _rigid_base(body)):
+        raise ValueError(f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}")
     times = np.unique(np.asarray(snapshots, dtype=float))
     if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
         raise ValueError(f"snapshots: got {times}; must be between the first and the last time")
@@ -104,6 +109,15 @@ def indent(
     for line in run.warnings:
         warnings.warn(line, stacklevel=2)
     return xarray.Dataset(data, coordinates, {"error": run.solved.error, "solutions": run.solved.solutions})
+
+
+def _rigid_base(body: Body) -> float:
+    """Depth of the rigid base under the layers; inf where there is none."""
+    if isinstance(body, ViscoelasticLayer) and math.isinf(body.layer.bulk_modulus):
+        return body.layer.thickness
+    if isinstance(body, LayerStack) and body.rigid:
+        return sum(layer.thickness for layer in body.layers)
+    return math.inf
 
 
 def as_revolution(indenter: Any) -> Revolution:

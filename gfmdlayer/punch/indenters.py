@@ -16,7 +16,15 @@ if TYPE_CHECKING:
 
 
 class BluntedCone(Analytic):
-    """A cone whose tip is a paraboloid that goes over into it without a kink."""
+    """A cone whose tip is a paraboloid that goes over into it without a kink.
+
+    Examples
+    --------
+    >>> tip = gfmdlayer.BluntedCone(slope=1.0, tip_radius=0.1)
+    >>> found = gfmdlayer.indent(gfmdlayer.halfspace(1.0), tip, [0, 1], depth=[0, 0.2])
+    >>> float(found.contact_radius[-1]) > 0.1
+    True
+    """
 
     shape: Literal["blunted_cone"] = "blunted_cone"
     """a cone with a rounded tip"""
@@ -61,7 +69,15 @@ class _Isolated(Shape):
 
 
 class FlatPunch(_Isolated):
-    """The flat end of a cylinder; for grid.geometry: axisymmetric."""
+    """The flat end of a cylinder; for grid.geometry: axisymmetric.
+
+    Examples
+    --------
+    >>> body, punch = gfmdlayer.halfspace(1.0), gfmdlayer.FlatPunch(radius=0.5)
+    >>> found = gfmdlayer.indent(body, punch, [0, 1], depth=[0, 0.1])  # F = 8 G a depth, nu = 1/2
+    >>> round(float(found.force[-1]), 9)
+    0.4
+    """
 
     shape: Literal["flat_punch"] = "flat_punch"
     """the flat end of a cylinder; for grid.geometry: axisymmetric"""
@@ -76,7 +92,17 @@ class FlatPunch(_Isolated):
 
 
 class RadialProfile(_Isolated):
-    """A convex profile of revolution from a table; for grid.geometry: axisymmetric."""
+    """A convex profile of revolution from a table; for grid.geometry: axisymmetric.
+
+    Examples
+    --------
+    >>> r = np.linspace(0.0, 1.0, 101)
+    >>> np.savetxt("tip.txt", np.column_stack((r, r**2)))
+    >>> tip = gfmdlayer.RadialProfile(file="tip.txt")
+    >>> found = gfmdlayer.indent(gfmdlayer.halfspace(1.0), tip, [0, 1], depth=[0, 0.1])
+    >>> round(float(found.contact_radius[-1]) ** 2, 9)  # a^2 = R depth, R = 1/2
+    0.05
+    """
 
     shape: Literal["radial_profile"] = "radial_profile"
     """a convex profile from a table; for grid.geometry: axisymmetric"""

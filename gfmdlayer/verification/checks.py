@@ -56,6 +56,7 @@ CHECKS: tuple[Check, ...] = (
     Check("Isolated indentation", indentation.indented_halfspace),
     Check("Isolated indentation", indentation.indented_layer),
     Check("Isolated indentation", indentation.indented_over_time),
+    Check("Isolated indentation", indentation.isolated_and_periodic),
     Check("Isolated indentation", indentation.peeled_sphere),
     Check("Other codes", peers.tamaas, peer="tamaas"),
     Check("Other codes", peers.contact_mechanics, peer="ContactMechanics"),

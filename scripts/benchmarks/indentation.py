@@ -17,7 +17,7 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Zener
+from gfmdlayer.body.maxwell import Zener
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.indentation.history import History

@@ -18,7 +18,7 @@ from gfmdlayer.body.stack import Layer, LayerStack
 
 # Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.
 ROUNDING = 1e-13
-# Of the spectrum: the internal variables are coupled by up to Ginf/G0 = 1e4 of a material.
+# Of the spectrum: some hundred internal variables, of a condition of (Ginf/G0)^(1/2) < 1e3 at most.
 SPECTRUM = 1e-11
 
 FREQUENCIES = np.array([0, 1e-4j, 0.1 + 0.03j, 1j, 30j, 1e4 + 1e4j, 1e9])
@@ -92,7 +92,6 @@ def powers(low: float, high: float) -> Any:
 
 
 poissons = st.sampled_from([0.0, 0.3, 0.5]) | st.floats(0, 0.5)
-# A multiple of rounding from each other, two times are one: the modes of both are not resolved.
 materials = st.builds(
     lambda G, branches: Prony(G, [(G * ratio, tau) for ratio, tau in branches]),
     powers(-2, 2),
@@ -111,7 +110,7 @@ def stacks(draw: Any) -> LayerStack:
     return LayerStack(tuple(above), rigid=base == "rigid")
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(stacks(), st.just(1.0) | powers(-3, 3))
 def test_stiffness_and_spectrum_are_exact(body: LayerStack, q: float) -> None:
     assert_exact(body, q)

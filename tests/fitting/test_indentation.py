@@ -21,6 +21,7 @@ from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
 from gfmdlayer.fitting.indentation.problem import LeastSquares
 from gfmdlayer.fitting.indentation.report import comparison, write_report
+from gfmdlayer.fitting.indentation.units import in_si
 from gfmdlayer.fitting.measurement import FitError
 
 RADIUS = 5.0
@@ -224,6 +225,7 @@ def test_columns_that_cannot_be_used_are_named(change: dict[str, Any], message: 
     ("make", "message"),
     [
         (lambda c: replace(c, depth=30 * c.depth), "beyond the layer of thickness 1"),
+        (lambda c: replace(c, force=1e9 * c.force), "would be .*: are the units of force"),
         (lambda c: ForceCurve("a", TIME[:8] + 1, RAMP_HOLD[40:48], c.force[40:48]), "8 rows for 5 free"),
     ],
 )
@@ -238,7 +240,7 @@ def test_curves_that_the_model_cannot_have_made_are_refused(
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda c: replace(c, force=1e6 * c.force), "units of force, depth, punch and moduli"),
+        (lambda c: replace(c, force=1e5 * c.force), "units of force, depth, punch and moduli"),
         (
             lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
             "residuals",
@@ -286,6 +288,16 @@ def test_text_files_tell_their_units(tmp_path: Path) -> None:
     assert found.time[1] == pytest.approx(1e-3)
     assert found.force[1] == pytest.approx(5e-12)
     assert found.depth[1] == pytest.approx(1e-6)
+
+
+def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
+    path = tmp_path / "gel.csv"
+    rows = "\n".join(f"{i},{i},{i}" for i in range(20))
+    path.write_text(f"time (ms),depth (nm),force (nN)\n{rows}\n")
+    units = {"length": "um", "stress": "kPa", "time": "s"}  # kPa um^2 = nN
+    model = Model(body() | {"units": units})
+    found = read_curve(entries([path])[0], into=in_si(model.config.units))
+    assert [found.time[1], found.depth[1], found.force[1]] == pytest.approx([1e-3, 1e-3, 1.0])
 
 
 @pytest.mark.parametrize(

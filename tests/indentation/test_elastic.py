@@ -106,16 +106,17 @@ def test_table_of_a_sphere_converges_to_it_with_the_square_of_its_spacing() -> N
 
 
 def test_heights_and_abel_transforms_belong_together() -> None:
-    """H(x) = x int_0^{pi/2} h'(x sin t) dt, by Gauss's rule on either side of the kinks of h'."""
+    """H(x) = x int_0^{pi/2} h'(x sin t) dt, by the midpoint rule, to its square at the kinks of h'."""
     blunted = revolution.of_pieces([0.0, 0.4], [0.0, 0.2], [0.5, 0.0])
     table = revolution.of_table([0.0, 0.3, 0.7, 1.0, 2.0], [0.0, 0.01, 0.2, 0.5, 2.0])
-    t, w = np.polynomial.legendre.leggauss(4000)
-    angle, w = np.pi / 4 * (t + 1), np.pi / 4 * w
+    angle = np.pi / 2 * (np.arange(4000) + 0.5) / 4000
     for profile in (blunted, table, revolution.sphere(3.0), revolution.cone(0.2)):
         for x in (0.1, 0.5, 1.7):
             r = x * np.sin(angle)
             slope = (revolution.heights(profile, r + 1e-6) - revolution.heights(profile, r - 1e-6)) / 2e-6
-            assert revolution.abel_transform(profile, x) == pytest.approx(x * w @ slope, rel=1e-5)
+            assert revolution.abel_transform(profile, x) == pytest.approx(
+                x * np.pi / 2 * slope.mean(), rel=1e-5
+            )
 
 
 def test_jkr_sphere_on_a_halfspace() -> None:

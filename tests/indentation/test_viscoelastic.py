@@ -87,7 +87,7 @@ def test_loading_over_a_rigid_base_is_the_hereditary_integral_of_the_elastic_for
     """F(t) = G(0) F_el(t) + int G'(t - s) F_el(s) ds, by Gauss's rule in s = t y^2 (F_el ~ depth^1.5)."""
     sphere, history = revolution.sphere(5.0), History(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
     body, elastic = BODIES["rigid base"], layer(Prony(1.0), 1.0, 0.5, math.inf)
-    run = follow(body, sphere, history, tolerance=1e-7)
+    run = follow(body, sphere, history, tolerance=1e-6)
     y, w = np.polynomial.legendre.leggauss(30)
     y, w = (y + 1) / 2, w / 2
     assert run.space is not None

@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from gfmdlayer.fitting.indentation.curve import CurveError, ForceCurve
-from gfmdlayer.fitting.indentation.parameters import Model
+from gfmdlayer.fitting.indentation.parameters import Model, Parameter
 from gfmdlayer.fitting.indentation.problem import MODULI
+from gfmdlayer.fitting.measurement import FitError
 
-ODD = 1e3  # factor between the modulus of the model and that of the data, which is warned of
+ODD, MIXED = 1e3, 1e6  # factors between the moduli of the model and of the data: warned of, refused
 STRAIN = 0.3  # depth over thickness, or over the radius of a sphere, beyond which linear theory is doubtful
 
 
-def refuse_impossible(curves: Sequence[ForceCurve], model: Model) -> None:
+def depths(curves: Sequence[ForceCurve], parameters: Sequence[Parameter]) -> dict[str, float]:
+    """Return the largest depth of each curve below the contact point at which its fit starts."""
+    points = {each.curve: each.start for each in parameters if each.key == "contact_point"}
+    return {
+        curve.name: max(float(curve.depth.max()) - points.get(curve.name, points.get("", 0.0)), 0.0)
+        for curve in curves
+    }
+
+
+def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
     """Refuse depths beyond a layer on a base that is stiffer than it, which the punch would have to pierce.
+
+    Parameters
+    ----------
+    reached : mapping of str to float
+        Largest depth of each curve.
+    model : Model
+        Body and indenter.
 
     Raises
     ------
@@ -24,11 +41,10 @@ def refuse_impossible(curves: Sequence[ForceCurve], model: Model) -> None:
     """
     reasons = []
     thickness, stiff_base = _thickness(model)
-    for curve in curves:
-        depth = _reach(curve)
+    for name, depth in reached.items():
         if stiff_base and depth >= thickness:
             reasons.append(
-                f"curve {curve.name}: reaches {depth:.4g} below its first contact, beyond the layer of "
+                f"curve {name}: reaches {depth:.4g} below its first contact, beyond the layer of "
                 f"thickness {thickness:.4g}; must stay within it: is a unit, the thickness or the contact "
                 "point wrong?"
             )
@@ -36,13 +52,17 @@ def refuse_impossible(curves: Sequence[ForceCurve], model: Model) -> None:
         raise CurveError("\n".join(reasons))
 
 
-def warnings_before(curves: Sequence[ForceCurve], model: Model, factor: float) -> Iterator[str]:
+def warnings_before(
+    curves: Sequence[ForceCurve], reached: Mapping[str, float], model: Model, factor: float
+) -> Iterator[str]:
     """Yield what is odd about curves under a model.
 
     Parameters
     ----------
     curves : sequence of ForceCurve
         The curves.
+    reached : mapping of str to float
+        Largest depth of each curve.
     model : Model
         Body and indenter, where the fit starts.
     factor : float
@@ -52,7 +72,7 @@ def warnings_before(curves: Sequence[ForceCurve], model: Model, factor: float) -
     radius = model.keys.get("punch.radius", np.inf)
     for curve in curves:
         yield from (f"curve {curve.name}: {warning}" for warning in curve.warnings())
-        depth = _reach(curve)
+        depth = reached[curve.name]
         for size, name in ((thickness, "thickness of the layer"), (radius, "radius of the punch")):
             if STRAIN * size < depth:
                 yield (
@@ -60,11 +80,27 @@ def warnings_before(curves: Sequence[ForceCurve], model: Model, factor: float) -
                     f"is doubtful beyond {STRAIN:g}"
                 )
     if not 1 / ODD < factor < ODD:
-        key, modulus = next((k, v) for k, v in model.keys.items() if k.rpartition(".")[2] in MODULI)
-        yield (
-            f"the forces ask for moduli {factor:.2g} times those of the model ({key} = {modulus:g} would be "
-            f"{modulus * factor:.3g}): are the units of force, depth, punch and moduli the same?"
-        )
+        yield _other_modulus(model, factor)
+
+
+def refuse_mixed_units(model: Model, factor: float) -> None:
+    """Refuse forces that ask for moduli of another order than those of the model: units are mixed up.
+
+    Raises
+    ------
+    FitError
+        The factor is beyond `MIXED`.
+    """
+    if not 1 / MIXED < factor < MIXED:
+        raise FitError(_other_modulus(model, factor))
+
+
+def _other_modulus(model: Model, factor: float) -> str:
+    key, modulus = next((k, v) for k, v in model.keys.items() if k.rpartition(".")[2] in MODULI)
+    return (
+        f"the forces ask for moduli {factor:.2g} times those of the model ({key} = {modulus:g} would be "
+        f"{modulus * factor:.3g}): are the units of force, depth, punch and moduli the same?"
+    )
 
 
 def _thickness(model: Model) -> tuple[float, bool]:
@@ -78,8 +114,3 @@ def _thickness(model: Model) -> tuple[float, bool]:
         if key.startswith("layer") and key.rpartition(".")[2] in MODULI
     ]
     return thickness, base > max(moduli, default=0.0)
-
-
-def _reach(curve: ForceCurve) -> float:
-    """Return the depth below the surface, of a curve whose depth may begin before the contact."""
-    return float(max(curve.depth.max(), 0.0))

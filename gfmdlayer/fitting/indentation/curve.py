@@ -45,6 +45,15 @@ class ForceCurve:
     ------
     CurveError
         Naming every row that cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gfmdlayer import ForceCurve
+    >>> depth = np.linspace(0.0, 0.1, 50)
+    >>> curve = ForceCurve("ramp", 10 * depth, depth, 2.0 * depth**1.5, noise=1e-3)
+    >>> curve.time.size
+    50
     """
 
     name: str

@@ -27,7 +27,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.tables import TableError, is_number, read_lines
 from gfmdlayer.fitting.indentation.curve import ForceCurve
-from gfmdlayer.fitting.indentation.units import COLUMNS, allowed, parse_heading, size_of
+from gfmdlayer.fitting.indentation.units import COLUMNS, Sizes, allowed, parse_heading, size_of
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}
@@ -84,8 +84,8 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
     ]
 
 
-def read_curve(entry: Entry, units: Units | None = None) -> ForceCurve:
-    """Read a curve, in SI units where units are known, else as its numbers are.
+def read_curve(entry: Entry, units: Units | None = None, into: Sizes = (1.0, 1.0, 1.0)) -> ForceCurve:
+    """Read a curve, in the units of a model where units are known, else as its numbers are.
 
     Parameters
     ----------
@@ -93,6 +93,8 @@ def read_curve(entry: Entry, units: Units | None = None) -> ForceCurve:
         The curve.
     units : sequence of str, optional
         Units of time, depth and force of columns without their own.
+    into : tuple of float
+        Sizes of the model's units of time, length and force in SI.
 
     Raises
     ------
@@ -106,8 +108,8 @@ def read_curve(entry: Entry, units: Units | None = None) -> ForceCurve:
     elif entry.path.suffix.lower() in HDF5:
         columns, found = _hdf5_columns(entry)
     else:
-        return _afm_curve(entry)
-    sizes = _sizes(entry.path, found, units)
+        return _afm_curve(entry).in_units(*(1 / size for size in into))
+    sizes = _sizes(entry.path, found, units, into)
     time, depth, force = (columns[column] * size for column, size in zip(COLUMNS, sizes, strict=True))
     return ForceCurve(entry.name, time, depth, force, position=entry.position)
 
@@ -178,8 +180,8 @@ def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[
     return order, units
 
 
-def _sizes(path: Path, found: dict[str, str], given: Units | None) -> list[float]:
-    """Return the sizes of the units of the columns in SI; 1 where none has a unit."""
+def _sizes(path: Path, found: dict[str, str], given: Units | None, into: Sizes) -> list[float]:
+    """Return the sizes of the units of the columns over those of a model; 1 where none has a unit."""
     units = dict(zip(COLUMNS, given or (), strict=False)) | found
     if not units:
         return [1.0] * len(COLUMNS)
@@ -189,11 +191,11 @@ def _sizes(path: Path, found: dict[str, str], given: Units | None) -> list[float
             "have one, in the headings or by --units"
         )
     sizes = []
-    for column in COLUMNS:
+    for column, own in zip(COLUMNS, into, strict=True):
         size = size_of(units[column], column)
         if size is None:
             raise TableError(f"{path}: {units[column]!r} is no unit of {column}; must be {allowed(column)}")
-        sizes.append(size)
+        sizes.append(size / own)
     return sizes
 
 

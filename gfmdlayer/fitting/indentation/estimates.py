@@ -116,6 +116,14 @@ class IndentationFit:
     solutions: int
     config: Any = field(repr=False)
 
+    @property
+    def depth(self) -> float:
+        """Largest depth below the contact point, of all curves."""
+        points = {each.curve: each.value for each in self.parameters if each.key == "contact_point"}
+        shared = points.get("", 0.0)
+        reached = (float(fit.curve.depth.max()) - points.get(fit.curve.name, shared) for fit in self.curves)
+        return max(*reached, 0.0)
+
     def __getitem__(self, name: str) -> Estimate:
         """Return a parameter by its key, or its last part."""
         for each in self.parameters:

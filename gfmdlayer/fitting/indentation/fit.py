@@ -19,7 +19,12 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
 from gfmdlayer.fitting.indentation import intervals
-from gfmdlayer.fitting.indentation.checks import refuse_impossible, warnings_before
+from gfmdlayer.fitting.indentation.checks import (
+    depths,
+    refuse_impossible,
+    refuse_mixed_units,
+    warnings_before,
+)
 from gfmdlayer.fitting.indentation.contact_point import detect
 from gfmdlayer.fitting.indentation.curve import ForceCurve
 from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
@@ -27,6 +32,7 @@ from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, 
 from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import Free, Model, Parameter, free_parameters
 from gfmdlayer.fitting.indentation.problem import MODULI, LeastSquares
+from gfmdlayer.fitting.indentation.units import Sizes, in_si
 from gfmdlayer.fitting.measurement import FitError
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
@@ -77,26 +83,44 @@ def fit_indentation(
         A curve cannot be used.
     FitError
         The fit is not possible.
+
+    Examples
+    --------
+    Hertz's force on a halfspace of G = 7, nu = 1/2 under a paraboloid of radius 5:
+
+    >>> import numpy as np
+    >>> from gfmdlayer import ForceCurve, fit_indentation
+    >>> depth = np.linspace(0.0, 0.1, 50)
+    >>> force = 8 / 3 * 7.0 * 5.0**0.5 * depth**1.5 / (1 - 0.5)
+    >>> material = {"model": "zener", "G0": 1.0, "Ginf": 1.0}
+    >>> model = {
+    ...     "layer": {"thickness": float("inf"), "material": material},
+    ...     "punch": {"shape": "parabola", "radius": 5.0},
+    ... }
+    >>> fit = fit_indentation(ForceCurve("ramp", depth, depth, force), model, ["layer.material.G0"])
+    >>> print(f"{fit['G0'].value:.2f}")
+    7.00
     """
     options = FitOptions(loss, profile, contact)
     single = isinstance(curves, (ForceCurve, str, Path)) or hasattr(curves, "keys")
     every: Iterable[Any] = [curves] if single else curves  # type: ignore[assignment]
-    given = list(_curves(every, units))
+    data, keys = read_model(model, free)
+    made = Model(data)
+    given = list(_curves(every, units, in_si(made.config.units)))
     if not given:
         raise FitError("no curve is given; must be at least one")
     if len({curve.name for curve in given}) < len(given):
         raise FitError("two curves have the same name; must have different ones")
-    data, keys = read_model(model, free)
-    return fit_curves(given, Model(data), keys, options)
+    return fit_curves(given, made, keys, options)
 
 
-def _curves(given: Iterable[Any], units: Units | None) -> Iterator[ForceCurve]:
+def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[ForceCurve]:
     """Yield the curves that are given in any of the ways of `fit_indentation`."""
     for number, each in enumerate(given):
         if isinstance(each, ForceCurve):
             yield each
         elif isinstance(each, (str, Path)):
-            yield from (read_curve(entry, units) for entry in entries([Path(each)]))
+            yield from (read_curve(entry, units, into) for entry in entries([Path(each)]))
         elif all(key in each for key in ("time", "depth", "force")):
             time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
             yield ForceCurve(str(number), time, depth, force)
@@ -132,8 +156,9 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
 
 def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions) -> IndentationFit:
     """Fit a checked model to curves, see `fit_indentation`."""
-    refuse_impossible(curves, model)
     parameters = _parameters(curves, model, free, options)
+    reached = depths(curves, parameters)
+    refuse_impossible(reached, model)
     rows = sum(curve.time.size for curve in curves)
     if rows < 2 * len(parameters):
         raise FitError(
@@ -141,7 +166,8 @@ def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: 
         )
     problem = LeastSquares(model, parameters, [Prediction(curve) for curve in curves])
     u, scale = _first_guess(problem)
-    notes = list(warnings_before(curves, model, scale))
+    refuse_mixed_units(model, scale)
+    notes = list(warnings_before(curves, reached, model, scale))
     u = _solve(problem, u, options.loss)
     return conclude(problem, u, options, notes)
 

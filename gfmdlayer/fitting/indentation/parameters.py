@@ -17,7 +17,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
+from pydantic import ValidationError
+
 from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.config.model import explain
 from gfmdlayer.validation.problems import shown, unknown_key
 
 OF_A_CURVE = ("contact_point", "drift", "force_offset")
@@ -51,9 +54,13 @@ class Model:
     def __init__(self, data: Mapping[str, Any]) -> None:
         if foreign := [key for key in data if key not in SECTIONS]:
             raise ConfigError([f"{key}: {unknown_key(key, SECTIONS, ())}" for key in foreign])
-        grid = {"points": 8, "period": 1e-30} | dict(data.get("grid") or {})
-        given = {"name": "indentation"} | dict(data) | {"grid": grid}
-        self.config = Config.model_validate(given)
+        grid = {"geometry": "axisymmetric"} | dict(data.get("grid") or {})
+        # The curves say what is prescribed; the default depth need not fit this body.
+        given = {"name": "indentation"} | dict(data) | {"grid": grid, "trajectory": {"depth": 0.0}}
+        try:
+            self.config = Config.model_validate(given)
+        except ValidationError as error:
+            raise ConfigError(map(str, explain(error))) from None
         self._data = self.config.model_dump(exclude_none=True)
         self.keys = dict(_numbers(self._data))
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN_CURVES = 6
-SECTIONS = ("layer", "layers", "halfspace", "punch")
+SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
 def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
@@ -74,6 +74,7 @@ def model_yaml(fit: IndentationFit, name: str) -> str:
     data = fit.config.model_dump(exclude_none=True)
     word = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:128] or "model"
     kept = {"name": word} | {key: data[key] for key in SECTIONS if key in data}
+    kept["trajectory"] = {"depth": fit.depth}
     return "".join(f"# {line}\n" for line in summary(fit)) + text.written(kept)
 
 

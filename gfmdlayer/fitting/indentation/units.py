@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 
+from gfmdlayer.config import ConfigError
+from gfmdlayer.config.units import Units
+
+Sizes = tuple[float, float, float]
 PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2,
     "k": 1e3, "M": 1e6,
@@ -38,6 +42,24 @@ def parse_heading(heading: str) -> tuple[str | None, str]:
         if word.strip().lower() in names or last[0] in names:
             return column, unit
     return None, unit
+
+
+def in_si(units: Units | None) -> Sizes:
+    """Return the sizes in SI of the units of time, length and force of a model; 1 where it has none.
+
+    Raises
+    ------
+    ConfigError
+        A unit is not metric.
+    """
+    if units is None:
+        return 1.0, 1.0, 1.0
+    time, length = size_of(units.time, "time"), size_of(units.length, "depth")
+    stress = PREFIXES.get(units.stress.removesuffix("Pa")) if units.stress.endswith("Pa") else None
+    if time is None or length is None or stress is None:
+        metric = "metric, such as um, kPa and s, for curves with units"
+        raise ConfigError([f"units: got {units}; must be {metric}"])
+    return time, length, stress * length**2
 
 
 def allowed(column: str) -> str:

@@ -1,0 +1,45 @@
+"""`gfmdlayer.indent`: ways to give an indenter, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+
+BODY = gfmdlayer.bonded_layer(1.0, gfmdlayer.Zener(1.0, 10.0, 1.0))
+
+
+def test_an_indenter_is_a_shape_its_keys_or_a_table() -> None:
+    r = np.linspace(0.0, 1.5, 301)
+    given: tuple[Any, ...] = (
+        gfmdlayer.Parabola(radius=2.0),
+        {"shape": "parabola", "radius": 2.0},
+        (r, r**2 / 4),
+    )
+    forces = [float(gfmdlayer.indent(BODY, each, [0, 1], depth=[0, 0.1]).force[-1]) for each in given]
+    np.testing.assert_allclose(forces, forces[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("indenter", "time", "values", "said"),
+    [
+        ({"shape": "wedge", "slope": 0.1}, [0, 1], {"depth": [0, 0.1]}, "must be a shape of revolution"),
+        ({"shape": "ball"}, [0, 1], {"depth": [0, 0.1]}, "shape: got 'ball'; must be one of parabola"),
+        ({"radius": [1.0, 2.0]}, [0, 1], {"depth": [0, 0.1]}, "radius: got .*one number"),
+        ({"radius": 1.0}, [0, 1], {}, "depth, force: must be given one of the two"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "force": [0, 1]}, "one of the two"),
+        ({"radius": 1.0}, [0, 0], {"depth": [0, 0.1]}, "time: got 0 after 0; must ascend"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1, 0.2]}, "depth: got shape"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, np.nan]}, "must be finite"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 1.2]}, "must be above the rigid base, < 1.0"),
+        ({"radius": 1.0}, [0, 1], {"force": [0, -1]}, "must be >= 0 without adhesion"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "work_of_adhesion": 0.1}, "got a viscoelastic body"),
+        ({"radius": 1.0}, [0, 1], {"depth": [0, 0.1], "snapshots": [2.0]}, "between the first and the last"),
+    ],
+)
+def test_impossible_input_is_refused(indenter: Any, time: Any, values: Any, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        gfmdlayer.indent(BODY, indenter, time, **values)
