@@ -78,22 +78,6 @@ def make_trajectory(config: Config) -> Trajectory:
     return RampHold(target / unit, given.ramp_time)
 
 
-def short_tables(configs: Iterable[Config]) -> Iterator[str]:
-    """Yield notes on the tables of cases that end before their runs do.
-
-    Raises
-    ------
-    TableError
-        If a table cannot be used.
-    """
-    every = [(config.trajectory, config.time.end) for config in configs]
-    depths = [(given.file, given.control, end) for given, end in every]
-    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
-    for file, quantity, end in dict.fromkeys(depths + velocities):
-        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
-            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
-
-
 def make_velocity(config: Config) -> Constant | Table | None:
     """Return the velocity of the punch along x over time; None where it stays.
 

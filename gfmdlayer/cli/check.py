@@ -36,7 +36,8 @@ def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration."""
     from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
-    from gfmdlayer.execution.sweep import cases, label, notes
+    from gfmdlayer.execution.sweep import cases, label
+    from gfmdlayer.notes import notes
 
     config = read_config(options)
     every: Sequence[Case] = cases(config)
@@ -110,7 +111,8 @@ def _time(directory: Path, every: Sequence[Case]) -> str:
 
     folder = Folder(directory)
     complete = folder.numbers()["h5"] if folder.is_results() else set()
-    model = CostModel.of_files({folder.case(c.index): c.config for c in every if c.index in complete})
+    done = {folder.case(case.index): case.config for case in every if case.index in complete}
+    model = CostModel.of_files(done) if done else CostModel()  # which reads no file
     left = [case for case in every if case.index not in complete]
     seconds = sum(model.seconds(case.config) for case in left)
     of = "" if len(left) == len(every) else f" for the {count_cases(len(left))} left"

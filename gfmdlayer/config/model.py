@@ -22,7 +22,6 @@ from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
-from gfmdlayer.config.units import Units
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -30,6 +29,7 @@ from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
+from gfmdlayer.validation.units import Units
 
 Name = Annotated[
     str,

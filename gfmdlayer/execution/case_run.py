@@ -19,8 +19,9 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.sweep import Case, label, notes
+from gfmdlayer.execution.sweep import Case, label
 from gfmdlayer.files.whole import write_text
+from gfmdlayer.notes import notes
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -103,7 +104,8 @@ def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, chec
     from gfmdlayer.simulation import ConvergenceError
 
     config, hashed = case.config, digest(case.config)
-    compute = partial(_compute, config, hashed, folder.case(case.index), wisdom, threads)
+    described = attributes(config) | {"digest": hashed, "config": (case.given or config).dump()}
+    compute = partial(_compute, config, described, folder.case(case.index), wisdom, threads)
     with (
         StatusFile(folder, case.index, config.time.end, label(case.values), estimate(config).steps) as status,
         closing(
@@ -134,7 +136,12 @@ def _stem(config: Config) -> str:
 
 
 def _compute(
-    config: Config, hashed: str, path: Path, wisdom: str | None, threads: int, checkpoints: Checkpoints
+    config: Config,
+    described: dict[str, str | float],
+    path: Path,
+    wisdom: str | None,
+    threads: int,
+    checkpoints: Checkpoints,
 ) -> str:
     from gfmdlayer.case import Case as Simulation
     from gfmdlayer.observables import columns
@@ -142,7 +149,7 @@ def _compute(
     from gfmdlayer.simulation import simulate
 
     simulation = Simulation(config, wisdom, threads)
-    described = attributes(config) | {"digest": hashed, "started": checkpoints.started}
+    described = described | {"started": checkpoints.started}
     elapsed = checkpoints.elapsed
     with CaseWriter(
         path, simulation.coordinates, described, columns(config), elapsed=elapsed, unit=config.unit

@@ -137,7 +137,7 @@ def with_inputs(folder: Folder, every: Sequence[Case], changed: bool) -> Sequenc
     if not files:
         return every
     kept = {path: folder.keep_input(path, changed).absolute() for path in sorted(files)}
-    return [replace(case, config=with_files(case.config, kept)) for case in every]
+    return [replace(case, config=with_files(case.config, kept), given=case.config) for case in every]
 
 
 def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:

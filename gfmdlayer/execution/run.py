@@ -21,9 +21,10 @@ from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.sweep import Case, Shard, cases, notes
+from gfmdlayer.execution.sweep import Case, Shard, cases
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, open_for_writing
+from gfmdlayer.notes import notes
 
 
 @dataclass(frozen=True)

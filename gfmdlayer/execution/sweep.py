@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gfmdlayer.config import Config
-from gfmdlayer.config.notes import notes as notes_on
 from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.validation.sections import Section
@@ -58,12 +57,15 @@ class Case:
         The swept keys, dotted, and their values in this case.
     earlier : Earlier, optional
         A complete case from whose state this one goes on.
+    given : Config, optional
+        Its configuration as it is stored, where `config` names copies of the input files.
     """
 
     index: int
     config: Config
     values: dict[str, object]
     earlier: Earlier | None = None
+    given: Config | None = None
 
 
 def cases(config: Config) -> list[Case]:
@@ -94,30 +96,6 @@ def input_errors(config: Config) -> Iterable[tuple[str, str]]:
     from gfmdlayer import inputs
 
     return inputs.input_errors(doubtful)
-
-
-def notes(configs: Iterable[Config]) -> list[str]:
-    """Return notes on the cases, each once.
-
-    These are the changes made to measured surfaces, tables that end before the run does, and values that are
-    perhaps not meant (`gfmdlayer.config.notes`).
-
-    Raises
-    ------
-    TableError
-        If a file cannot be used.
-    """
-    every = list(configs)
-    surfaces = dict.fromkeys(
-        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
-    )
-    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
-    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
-        from gfmdlayer import inputs
-
-        found += inputs.short_tables(every)
-    found += [note for config in every for note in notes_on(config)]
-    return list(dict.fromkeys(found))
 
 
 def with_files(section: Part, files: Mapping[Path, Path]) -> Part:

@@ -46,10 +46,10 @@ def value_titles(coordinate: DataArray) -> list[str]:
     if drawn.unit and coordinate.dtype.kind in "if":
         power = power_of_ten(values)
         values = [float(f"{value / 10.0**power:.12g}") for value in values]
-    drawn = drawn._replace(unit=in_unit(power, drawn.unit))
+    bare, drawn = drawn._replace(unit=""), drawn._replace(unit=in_unit(power, drawn.unit))
     labels = value_labels(values)
     return [
-        label if "=" in str(value) else drawn.equals(label)
+        label if "=" in str(value) else (bare if value in (math.inf, -math.inf) else drawn).equals(label)
         for label, value in zip(labels, values, strict=True)
     ]
 

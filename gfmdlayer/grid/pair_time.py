@@ -1,5 +1,8 @@
 """Seconds of an FFT pair on this machine: measured once for each size and kept beside FFTW's wisdom.
 
+    pair-16384.seconds     with the plans of a run
+    pair-16384.hasty       before any run, with a plan that takes no time to make
+
 Reading a kept number imports no numerics.
 """
 
@@ -24,7 +27,7 @@ def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
     """Return the seconds of a forward and a backward transform of a grid.
 
     Where none were kept they are measured with a hasty plan, on a line of as many points but at most
-    `LARGEST`, and not kept.
+    `LARGEST`.
 
     Parameters
     ----------
@@ -37,8 +40,9 @@ def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
     -------
     float
     """
-    with suppress(OSError, ValueError):
-        return float(_kept(shape, folder).read_text(encoding="ascii"))
+    for kind in ("seconds", "hasty"):
+        with suppress(OSError, ValueError):
+            return float(_kept(shape, folder, kind).read_text(encoding="ascii"))
     from gfmdlayer.grid.fftw import forget_wisdom
     from gfmdlayer.grid.transforms import Transforms
 
@@ -46,6 +50,9 @@ def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
     hasty = Transforms((min(size, LARGEST),), time_limit=0.0)
     found = _measured(hasty) * max(1.0, size * math.log(size) / (LARGEST * math.log(LARGEST)))
     forget_wisdom()  # a run in this process makes better plans
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(_kept(shape, folder, "hasty"), repr(found))
     return found
 
 
@@ -70,8 +77,8 @@ def keep_pair_seconds(shape: tuple[int, ...], wisdom: str, folder: Path, threads
             write_text(path, repr(_measured(Transforms(shape, wisdom, threads=threads))), replace=False)
 
 
-def _kept(shape: tuple[int, ...], folder: Path) -> Path:
-    return folder / f"pair-{'x'.join(map(str, shape))}.seconds"
+def _kept(shape: tuple[int, ...], folder: Path, kind: str = "seconds") -> Path:
+    return folder / f"pair-{'x'.join(map(str, shape))}.{kind}"
 
 
 def _measured(transforms: Transforms) -> float:

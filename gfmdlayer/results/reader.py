@@ -188,8 +188,8 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        For a sweep, contact_area and mean_pressure along the swept keys and time, with the coordinate `case`,
-        the number of each case's file. Where the cases share a grid, also displacement, pressure and gap
+        For a sweep, every column of the cases along the swept keys and time, with the coordinate `case`, the
+        number of each case's file. Where the cases share a grid, also displacement, pressure and gap
         along the swept keys, snapshot, x and y; of these, only the parts that are used are read, then and
         there, from the files of the cases.
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.config import Config, load
-from gfmdlayer.config.notes import notes
-from gfmdlayer.execution.sweep import notes as notes_on_cases
+from gfmdlayer.notes import notes
 
 SI = {
     "grid": {"period": 1e-2},
@@ -20,7 +19,7 @@ UNITS = {"length": "m", "stress": "Pa", "time": "s"}
 
 
 def of(values: dict[str, object]) -> list[str]:
-    return list(notes(Config(name="x").with_values(values)))
+    return notes([Config(name="x").with_values(values)])
 
 
 def test_a_forgotten_base_is_noted_with_and_without_units() -> None:
@@ -69,7 +68,7 @@ def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path: Path) -
     )
     config = load(path)
     cases = [config.with_values({"time.end": end}) for end in (5.0, 5.5, 8.0, 8.0)]
-    assert notes_on_cases(cases) == [
+    assert notes(cases) == [
         f"{tmp_path}/depth.txt: ends at time 5, before time.end = 5.5; its last depth is held",
         f"{tmp_path}/depth.txt: ends at time 5, before time.end = 8; its last depth is held",
         f"{tmp_path}/velocity.txt: ends at time 6, before time.end = 8; its last velocity is held",

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.config import Config, ConfigError, digest, load
-from gfmdlayer.config.units import Units
+from gfmdlayer.validation.units import Units
 
 
 @pytest.mark.parametrize(

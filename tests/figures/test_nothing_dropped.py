@@ -309,9 +309,9 @@ def test_small_changes_of_large_values_have_no_offset() -> None:
 
 
 def test_swept_values_have_their_unit() -> None:
-    whole = sweep({"layer.thickness": [1e-4, 2e-4]})
+    whole = sweep({"layer.thickness": [1e-4, 2e-4, math.inf]})
     whole["thickness"].attrs["units"] = "m"
-    assert legend(curves_figure(whole)) == ["$d$ = 100 µm", "$d$ = 200 µm"]
+    assert legend(curves_figure(whole)) == ["$d$ = 100 µm", "$d$ = 200 µm", r"$d$ = $\infty$"]
 
 
 @pytest.mark.parametrize(

@@ -388,6 +388,6 @@ def test_a_notebook_has_a_bar_of_its_own(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_nothing_is_said_where_nobody_watches(capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        gfmdlayer.run(LINE)
-        gfmdlayer.run(LINE, progress=False, sweep={"layer.thickness": [0.1]})
+        gfmdlayer.run(LINE, grid__points=1024)
+        gfmdlayer.run(LINE, grid__points=1024, progress=False, sweep={"layer.thickness": [0.1]})
     assert capfd.readouterr() == ("", "")

@@ -13,9 +13,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
-from gfmdlayer.execution.sweep import notes
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.notes import notes
 from gfmdlayer.punch.measured import Topography
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.punch.topography import membrane, without_trend

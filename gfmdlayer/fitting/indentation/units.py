@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from gfmdlayer.config import ConfigError
-from gfmdlayer.config.units import Units
+from gfmdlayer.validation.units import Units
 
 Sizes = tuple[float, float, float]
 PREFIXES = {

@@ -1,12 +1,12 @@
-"""Notes on a configuration that is possible, but perhaps not meant: for log, `check` and result files."""
+"""Notes on cases that are possible, but perhaps not meant: for the log, `check` and the result files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from gfmdlayer.config.model import Config
-from gfmdlayer.validation.problems import dotted
+from gfmdlayer.config import Config
+from gfmdlayer.validation.problems import Location, dotted
 from gfmdlayer.validation.sections import Section, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
@@ -19,7 +19,47 @@ _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
 
-def notes(config: Config) -> Iterator[str]:
+def notes(configs: Iterable[Config]) -> list[str]:
+    """Return notes on the cases, each once.
+
+    These are the changes made to measured surfaces, tables that end before the run does, a ramp that is not
+    completed, and defaults beside numbers in other units.
+
+    Raises
+    ------
+    TableError
+        If a file cannot be used.
+    """
+    every = list(configs)
+    surfaces = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    )
+    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
+    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
+        found += _short_tables(every)
+    found += [note for config in every for note in _on_values(config)]
+    return list(dict.fromkeys(found))
+
+
+def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
+    """Yield notes on the tables of cases that end before their runs do.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    from gfmdlayer.punch.trajectory import Table
+
+    every = [(config.trajectory, config.time.end) for config in configs]
+    depths = [(given.file, given.control, end) for given, end in every]
+    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
+    for file, quantity, end in dict.fromkeys(depths + velocities):
+        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
+
+
+def _on_values(config: Config) -> Iterator[str]:
     """Yield notes on defaults beside numbers in other units, and on a ramp that does not end."""
     left, foreign = _defaults(config)
     if config.units is not None:
@@ -42,12 +82,18 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
     """Return the dimensional keys left out, with their defaults, and those given in another unit."""
     left: dict[str, float] = {}
     foreign: list[str] = []
-    of_layers = [part for at, part in sections_in(config) if at[:1] in {("layer",), ("layers",)}]
-    alone = any(getattr(part, "thickness", 0.0) == math.inf for part in of_layers)
+    thicknesses = {
+        getattr(part, "thickness", None)
+        for at, part in sections_in(config)
+        if at[:1] in {("layer",), ("layers",)}
+    }
+    unused: dict[Location, bool] = {
+        ("halfspace",): math.inf in thicknesses,
+        ("layer",): 0.0 in thicknesses,
+        ("grid",): config.grid.axisymmetric,
+    }
     for at, section in sections_in(config):
-        if (at[:1] == ("halfspace",) and alone) or (
-            at[:1] == ("layer",) and getattr(config.layer, "thickness", 1.0) == 0
-        ):
+        if unused.get(at[:1]):
             continue
         for key in type(section).model_fields:
             value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0

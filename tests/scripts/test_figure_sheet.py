@@ -1,0 +1,58 @@
+"""The contact sheet of docs/figures.png: its runs, pictures and layout, at small size."""
+
+from __future__ import annotations
+
+import runpy
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gfmdlayer.cli import command_line
+from gfmdlayer.config import Config
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def script() -> dict[str, Any]:
+    return runpy.run_path(str(ROOT / "scripts" / "figure_sheet.py"))
+
+
+def test_each_picture_has_a_run_and_options_of_the_command_line(
+    script: dict[str, Any], tmp_path: Path
+) -> None:
+    pictures, runs = script["PICTURES"], script["runs"](script["SMALL"], tmp_path)
+    assert len(pictures) == 12
+    assert {picture.run for picture in pictures} == set(runs)
+    for name, values in runs.items():
+        Config(name=name, **values)
+    for picture in pictures:
+        command_line().parse_args(["plot", "DIR", *shlex.split(picture.options)])
+
+
+def test_pictures_keep_their_shape_below_their_captions(script: dict[str, Any], tmp_path: Path) -> None:
+    dots = round(175.0 / 25.4 * 300)  # two columns of a journal
+    for i, (width, height) in enumerate([(dots, dots), (dots // 2, dots)]):
+        Image.new("RGB", (width, height), "blue").save(tmp_path / f"{i}.png")
+    found = script["sheet"]([("--one", tmp_path / "0.png"), ("--two", tmp_path / "1.png")]).convert("RGB")
+    size = script["WIDTH"]
+    blue = np.all(np.asarray(found) == (0, 0, 255), axis=-1)
+    assert blue.sum() == pytest.approx(1.5 * size**2, rel=2 / size)
+    assert found.width == script["GAP"] + script["COLUMNS"] * (size + script["GAP"])
+
+
+@pytest.mark.parametrize(
+    "runs", [["--only", "cycles"], pytest.param([], marks=pytest.mark.slow)], ids=["one", "all"]
+)
+def test_it_is_drawn(script: dict[str, Any], tmp_path: Path, runs: list[str]) -> None:
+    assert script["main"](["--small", *runs, "--out", str(tmp_path / "sheet.png")]) == 0
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.height > 200
+
+
+def test_the_sheet_in_docs_is_small() -> None:
+    assert (ROOT / "docs" / "figures.png").stat().st_size < 600_000
