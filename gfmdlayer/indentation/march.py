@@ -241,13 +241,18 @@ def _cubic(f: FloatArray, s: float) -> float:
 
 
 @kernel(reorder=True, inner=True)
-def _add_cosines(cosines: FloatArray, s: float, value: float, out: FloatArray) -> None:
-    """Add value cos(q x) at s grid spacings, by four points, to out(q)."""
-    i = int(s)
-    a, b, c, d = _lagrange(s - i)
-    w, x, y, z = cosines[abs(i - 1)], cosines[i], cosines[i + 1], cosines[i + 2]
+def _transform(n: int, nodes: Nodes, work: Work) -> None:
+    """Cosine transform of chi at n nodes, with cosines by four points of the fixed grid."""
+    out = work.transform
     for j in range(out.size):
-        out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
+        out[j] = 0.0
+    for k in range(n):
+        s, value = work.x[k] / nodes.spacing, work.rows[0, k]
+        i = int(s)
+        a, b, c, d = _lagrange(s - i)
+        w, x, y, z = nodes.cosines[abs(i - 1)], nodes.cosines[i], nodes.cosines[i + 1], nodes.cosines[i + 2]
+        for j in range(out.size):
+            out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
 
 
 @kernel(reorder=True, inner=True)
@@ -300,7 +305,8 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
         step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h / T, step.fade[k], step.after[k])
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
-    step.effective[:] = body.instant
+    for j in range(body.q.size):  # array expressions would take seconds to compile
+        step.effective[j] = body.instant[j]
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for j in range(body.q.size):
@@ -311,8 +317,9 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
             step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
             step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = loss
             step.effective[j] += body.modes[m, j] * linear[2]
+    for j in range(body.q.size):
+        work.transform[j] = body.weights[j] * step.effective[j] / math.pi
     if body.q.size:
-        work.transform[:] = body.weights * step.effective / math.pi
         _multiply(nodes.cosines, work.transform, step.table)
     return after, before
 
@@ -572,9 +579,7 @@ def _close(
     for i in range(n if touches else 0):
         work.rows[0, i] = work.root[i] * (depth * work.rows[0, i] + work.rows[1, i])  # weight times chi
     lost = 0.0
-    work.transform[:] = 0.0
-    for i in range(n if touches and body.q.size else 0):
-        _add_cosines(nodes.cosines, work.x[i] / nodes.spacing, work.rows[0, i], work.transform)
+    _transform(n if touches else 0, nodes, work)
     for j in range(body.q.size):
         s, part = work.transform[j], 0.0
         for m in range(nm):

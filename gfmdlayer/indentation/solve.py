@@ -2,7 +2,7 @@
 
 `follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts: a `Space` depends on
 lengths alone and serves all bodies that differ in their moduli; `on_steps` follows a history on given times
-in some 50 us a step, and `on_halved_steps` also on their halves, which frees the result of its error of
+in some 30 us a step, and `on_halved_steps` also on their halves, which frees the result of its error of
 second order in the step and tells its size. With space and times fixed the results are smooth functions of
 the moduli, the relaxation times and the history.
 """
