@@ -174,22 +174,18 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
 
 
 @kernel(inner=True)
-def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
+def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
     """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
 
-    y is chi - eta at its beginning.
+    y is chi - eta at its beginning, z = h/T, the rest from `_linear_weights`.
     """
-    z = h / T
-    if z == 0:
-        return 0.0, 0.0, 0.0
     if z < _GENTLE:
         # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
-        end = -math.expm1(-z) / z
-        fade = math.sqrt(1 - end * z)
-        mean = end / (1 + fade)
-        yy = 1 + 4 * fade**2 + fade**4
-        return z / 6 * yy, z / 3 * (4 * fade * mean + fade**2 * end), z / 6 * (4 * mean**2 + end**2)
-    once = -math.expm1(-z)
+        end, half = 1 - after, math.sqrt(fade)
+        mean = end / (1 + half)
+        yy = 1 + 4 * fade + fade**2
+        return z / 6 * yy, z / 3 * (4 * half * mean + fade * end), z / 6 * (4 * mean**2 + end**2)
+    once = 1 - fade
     twice = once * (1 - once / 2)
     return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
 
@@ -197,7 +193,8 @@ def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
 @kernel(inner=True)
 def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
     """Int (chi - eta)^2/T dt over a step in which chi is linear and eta begins as `old`."""
-    yy, yc, cc = _loss_weights(h, T)
+    fade, _, late = _linear_weights(h, T)
+    yy, yc, cc = _loss_weights(h / T, fade, late)
     y, c = before - old, after - before
     return yy * y * y + yc * y * c + cc * c * c
 
@@ -298,8 +295,9 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
     """Set the weights of a step of length h; return those of D for chi(h) and chi(0)."""
     after, before = body.local, 0.0
     for k in range(body.local_times.size):
-        step.fade[k], step.before[k], step.after[k] = _linear_weights(h, body.local_times[k])
-        step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h, body.local_times[k])
+        T = body.local_times[k]
+        step.fade[k], step.before[k], step.after[k] = _linear_weights(h, T)
+        step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h / T, step.fade[k], step.after[k])
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
     step.effective[:] = body.instant
@@ -308,7 +306,8 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
         for j in range(body.q.size):
             if body.times[m, j] != last:  # many are equal: those of the surface's material
                 last = body.times[m, j]
-                linear, loss = _linear_weights(h, last), _loss_weights(h, last)
+                linear = _linear_weights(h, last)
+                loss = _loss_weights(h / last, linear[0], linear[2])
             step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
             step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = loss
             step.effective[j] += body.modes[m, j] * linear[2]
@@ -539,7 +538,7 @@ def _find_radius(
                 continue
         if last_a < 0 and slope >= 0:
             slope = -2 * scale / a
-        new = a - r / slope if slope < 0 else -1.0
+        new = a - r / slope if slope < 0 else stop if r > 0 else 0.0
         if error * max(error, last_error) < drive.tolerance and drive.adhesion == 0 and low < new < high:
             return new, force, depth, slope, n, trial, COMPLETE
         last_a, last_r, last_error = a, r, error
@@ -780,7 +779,7 @@ def march(  # noqa: C901
             if rate * change < 0 and at > 1 and a_old > 0:
                 _remember(state.marks, a_old)
             bend = (change - rate) / (h + since) if since > 0 else 0.0
-            rate, a_old, since = change, a, h if a > 0 and not drive.kinks[at] else 0.0
+            rate, a_old, since = change, a, h if 0 < a < stop and not drive.kinks[at] else 0.0
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0
