@@ -1,4 +1,4 @@
-"""The material in a file that `gfmdlayer fit-material` or `fit-indentation` writes, in the place where the file is named.
+"""The material in a file, such as fit-material and fit-indentation write, where the file is named.
 
 The configuration holds the material itself, so that results, digests and the configuration stored with them
 rest on the contents of the file and not on its name.

@@ -286,18 +286,18 @@ def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> 
 def test_models_of_foreign_keys_are_refused() -> None:
     with pytest.raises(ConfigError, match="trajectory: unknown key"):
         fit_indentation(curve(on_halfspace(TIME)), body() | {"trajectory": {}}, ZENER)
-    with pytest.raises(ConfigError, match="fre: unknown key.*did you mean 'free'"):
+    with pytest.raises(ConfigError, match=r"fre: unknown key.*did you mean 'free'"):
         fit_indentation(curve(on_halfspace(TIME)), body() | {"fre": ZENER})
 
 
 def test_a_radius_in_other_units_than_the_thickness_is_refused() -> None:
-    with pytest.raises(FitError, match="1.*thicknesses of the layer.*units of lengths"):
+    with pytest.raises(FitError, match=r"1.*thicknesses of the layer.*units of lengths"):
         fit_indentation(curve(on_halfspace(TIME)), body(thickness=1.0) | MILLIMETRES, ZENER)
 
 
 def test_curves_of_the_same_name_are_refused() -> None:
     data = curve(on_halfspace(TIME))
-    with pytest.raises(FitError, match=f"several curves have the name {data.name}"):
+    with pytest.raises(FitError, match=f"curve {data.name}: is given twice"):
         fit_indentation([data, data], body(), [*ZENER, "contact_point"])
 
 
@@ -359,6 +359,17 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
     groups = entries([tmp_path / "groups.h5"])
     assert [each.name for each in groups] == ["left", "right"]
     assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
+
+
+def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path: Path) -> None:
+    for folder in ("left", "right"):
+        (tmp_path / folder).mkdir()
+        with h5py.File(tmp_path / folder / "map.h5", "w") as h5:
+            h5["time"], h5["depth"], h5["force"] = TIME, np.stack([RAMP_HOLD] * 2), np.stack([TIME] * 2)
+            h5["x"], h5["y"] = [0.0, 1.0], [5.0, 5.0]
+    found = entries([tmp_path / "left", tmp_path / "right"])
+    assert len({each.name for each in found}) == 4
+    assert [each.position for each in found] == [(0.0, 5.0), (1.0, 5.0)] * 2
 
 
 class AfmCurve(dict):  # type: ignore[type-arg]

@@ -184,7 +184,7 @@ def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: 
     """Fit a checked model to curves, see `fit_indentation`."""
     names = [curve.name for curve in curves]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise FitError(f"several curves have the name {', '.join(twice)}; must have different ones")
+        raise FitError(f"curve {', '.join(twice)}: is given twice; must have a name of its own")
     parameters = _parameters(curves, model, free, options)
     reached = depths(curves, parameters)
     refuse_impossible(reached, model)
