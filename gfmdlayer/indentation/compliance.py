@@ -21,11 +21,9 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.kernels import kernel
 
 # Wavenumbers, times the size of the contact: where the body is its surface's material; where C is searched.
@@ -99,6 +97,11 @@ def gauss_rule(order: int) -> tuple[FloatArray, FloatArray]:
     return np.polynomial.legendre.leggauss(order)
 
 
+def elastic_limits(body: Body, q: FloatArray) -> FloatArray:
+    """Return q/K against slow and against sudden loads, shape (2, nq)."""
+    return np.stack((q / body.stiffness(q, 0.0), q / body.stiffness(q, _SUDDEN)))
+
+
 def find_features(body: Body, radius: float) -> Features:
     """Search the compliance of a body for the wavenumbers between which it varies.
 
@@ -115,9 +118,7 @@ def find_features(body: Body, radius: float) -> Features:
         If the body does not support an isolated load, or its layers are thinner.
     """
     q = np.append(_SEARCHED, _SURFACE) / radius
-    # Against slow and against sudden loads: a time too short for any material.
-    K = np.stack((body.stiffness(q, 0.0), body.stiffness(q, _SUDDEN)))
-    compliances = q / K
+    compliances = elastic_limits(body, q)
     C = np.abs((compliances / compliances[:, -1:] - 1)[:, :-1])
     if C.max() <= _LEFT_OUT:
         return Features(q[-1], 0.0, 0.0)
@@ -164,24 +165,17 @@ def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArra
     q, weights : ndarray, shape (nq,)
         Of `panels`.
     """
-    surface = np.array([features.surface])
-    local, local_modes, local_times = _retarded(body.spectrum(surface), surface)
-    J, T = local_modes[:, 0], local_times[:, 0]
-    if q.size == 0:
-        none = np.zeros((0, 0))
-        return Compliance(float(local[0]), J, T, q, weights, np.zeros(0), none, none)
-    instant, modes, times = _retarded(body.spectrum(q), q)
-    modes = np.concatenate((modes, np.repeat(-local_modes, q.size, axis=1)))
-    times = np.concatenate((times, np.repeat(local_times, q.size, axis=1)))
-    return Compliance(float(local[0]), J, T, q, weights, instant - local[0], modes, times)
-
-
-def _retarded(spectrum: Spectrum, q: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """q/K as an instant part and retarded modes with their times."""
-    q = np.asarray(q, dtype=float)
+    every = np.append(q, features.surface)
+    spectrum = body.spectrum(every)
+    instant = every / spectrum.glassy
     modes, times = retardation(spectrum.weights, spectrum.times, spectrum.relaxed)
-    kept = modes.any(axis=1)
-    return q / spectrum.glassy, q * modes[kept], times[kept]
+    modes *= every
+    kept, far = modes[:, :-1].any(axis=1), modes[:, -1] > 0
+    J, T = modes[far, -1], times[far, -1]
+    modes = np.concatenate((modes[kept, :-1], np.tile(-J[:, np.newaxis], q.size)))
+    times = np.concatenate((times[kept, :-1], np.tile(T[:, np.newaxis], q.size)))
+    local = float(instant[-1])
+    return Compliance(local, J, T, q, weights, instant[:-1] - local, modes, times)
 
 
 @kernel

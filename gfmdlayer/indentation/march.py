@@ -184,12 +184,13 @@ def _loss_weights(h: float, T: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     if z < _GENTLE:
         # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
-        fade = math.exp(-z / 2)
-        mean = -math.expm1(-z / 2) / z
         end = -math.expm1(-z) / z
+        fade = math.sqrt(1 - end * z)
+        mean = end / (1 + fade)
         yy = 1 + 4 * fade**2 + fade**4
         return z / 6 * yy, z / 3 * (4 * fade * mean + fade**2 * end), z / 6 * (4 * mean**2 + end**2)
-    once, twice = -math.expm1(-z), -math.expm1(-2 * z) / 2
+    once = -math.expm1(-z)
+    twice = once * (1 - once / 2)
     return twice, 2 * (once - twice) / z, (z - 2 * once + twice) / (z * z)
 
 
@@ -227,17 +228,29 @@ def _swept(sweep: Sweep, x: float, H: float) -> float:
 
 
 @kernel(inner=True)
+def _lagrange(y: float) -> tuple[float, float, float, float]:
+    """Weights of the values at -1, 0, 1 and 2 for that at y."""
+    left, right = (y + 1) * y / 2, (y - 1) * (y - 2) / 2
+    return -y * right / 3, (y + 1) * right, -left * (y - 2), left * (y - 1) / 3
+
+
+@kernel(inner=True)
 def _cubic(f: FloatArray, s: float) -> float:
     """Value at s grid spacings, by four points, of an even function."""
     i = int(s)
-    y = s - i
-    value: float = (
-        -y * (y - 1) * (y - 2) / 6 * f[abs(i - 1)]
-        + (y + 1) * (y - 1) * (y - 2) / 2 * f[i]
-        - (y + 1) * y * (y - 2) / 2 * f[i + 1]
-        + (y + 1) * y * (y - 1) / 6 * f[i + 2]
-    )
+    a, b, c, d = _lagrange(s - i)
+    value: float = a * f[abs(i - 1)] + b * f[i] + c * f[i + 1] + d * f[i + 2]
     return value
+
+
+@kernel(reorder=True, inner=True)
+def _add_cosines(cosines: FloatArray, s: float, value: float, out: FloatArray) -> None:
+    """Add value cos(q x) at s grid spacings, by four points, to out(q)."""
+    i = int(s)
+    a, b, c, d = _lagrange(s - i)
+    w, x, y, z = cosines[abs(i - 1)], cosines[i], cosines[i + 1], cosines[i + 2]
+    for j in range(out.size):
+        out[j] += value * (a * w[j] + b * x[j] + c * y[j] + d * z[j])
 
 
 @kernel(reorder=True, inner=True)
@@ -289,17 +302,18 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
         step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h, body.local_times[k])
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
-    for j in range(body.q.size):
-        C = body.instant[j]
-        for m in range(body.times.shape[0]):
-            e, b, a = _linear_weights(h, body.times[m, j])
-            step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = e, b, a
-            yy, yc, cc = _loss_weights(h, body.times[m, j])
-            step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = yy, yc, cc
-            C += body.modes[m, j] * a
-        step.effective[j] = C
-        work.transform[j] = body.weights[j] * C / math.pi
+    step.effective[:] = body.instant
+    for m in range(body.times.shape[0]):
+        last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        for j in range(body.q.size):
+            if body.times[m, j] != last:  # many are equal: those of the surface's material
+                last = body.times[m, j]
+                linear, loss = _linear_weights(h, last), _loss_weights(h, last)
+            step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
+            step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = loss
+            step.effective[j] += body.modes[m, j] * linear[2]
     if body.q.size:
+        work.transform[:] = body.weights * step.effective / math.pi
         _multiply(nodes.cosines, work.transform, step.table)
     return after, before
 
@@ -470,6 +484,7 @@ def _find_radius(
     guess: float,
     a_old: float,
     weights: tuple[float, float],
+    slope: float,
     drive: Drive,
     body: Compliance,
     profile: Revolution,
@@ -477,31 +492,36 @@ def _find_radius(
     state: State,
     step: Step,
     work: Work,
-) -> tuple[float, float, float, int, int, int]:
+) -> tuple[float, float, float, float, int, int, int]:
     """Find the contact radius at the end of a step.
+
+    The error of a secant step is of the order of the product of the last two. Force, depth and chi are
+    stationary in the radius without adhesion: at the last but one they have its squared error.
 
     Returns
     -------
-    float, float, float, int, int, int
-        Radius, 0 where there is no contact; force; depth; the number of nodes; the solutions; the outcome.
+    float, float, float, float, int, int, int
+        Radius, 0 where there is no contact; force; depth; slope of the residual over the radius, 0 where
+        it is not known, as also taken; the number of nodes; the solutions; the outcome.
     """
     stop = min(profile.rim, nodes.reach)
-    low, high, slope, a = 0.0, stop, 0.0, guess
-    last_a, last_r = -1.0, 0.0
+    low, high, a = 0.0, stop, guess
+    last_a, last_r, last_error = -1.0, 0.0, 1.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
     for trial in range(1, _MOST_ITERATIONS):
         edge, rest, unit, other, n = _solve(a, a_old, h, weights, body, profile, nodes, state, step, work)
         if n < 0:
-            return 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED
+            return 0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED
         depth = (target - other) / unit if drive.by_force else target
         r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * body.local)
         force = depth * unit + other
+        scale = max(abs(depth), abs(rest))
+        error = abs(r) / scale if r else 0.0
         if a >= stop and r >= 0:
-            scale = max(abs(depth), abs(rest))
-            left = stop < profile.rim and r > drive.tolerance * scale
-            return stop, force, depth, n, trial, LEFT_GRID if left else COMPLETE
-        if abs(r) <= drive.tolerance * max(abs(depth), abs(rest)) or high - low < _SAME_RADIUS * high:
-            return a, force, depth, n, trial, COMPLETE
+            left = stop < profile.rim and error > drive.tolerance
+            return stop, force, depth, 0.0, n, trial, LEFT_GRID if left else COMPLETE
+        if error <= drive.tolerance or high - low < _SAME_RADIUS * high:
+            return a, force, depth, slope, n, trial, COMPLETE
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
         if r > 0:
@@ -510,23 +530,25 @@ def _find_radius(
             high = a
             if drive.adhesion > 0 and low == 0:
                 if falling and slope >= 0:
-                    return 0.0, 0.0, target, 0, trial, COMPLETE
+                    return 0.0, 0.0, target, 0.0, 0, trial, COMPLETE
                 new = a * (1 - 1e-4) if not falling else a - r / slope
                 falling = True
                 if new <= 0:
-                    return 0.0, 0.0, target, 0, trial, COMPLETE
+                    return 0.0, 0.0, target, 0.0, 0, trial, COMPLETE
                 last_a, last_r, a = a, r, new
                 continue
-        if last_a < 0:
-            slope = -2 * max(abs(depth), abs(rest)) / a
-        last_a, last_r = a, r
+        if last_a < 0 and slope >= 0:
+            slope = -2 * scale / a
         new = a - r / slope if slope < 0 else -1.0
+        if error * max(error, last_error) < drive.tolerance and drive.adhesion == 0 and low < new < high:
+            return new, force, depth, slope, n, trial, COMPLETE
+        last_a, last_r, last_error = a, r, error
         if new >= stop and high == stop:
             new = stop
         elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
-    return 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
+    return 0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
 
 
 @kernel(inner=True)
@@ -551,11 +573,11 @@ def _close(
     for i in range(n if touches else 0):
         work.rows[0, i] = work.root[i] * (depth * work.rows[0, i] + work.rows[1, i])  # weight times chi
     lost = 0.0
+    work.transform[:] = 0.0
+    for i in range(n if touches and body.q.size else 0):
+        _add_cosines(nodes.cosines, work.x[i] / nodes.spacing, work.rows[0, i], work.transform)
     for j in range(body.q.size):
-        s = 0.0
-        for i in range(n if touches else 0):
-            s += math.cos(body.q[j] * work.x[i]) * work.rows[0, i]
-        part = 0.0
+        s, part = work.transform[j], 0.0
         for m in range(nm):
             y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
             yy, yc, cc = step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j]
@@ -712,6 +734,7 @@ def march(  # noqa: C901
         work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
     stop = min(profile.rim, nodes.reach)
     a_old, depth, h_old, rate, lost, status, taken, snapshot = 0.0, 0.0, -1.0, 0.0, 0.0, COMPLETE, 0, 0
+    bend, slope, since = 0.0, 0.0, 0.0
     weights, stopped = (0.0, 0.0), nt
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
@@ -742,10 +765,10 @@ def march(  # noqa: C901
             if touches or (drive.adhesion > 0 and a_old > 0):
                 guess = 0.3 * stop if drive.adhesion == 0 else stop
                 if a_old > 0:
-                    guess = a_old + rate * h if drive.adhesion == 0 else a_old
+                    guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
                     guess = min(stop, max(0.2 * a_old, guess))
-                a, force, depth, n, trials, status = _find_radius(
-                    h, target, guess, a_old, weights, drive, body, profile, nodes, state, step, work
+                a, force, depth, slope, n, trials, status = _find_radius(
+                    h, target, guess, a_old, weights, slope, drive, body, profile, nodes, state, step, work
                 )
                 taken += trials
                 if status != COMPLETE:
@@ -756,7 +779,8 @@ def march(  # noqa: C901
             change = (a - a_old) / h
             if rate * change < 0 and at > 1 and a_old > 0:
                 _remember(state.marks, a_old)
-            rate, a_old = change, a
+            bend = (change - rate) / (h + since) if since > 0 else 0.0
+            rate, a_old, since = change, a, h if a > 0 and not drive.kinks[at] else 0.0
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0

@@ -14,6 +14,7 @@ from gfmdlayer.indentation.compliance import (
     Compliance,
     Features,
     compliance,
+    elastic_limits,
     find_features,
     gauss_rule,
     panels,
@@ -35,8 +36,9 @@ _FAR = 1e8
 # A contact radius smaller than any, and the bisections that lead from it to any other.
 _TINY, _MOST_ITERATIONS = 1e-40, 400
 
-# The nodes reach beyond the largest contact of the two elastic limits; growth of a reach that failed.
-_MARGIN, _GROWTH = 1.06, 1.5
+# The nodes reach beyond the largest contact of the two elastic limits, which are sought with nodes that reach
+# beyond those on halfspaces; growth of a reach that failed.
+_MARGIN, _WIDER, _GROWTH = 1.06, 1.5, 1.5
 
 
 class LeftGridError(ArithmeticError):
@@ -111,7 +113,7 @@ def find_space(
     largest = max(float(history.value.max()), 0.0)
     if largest == 0 == adhesion:  # nothing touches, whatever the nodes
         return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
-    reach = min(1.3 * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
+    reach = min(_WIDER * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
     features = find_features(body, reach)
     ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
     for _ in range(60):
@@ -119,7 +121,7 @@ def find_space(
         try:
             limits = [
                 march_on(each, space, profile, ends, ends.time, adhesion)
-                for each in _elastic_limits(space.compliance(body))
+                for each in _elastic_limits(body, space)
             ]
         except LeftGridError:
             reach = _GROWTH * reach
@@ -184,24 +186,24 @@ def kinks_of(history: History) -> FloatArray:
     return np.asarray(history.time[1:-1][jumps])
 
 
-def _elastic_limits(body: Compliance) -> Iterator[Compliance]:
+def _elastic_limits(body: Body, space: Space) -> Iterator[Compliance]:
     """Yield the elastic bodies for sudden and for slow loads."""
-    none, nothing = np.zeros(0), np.zeros((0, body.q.size))
-    sudden = body._replace(local_modes=none, local_times=none, modes=nothing, times=nothing)
-    yield sudden
-    if body.local_modes.size or body.modes.size:
-        local, instant = body.local + body.local_modes.sum(), body.instant + body.modes.sum(axis=0)
-        yield sudden._replace(local=float(local), instant=instant)
+    none, nothing = np.zeros(0), np.zeros((0, space.q.size))
+    for q_K in elastic_limits(body, np.append(space.q, space.features.surface)):
+        local = float(q_K[-1])
+        yield Compliance(local, none, none, space.q, space.weights, q_K[:-1] - local, nothing, nothing)
 
 
 def _halfspace_radius(
     body: Body, profile: Revolution, largest: float, by_force: bool, adhesion: float
 ) -> float:
     """Contact radius on a halfspace of the surface's relaxed material, for the largest depth or force."""
-    radius = 1.0
+    radius, D = 1.0, 0.0
     for _ in range(3):  # the surface's material is that at a wavenumber which the radius tells
-        far = _FAR / radius
+        far, last = _FAR / radius, D
         D = far / float(body.stiffness(np.array([far]), 0.0)[0])
+        if last == D:
+            break
         radius = halfspace_radius(profile, D, largest, by_force, adhesion)
     return radius
 
