@@ -1007,7 +1007,8 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("grid.points=4", "--set: grid.points: got 4; must be a whole number >= 8"),
         (
             "grid.point=4",
-            "--set: grid.point: unknown key; allowed: geometry, points, period, extent; did you mean 'points'?",
+            "--set: grid.point: unknown key; allowed: geometry, points, period, extent; "
+            "did you mean 'points'?",
         ),
         ("grid.points.x=4", "--set: grid.points.x: grid.points is not a mapping"),
         ("grid.points=[4", "--set: grid.points: not YAML:"),
