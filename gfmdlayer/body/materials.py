@@ -20,8 +20,6 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field
-
 from gfmdlayer.body.shifts import SHIFTS, Shift
 from gfmdlayer.validation.fields import given
 from gfmdlayer.validation.problems import ConfigError
@@ -40,9 +38,8 @@ class Law(Kind):
 
     model: str
     """word that chooses the law"""
-    shift: Annotated[Shift | None, OneOf(SHIFTS), given] = Field(
-        default=None, description="shift with the temperature: a mapping with law wlf or arrhenius"
-    )
+    shift: Annotated[Shift | None, OneOf(SHIFTS), given] = None
+    """shift with the temperature: a mapping with law wlf or arrhenius"""
 
     @alone
     def __init__(self, *values: Any, **keys: Any) -> None:

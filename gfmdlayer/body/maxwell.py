@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal
 
-from pydantic import Field
-
 from gfmdlayer.body.materials import Material
 from gfmdlayer.validation.fields import NotNegative, Positive
 from gfmdlayer.validation.problems import Problem
@@ -120,9 +118,8 @@ class Prony(Material):
     """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
     G0: Positive = 1.0
     """relaxed shear modulus"""
-    branches: tuple[Branch, ...] = Field(
-        default=(), description="a list of {G: ..., tau: ...}, G >= 0 and tau > 0; without any it is elastic"
-    )
+    branches: tuple[Branch, ...] = ()
+    """a list of {G: ..., tau: ...}, G >= 0 and tau > 0; elastic without any"""
 
     @alone
     def __init__(self, G0: float = 1.0, branches: Iterable[Any] = (), **keys: Any) -> None:

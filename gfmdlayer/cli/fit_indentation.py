@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="of residuals over the noise; the others are for outliers (default: linear)",
     )
     parser.add_argument(
-        "--profile", action="store_true", help="profile intervals too; about ten times as long"
+        "--profile", action="store_true", help="profile intervals too; three to ten times as long"
     )
     parser.add_argument(
         "--each",

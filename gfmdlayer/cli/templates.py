@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
+from gfmdlayer.validation.meanings import meanings
 from gfmdlayer.validation.sections import OneOf, Section, held_by
 
 _COLUMN = 36  # where the words begin
@@ -126,20 +127,20 @@ def commented(name: str, like: str) -> str:
 
 def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
     """Yield the lines of a section, each with the words about its key."""
-    values = section.model_dump(exclude_none=True)
+    values, words = section.model_dump(exclude_none=True), meanings(type(section))
     for key, known in type(section).model_fields.items():
         value = getattr(section, key)
         if isinstance(value, Section):
             inner = [*_kinds(known, indent + "  "), *_entries(value, indent + "  ")]
             live = any(not line.lstrip().startswith("#") for line, _ in inner)
-            yield f"{indent}{'' if live else '# '}{key}:", known.description or ""
+            yield f"{indent}{'' if live else '# '}{key}:", words.get(known.alias or key, "")
             yield from inner
         elif key in values and value != {}:
             first, *rest = text.written({key: values[key]}).splitlines()
-            yield indent + first, known.description or ""
+            yield indent + first, words.get(known.alias or key, "")
             yield from ((indent + line, "") for line in rest)
         elif value is None:
-            yield f"{indent}# {key}:", known.description or ""
+            yield f"{indent}# {key}:", words.get(known.alias or key, "")
 
 
 def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:

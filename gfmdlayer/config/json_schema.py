@@ -20,6 +20,8 @@ from pydantic_core import core_schema
 from gfmdlayer.config import sweep_checks, sweeps
 from gfmdlayer.config.model import Config
 from gfmdlayer.validation.fields import sequence, two
+from gfmdlayer.validation.meanings import meanings
+from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PLACE = "@"  # stands in dotted keys for the place in a list
@@ -41,6 +43,13 @@ class _Generator(GenerateJsonSchema):
 
     def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
         return False  # keys are their own titles
+
+    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
+        result = super().model_schema(schema)
+        section: type[Section] = schema["cls"]
+        for key, words in meanings(section).items():
+            result["properties"][key]["description"] = words
+        return result
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])  # None is for the model; a user leaves the key out

@@ -1,4 +1,4 @@
-"""The material in the file that `gfmdlayer fit-material` writes, in the place where the file is named.
+"""The material in a file, such as fit-material and fit-indentation write, where the file is named.
 
 The configuration holds the material itself, so that results, digests and the configuration stored with them
 rest on the contents of the file and not on its name.
@@ -25,7 +25,7 @@ class MaterialFile(Section):
     """A material in a file of its own."""
 
     file: File
-    """YAML file with the material, as fit-material writes it"""
+    """YAML file with the material, as fit-material and fit-indentation write it"""
 
 
 class _LawOrFile(OneOf[Any]):

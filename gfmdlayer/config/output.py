@@ -83,7 +83,7 @@ class Output(Section):
     """
 
     snapshots: Snapshots = ()
-    """times at which displacement, pressure and gap are kept, or every: after every step"""
+    """times at which displacement, pressure and gap are kept; or every"""
     times: Annotated[Rows | None, given] = None
     """rows of the curves, for adaptive steps: a spacing, or a list of times"""
     patches: Switch = False
@@ -91,7 +91,7 @@ class Output(Section):
     histograms: Histograms = Field(default_factory=Histograms)
     """distributions that are kept in each row"""
     keep_state: Switch = False
-    """whether to keep the state before the end, from which a run to a later end goes on"""
+    """whether a run to a later time.end may go on from this one"""
 
     @property
     def snapshot_times(self) -> tuple[float, ...]:

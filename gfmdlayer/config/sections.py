@@ -64,11 +64,11 @@ class Grid(Section):
     """
 
     geometry: Annotated[Annotated[str, Word("periodic", "axisymmetric")] | None, given] = None
-    """periodic, as without it; or axisymmetric: an isolated indenter of revolution"""
+    """periodic, unless axisymmetric: an isolated contact of revolution"""
     points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = Field(
         default_factory=lambda data: (256 if data.get("geometry") == "axisymmetric" else 16384,)
     )
-    """grid points n, or [nx, ny]: a surface in two directions; axisymmetric: of the profiles"""
+    """points n, or [nx, ny] of a surface; axisymmetric: of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """length L of the periodic cell, or [Lx, Ly]"""
     extent: Optional = None

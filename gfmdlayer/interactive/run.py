@@ -6,7 +6,7 @@ In memory each case goes into a `Recording`; with a folder the run is that of th
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from multiprocessing import current_process
 from os import PathLike
@@ -30,6 +30,7 @@ from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch
 from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
+from gfmdlayer.notes import notes
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.results.labelled import labelled
 from gfmdlayer.results.reader import open_results
@@ -118,12 +119,13 @@ def run(
     if out is not None:
         return _run_in_folder(found, Path(out), progress, jobs, threads)
     every = cases(found)
+    _warn(notes(case.config for case in every), 3)
     if not found.sweep:
         wisdom = planned(found.grid.points, user_cache(), threads)
         with closing(Watch(chosen_display(progress), 1)) as watch:
             data, said = compute(every[0], wisdom, threads, watch.case(0, found.time.end))
             watch.ended(Outcome(0, "complete"))
-        _warn(said)
+        _warn(said, 3)
         return data
     with closing(Watch(chosen_display(progress), len(every))) as watch:
         if jobs == 1:
@@ -159,7 +161,7 @@ def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[Resu
     failures = {case.index: result for case, result in zip(every, results, strict=True) if result.error}
     if len(failures) == len(every):
         raise failures[0].error or AssertionError
-    _warn(dict.fromkeys(text for result in results for text in result.said))
+    _warn(dict.fromkeys(text for result in results for text in result.said), 4)
     reasons = [f"{index:04d}: {result.reason}" for index, result in failures.items()]
     _warn_of_failures(reasons, len(every))
     attributes = {**sampling(config.sweep), "failed": "\n".join(reasons), "complete": 1}
@@ -174,6 +176,7 @@ def _run_in_folder(
     """Run the cases as the command line does; return what its reader opens."""
     refuse_foreign_folder(Folder(out))
     config = on_disk(config, out / "arrays")
+    _warn(notes(case.config for case in cases(config)), 4)
     display = chosen_display(progress)
     show = None if display is None else lambda: display
     with interrupts.listening(), pool_of(jobs) as pool:
@@ -195,9 +198,10 @@ def _run_in_folder(
 
 def _warn_of_failures(reasons: Sequence[str], total: int) -> None:
     if reasons:
-        _warn([f"{len(reasons)} of {total} cases failed and are NaN:\n" + "\n".join(reasons)])
+        _warn([f"{len(reasons)} of {total} cases failed and are NaN:\n" + "\n".join(reasons)], 5)
 
 
-def _warn(texts: Iterator[str] | Sequence[str] | Mapping[str, Any]) -> None:
+def _warn(texts: Iterable[str], level: int) -> None:
+    """Warn of each, at the line that called `run`, so many calls above."""
     for text in texts:
-        warnings.warn(text, stacklevel=4)
+        warnings.warn(text, stacklevel=level)

@@ -50,4 +50,5 @@ class Resolution(Observable):
         self._most = max(self._most, points)
         self.attributes = {"most_contact_points": self._most}
         few = 0 < self._most < FEWEST
-        self.warning = f"COARSE: at most {self._most} points in contact; take more grid.points" if few else ""
+        touching = f"{self._most} point{'s' * (self._most != 1)}"
+        self.warning = f"COARSE: at most {touching} in contact; take more grid.points" if few else ""

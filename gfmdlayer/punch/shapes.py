@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from gfmdlayer.punch.shape import Analytic, Cell, Shape
 from gfmdlayer.validation.fields import Count, sequence
@@ -34,7 +34,8 @@ class Array(Shape):
 
     shape: Literal["array"] = "array"
     """copies of another shape side by side"""
-    element: Annotated[Analytic, OneOf(ELEMENTS)] = Field(description="a mapping with the keys of a shape")
+    element: Annotated[Analytic, OneOf(ELEMENTS)]
+    """a mapping with the keys of a shape"""
     counts: Annotated[tuple[Count, ...], BeforeValidator(sequence)]
     """number of copies, or [nx, ny]"""
 

@@ -190,9 +190,11 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
     everywhere : iterable of str
         Dotted keys of the whole configuration, which are searched where no sibling is near.
     """
-    siblings = list(siblings)
+    siblings, everywhere = list(siblings), list(everywhere)
     hint = colon_without_space(key) or nearest(key, siblings)
-    if key.isdecimal():
+    if key in everywhere and key not in siblings and "." in key:
+        hint = f"; did you mean {key.replace('.', ': {')}: ...{'}' * key.count('.')}?"
+    elif key.isdecimal():
         hint = "; a decimal comma? Numbers have a point"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}

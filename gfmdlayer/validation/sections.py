@@ -14,6 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.validation.fields import MustBe, Word
+from gfmdlayer.validation.meanings import meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -46,7 +47,7 @@ class Section(BaseModel):
     """A part of the configuration: immutable, and without any key that is not listed."""
 
     # Built when first used: the whole configuration holds a copy of most of them.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
     entries: ClassVar[type[Section] | None] = None  # under keys that the user chooses
 
     if not TYPE_CHECKING:  # type checkers see the keys themselves
@@ -291,6 +292,6 @@ def _resolved(raw: Location, root: type[Section]) -> tuple[Location, type[Sectio
 
 
 def _allowed(section: type[Section], key: str) -> str:
-    field = section.fields()[key]
-    notes: Iterable[Any] = field.metadata
-    return next((note.allowed for note in notes if isinstance(note, MustBe)), field.description or "given")
+    notes: Iterable[Any] = section.fields()[key].metadata
+    allowed = [note.allowed for note in notes if isinstance(note, MustBe)]
+    return allowed[0] if allowed else meanings(section).get(key, "given")

@@ -59,7 +59,11 @@ def spectrum(_quick: bool) -> Iterator[Row]:
 
 
 def limits(_quick: bool) -> Iterator[Row]:
-    """Layers that make no difference: cut in two, like the halfspace; and merged modes within their bound."""
+    """Layers that make no difference: cut in two, like the halfspace; and merged modes within their bound.
+
+    The stiffness of bodies that are the same differs by the rounding of the modes alone. Balanced truncation
+    states a bound on the relative error of K at all s >= 0, to which that rounding is added.
+    """
     q, frequencies = np.geomspace(1e-6, 1e6, 25), np.logspace(-6, 6, 13)
     above, below = _ABOVE
     whole = LayerStack((above, below, _BASE))

@@ -182,7 +182,7 @@ def test_results_of_a_list_lie_along_the_cases_with_their_values(read: Read, tmp
     with open_results(tmp_path / "out") as results:
         assert results["mean_pressure"].sizes == {"case": 4, "time": 3}
         np.testing.assert_array_equal(results["thickness"], [0.1, 0.1, 0.2, 0.2])
-        assert results["method"].to_numpy().tolist() == ["fire", "active_set"] * 2
+        assert results["solver.method"].to_numpy().tolist() == ["fire", "active_set"] * 2
         assert not results["mean_pressure"].isnull().any()
 
 

@@ -44,6 +44,7 @@ REFUSED = {
     ),
     "misspelt key": ("layer: {thicknes: 1}", "2:9: layer.thicknes: unknown key", "did you mean 'thickness'?"),
     "misspelt letter case": ("layer: {material: {ginf: 20}}", "2:20: layer.material.ginf:", "mean 'Ginf'?"),
+    "dotted key": ("layer.thickness: 1", "2:1: layer.thickness:", "did you mean layer: {thickness: ...}?"),
     "key in the wrong section": ("thickness: 1", "2:1: thickness:", "did you mean 'layer.thickness'?"),
     "duplicate key": (
         "time: {end: 1, end: 2}",
@@ -1004,7 +1005,11 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("grid..points=3", "--set: got 'grid..points=3'; must be dotted.key=value"),
         ("grid.points=", "--set: grid.points: got nothing (null); must be a whole number"),
         ("grid.points=4", "--set: grid.points: got 4; must be a whole number >= 8"),
-        ("grid.point=4", "--set: grid.point: unknown key; allowed: points, period; did you mean 'points'?"),
+        (
+            "grid.point=4",
+            "--set: grid.point: unknown key; allowed: geometry, points, period, extent; "
+            "did you mean 'points'?",
+        ),
         ("grid.points.x=4", "--set: grid.points.x: grid.points is not a mapping"),
         ("grid.points=[4", "--set: grid.points: not YAML:"),
         ("time.end=1", "case.yaml:3:22: output.snapshots[0]: got 2.0, past the end"),

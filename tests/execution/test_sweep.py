@@ -62,10 +62,10 @@ def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
 def fail_where(condition: Callable[[Config], bool], monkeypatch: pytest.MonkeyPatch) -> None:
     simulate = simulation.simulate
 
-    def failing(config: Config, *rest: Any) -> list[str]:
-        if condition(config):
+    def failing(case: Any, *rest: Any, **more: Any) -> list[str]:
+        if condition(case.config):
             raise simulation.ConvergenceError("the residual stays at 1")
-        return simulate(config, *rest)
+        return simulate(case, *rest, **more)
 
     monkeypatch.setattr(simulation, "simulate", failing)
 

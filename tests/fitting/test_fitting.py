@@ -328,6 +328,9 @@ class Rows:
     def snapshot(self, *_: Any) -> None:
         """Nothing is asked for."""
 
+    def note(self, **_: Any) -> None:
+        """Attributes are not kept."""
+
 
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

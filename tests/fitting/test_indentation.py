@@ -29,6 +29,7 @@ from gfmdlayer.fitting.measurement import FitError
 RADIUS = 5.0
 ZENER = ("layer.material.G0", "layer.material.Ginf", "layer.material.tau")
 TIME = np.linspace(0.0, 4.0, 201)
+MILLIMETRES = {"punch": {"shape": "parabola", "radius": 1e6 * RADIUS}}
 RAMP_HOLD = np.interp(TIME, [0, 1, 4], [0, 0.2, 0.2])
 
 
@@ -242,7 +243,7 @@ def test_curves_that_the_model_cannot_have_made_are_refused(
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda c: replace(c, force=1e5 * c.force), "units of force, depth, punch and moduli"),
+        (lambda c: replace(c, force=1e3 * c.force), "units of force, depth, punch and moduli"),
         (
             lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
             "residuals",
@@ -270,6 +271,11 @@ def test_what_is_odd_about_a_curve_is_warned_of(
         ({"layer.material.G0": [2.0, 3.0]}, "starts at 1; must start between 2 and 3"),
         ({"layer.material.G0": [3.0, 2.0]}, "bounds 3 and 2; must grow"),
         ([], "free: must name parameters"),
+        ([3], "free: got 3; must be a dotted key"),
+        ([["layer.material.G0"]], "must be a dotted key"),
+        ({"layer.material.G0": [1, 2, 3]}, r"free: layer.material.G0: got \[1, 2, 3\]; must be two finite"),
+        ({"layer.material.G0": "1:2"}, "must be two finite numbers"),
+        ({"layer.material.G0": [1, math.inf]}, "must be two finite numbers"),
     ],
 )
 def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> None:
@@ -280,6 +286,19 @@ def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> 
 def test_models_of_foreign_keys_are_refused() -> None:
     with pytest.raises(ConfigError, match="trajectory: unknown key"):
         fit_indentation(curve(on_halfspace(TIME)), body() | {"trajectory": {}}, ZENER)
+    with pytest.raises(ConfigError, match=r"fre: unknown key.*did you mean 'free'"):
+        fit_indentation(curve(on_halfspace(TIME)), body() | {"fre": ZENER})
+
+
+def test_a_radius_in_other_units_than_the_thickness_is_refused() -> None:
+    with pytest.raises(FitError, match=r"1.*thicknesses of the layer.*units of lengths"):
+        fit_indentation(curve(on_halfspace(TIME)), body(thickness=1.0) | MILLIMETRES, ZENER)
+
+
+def test_curves_of_the_same_name_are_refused() -> None:
+    data = curve(on_halfspace(TIME))
+    with pytest.raises(FitError, match=f"curve {data.name}: is given twice"):
+        fit_indentation([data, data], body(), [*ZENER, "contact_point"])
 
 
 def test_text_files_tell_their_units(tmp_path: Path) -> None:
@@ -342,6 +361,17 @@ def test_hdf5_holds_one_curve_or_many_or_groups(tmp_path: Path) -> None:
     assert read_curve(groups[0]).depth.max() == pytest.approx(0.2e-6)
 
 
+def test_curves_of_the_same_name_in_two_files_keep_their_places(tmp_path: Path) -> None:
+    for folder in ("left", "right"):
+        (tmp_path / folder).mkdir()
+        with h5py.File(tmp_path / folder / "map.h5", "w") as h5:
+            h5["time"], h5["depth"], h5["force"] = TIME, np.stack([RAMP_HOLD] * 2), np.stack([TIME] * 2)
+            h5["x"], h5["y"] = [0.0, 1.0], [5.0, 5.0]
+    found = entries([tmp_path / "left", tmp_path / "right"])
+    assert len({each.name for each in found}) == 4
+    assert [each.position for each in found] == [(0.0, 5.0), (1.0, 5.0)] * 2
+
+
 class AfmCurve(dict):  # type: ignore[type-arg]
     """A curve as afmformats has it: columns by name, and metadata."""
 
@@ -380,6 +410,8 @@ def test_a_report_is_a_configuration_and_the_same_numbers(tmp_path: Path) -> Non
     lines = write_report(fit, tmp_path / "gel")
     config = load(tmp_path / "gel.yaml")
     assert pytest.approx(fit["G0"].value, rel=1e-12) == config.layer.material.G0
+    (tmp_path / "use.yaml").write_text("name: use\nlayer: {material: {file: gel.yaml}}\n")
+    assert load(tmp_path / "use.yaml").layer.material == config.layer.material
     assert {"gel.yaml", "gel.json", "gel.png"} <= {path.name for path in tmp_path.iterdir()}
     assert any("layer.material.tau" in line for line in lines)
 

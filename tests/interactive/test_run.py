@@ -361,6 +361,20 @@ class _Spy:
         self.closed = True
 
 
+@pytest.mark.parametrize("options", [{}, {"sweep": {"layer.thickness": [0.1, 0.2]}}, {"out": "out"}])
+def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(options: dict[str, Any]) -> None:
+    config = {"grid": {"points": 64}, "time": {"end": 1.0, "step": 0.5}, "trajectory": {"ramp_time": 2.0}}
+    with pytest.warns(UserWarning, match="the ramp is not completed") as caught:
+        gfmdlayer.run(config, **options)
+    assert [(Path(each.filename), str(each.message)) for each in caught if "ramp" in str(each.message)] == [
+        (
+            Path(__file__),
+            "trajectory.ramp_time = 2 is beyond time.end = 1: the ramp is not completed",
+        )
+    ]
+    assert {Path(each.filename) for each in caught} == {Path(__file__)}
+
+
 @pytest.mark.parametrize("sweep", [{}, {"layer.thickness": [0.1, 0.2, 0.3]}], ids=["case", "sweep"])
 def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[str, Any]) -> None:
     spy = _Spy()

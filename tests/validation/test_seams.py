@@ -169,7 +169,9 @@ sweep:
     assert two["contact_area"][-1] == 18 / 64
     heights = (top["gap"] + top["displacement"])[-1] + top["depth"][-1]
     x = top["x"].to_numpy()
-    np.testing.assert_allclose(heights, 50 * np.maximum(np.abs(x) - 0.125, 0), atol=1e-12)
+    # The gap is zero in contact, where the displacement meets the punch to the solver's tolerance.
+    within = 1e-6 * float(top["depth"][-1])
+    np.testing.assert_allclose(heights, 50 * np.maximum(np.abs(x) - 0.125, 0), atol=within)
 
 
 def test_a_new_material_law_is_checked_and_run(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -11,7 +12,8 @@ from gfmdlayer.fitting.indentation.parameters import Model, Parameter
 from gfmdlayer.fitting.indentation.problem import MODULI
 from gfmdlayer.fitting.measurement import FitError
 
-ODD, MIXED = 1e3, 1e6  # factors between the moduli of the model and of the data: warned of, refused
+ODD, MIXED = 1e2, 1e6  # factors between the moduli of the model and of the data: warned of, refused
+WIDE = 100.0  # contact radius over thickness beyond which lengths are of different units
 STRAIN = 0.3  # depth over thickness, or over the radius of a sphere, beyond which linear theory is doubtful
 
 
@@ -25,7 +27,7 @@ def depths(curves: Sequence[ForceCurve], parameters: Sequence[Parameter]) -> dic
 
 
 def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
-    """Refuse depths beyond a layer on a base that is stiffer than it, which the punch would have to pierce.
+    """Refuse depths beyond a layer that a stiffer base carries, and contacts far wider than it is thick.
 
     Parameters
     ----------
@@ -41,7 +43,14 @@ def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
     """
     reasons = []
     thickness, stiff_base = _thickness(model)
+    radius = model.keys.get("punch.radius", 0.0)
     for name, depth in reached.items():
+        if (contact := min(math.sqrt(radius * depth), radius)) > WIDE * thickness:
+            reasons.append(
+                f"curve {name}: a radius of {radius:.4g} and a depth of {depth:.4g} make a contact of about "
+                f"{contact:.4g}, {contact / thickness:.2g} thicknesses of the layer; must be at most "
+                f"{WIDE:g}: are the units of lengths the same?"
+            )
         if stiff_base and depth >= thickness:
             reasons.append(
                 f"curve {name}: reaches {depth:.4g} below its first contact, beyond the layer of "

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
     for entry in found:
         names[entry.name] = names.get(entry.name, 0) + 1
     return [
-        entry if names[entry.name] == 1 else Entry(entry.path, entry.key, f"{entry.path.name}:{entry.key}")
+        entry if names[entry.name] == 1 else replace(entry, name=f"{entry.path}:{entry.key}".rstrip(":"))
         for entry in found
     ]
 

@@ -141,7 +141,7 @@ class FitOptions:
     loss : str
         linear, or soft_l1, huber, cauchy, which outliers pull less.
     profile : bool
-        Find the profile intervals too, which take about ten times as long.
+        Find the profile intervals too; the fit then takes three to ten times as long.
     contact : str
         given: the depth is that below the surface. detect: each curve has a free contact point and offset
         of the force, which start where the force begins to rise.

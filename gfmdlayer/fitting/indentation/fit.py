@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,17 @@ from gfmdlayer.fitting.indentation.curve import ForceCurve
 from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
 from gfmdlayer.fitting.indentation.forward import Prediction
-from gfmdlayer.fitting.indentation.parameters import Free, Model, Parameter, free_parameters
+from gfmdlayer.fitting.indentation.parameters import (
+    SECTIONS,
+    Free,
+    Model,
+    Parameter,
+    free_parameters,
+)
 from gfmdlayer.fitting.indentation.problem import MODULI, LeastSquares
 from gfmdlayer.fitting.indentation.units import Sizes, in_si
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.validation.problems import shown, unknown_key
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
 TIMES = (0.0, 0.01, 0.1, 1.0)  # of the duration, for the first relaxation time; 0: as the model has it
@@ -109,8 +117,6 @@ def fit_indentation(
     given = list(_curves(every, units, in_si(made.config.units)))
     if not given:
         raise FitError("no curve is given; must be at least one")
-    if len({curve.name for curve in given}) < len(given):
-        raise FitError("two curves have the same name; must have different ones")
     return fit_curves(given, made, keys, options)
 
 
@@ -149,13 +155,36 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
         data = document.data
     own = data.pop("free", None)
     keys = own if free is None else free
-    if not isinstance(keys, (list, tuple, Mapping)) or not keys:
-        raise ConfigError(["free: must name parameters, such as [layer.material.G0], or give their bounds"])
+    if wrong := list(_wrong_keys(keys)):
+        allowed = (*SECTIONS, "free")
+        foreign = [f"{key}: {unknown_key(key, allowed, ())}" for key in data if key not in allowed]
+        raise ConfigError(foreign + wrong)
     return data, keys
+
+
+def _wrong_keys(keys: Any) -> Iterator[str]:
+    """Yield what is wrong with the form of the keys of the free parameters, and of their bounds."""
+    if not isinstance(keys, (list, tuple, Mapping)) or not keys:
+        yield "free: must name parameters, such as [layer.material.G0], or give their bounds"
+        return
+    for key in keys:
+        if not isinstance(key, str):
+            yield f"free: got {shown(key)}; must be a dotted key, such as layer.material.G0"
+    for key, bounds in keys.items() if isinstance(keys, Mapping) else ():
+        ends = () if isinstance(bounds, str) else np.atleast_1d(np.asarray(bounds, dtype=object))
+        if bounds is not None and not (len(ends) == 2 and all(map(_finite, ends))):
+            yield f"free: {key}: got {shown(bounds)}; must be two finite numbers, [low, high], or nothing"
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: FitOptions) -> IndentationFit:
     """Fit a checked model to curves, see `fit_indentation`."""
+    names = [curve.name for curve in curves]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise FitError(f"curve {', '.join(twice)}: is given twice; must have a name of its own")
     parameters = _parameters(curves, model, free, options)
     reached = depths(curves, parameters)
     refuse_impossible(reached, model)

@@ -1,0 +1,41 @@
+"""What the keys of a section mean: the strings below its fields.
+
+They are read from the source when something is to be explained: no run needs them, and reading them takes
+about as long as making all of the sections.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from functools import cache
+from itertools import pairwise
+
+from pydantic import BaseModel
+
+
+@cache
+def meanings(section: type[BaseModel]) -> dict[str, str]:
+    """Return what the fields of a section mean, by the names that users write."""
+    found: dict[str, str] = {}
+    for base in reversed(section.__mro__):
+        own = set(vars(base).get("__annotations__", ())) & set(section.model_fields)
+        found = {name: words for name, words in found.items() if name not in own}
+        found |= {name: words for name, words in (_written(base) if own else {}).items() if name in own}
+    return {section.model_fields[name].alias or name: words for name, words in found.items()}
+
+
+def _written(section: type) -> dict[str, str]:
+    """Return the strings below the annotated names of a class, where its source is at hand."""
+    try:
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(section))).body
+    except OSError:  # typed into a session
+        return {}
+    return {
+        field.target.id: inspect.cleandoc(below.value.value)
+        for field, below in pairwise(tree.body if isinstance(tree, ast.ClassDef) else ())
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+        if isinstance(below.value.value, str)
+    }
