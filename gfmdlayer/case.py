@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 from gfmdlayer import inputs
@@ -22,9 +22,11 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
+from gfmdlayer.history.stack_modes import stack_modes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables import Observable, observables
@@ -169,19 +171,25 @@ class Case:
     @cached_property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
-        times = inputs.times_of_response(self.config, self.grid, self.velocity, self.kinks, self.reduced_time)
-        return tuple(law.prony(*times) for law in self.config.laws)
+        grid, every = self.grid, zip(self.config.laws, self.clocks, strict=True)
+        times = partial(inputs.times_of_response, self.config, grid, self.velocity, self.kinks)
+        return tuple(law.prony(*times(clock)) for law, clock in every)
 
     @cached_property
     def reduced_time(self) -> ReducedTime | None:
-        """The reduced time in which the body relaxes; None without a temperature."""
+        """The reduced time in which the whole body relaxes; None where it has none."""
         return inputs.make_reduced_time(self.config)
 
+    @cached_property
+    def clocks(self) -> tuple[ReducedTime | None, ...]:
+        """The reduced time of each of the laws; None for one whose times do not change."""
+        common = self.reduced_time
+        return inputs.make_clocks(self.config) if common is None else (common,) * len(self.config.laws)
+
     def elapsed(self, instant: Instant) -> float:
-        """Return the reduced time that elapses in the step to a time point."""
-        if self.reduced_time is None:
-            return instant.step
-        return self.reduced_time.step(instant.time - instant.step, instant.step)
+        """Return the length of the step to a time point, in the reduced time of the body where it has one."""
+        reduced = self.reduced_time
+        return instant.step if reduced is None else reduced.step(instant.time - instant.step, instant.step)
 
     @cached_property
     def punch(self) -> FloatArray:
@@ -207,7 +215,7 @@ class Case:
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
         trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
-        return inputs.kinks(trajectory, self.velocity, self.reduced_time)
+        return inputs.kinks(trajectory, self.velocity, self.clocks)
 
     @cached_property
     def loading(self) -> Loading:
@@ -221,16 +229,17 @@ class Case:
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
         material; see `verification.third_order` for the equation itself.
         """
-        spectrum, sums = self.body.spectrum(self.grid.wavenumbers), self.grid.sums
-        adaptive = self.config.time.step == "adaptive"
+        adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
+        reduced = self.reduced_time
+        if reduced is None and any(self.clocks):
+            scheme = None if adaptive else SCHEMES[self.config.time.integrator]
+            return stack_modes(self.body, waves, self.clocks, scheme, sums)
+        spectrum, along = self.body.spectrum(waves), self.grid.wavenumbers_x
         if self.velocity is not None:
-            waves, velocity = self.grid.wavenumbers_x, self.velocity
-            if self.reduced_time is not None:
-                velocity = velocity.in_time(self.reduced_time.factor(0.0))
+            velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
             if adaptive:
-                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=waves, velocity=velocity)
-            scheme = SCHEMES["exponential"]
-            return SlidingModes(spectrum, scheme, sums, wavenumbers_x=waves, velocity=velocity)
+                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
+            return SlidingModes(spectrum, exponential, sums, wavenumbers_x=along, velocity=velocity)
         if adaptive:
             return ErrorControlledModes(spectrum, sums)
         return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)

@@ -92,34 +92,51 @@ def make_velocity(config: Config) -> Constant | Table | None:
     return None if given.velocity is None else Constant(given.velocity)
 
 
-def make_reduced_time(config: Config) -> ReducedTime | None:
-    """Return the reduced time of the body; None without a temperature.
+def make_clocks(config: Config) -> tuple[ReducedTime | None, ...]:
+    """Return the reduced time of each of `config.laws`; None for one that has no shift or does not relax.
 
     Raises
     ------
     TableError
-        If the temperature comes from a file that cannot be used: outside of the range of the shift, or ending
+        If the temperature comes from a file that cannot be used: outside of the range of a shift, or ending
         before the run does.
     """
-    given = config.temperature
-    shift = next(filter(None, shifts(config).values()), None)
-    if given is None or shift is None:
-        return None
+    given, relaxing = config.temperature, shifts(config).values()
+    if given is None:
+        return (None,) * len(config.laws)
+    temperature: Constant | Table
     if given.file is None:
         assert given.value is not None
-        return ReducedTime(shift, Constant(given.value))
-    table = Table.read(given.file, "temperature", lambda row: shift.refused(row[1]))
-    last, end = float(table.times[-1]), config.time.end
-    if last < end:
-        raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
-    return ReducedTime(shift, table)
+        temperature = Constant(given.value)
+    else:
+        every = list(filter(None, relaxing))
+        temperature = Table.read(
+            given.file, "temperature", lambda row: next(filter(None, (s.refused(row[1]) for s in every)), "")
+        )
+        last, end = float(temperature.times[-1]), config.time.end
+        if last < end:
+            raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
+    felt = (None if isinstance(law, Material) and law.elastic else law.shift for law in config.laws)
+    return tuple(None if shift is None else ReducedTime(shift, temperature) for shift in felt)
+
+
+def make_reduced_time(config: Config) -> ReducedTime | None:
+    """Return the reduced time of the whole body; None without a temperature, and where shifts differ.
+
+    Raises
+    ------
+    TableError
+        As of `make_clocks`.
+    """
+    found = list(filter(None, make_clocks(config)))
+    return found[0] if len({each.shift for each in found}) == 1 else None
 
 
 def kinks(
-    trajectory: Trajectory, velocity: Constant | Table | None, reduced_time: ReducedTime | None
+    trajectory: Trajectory, velocity: Constant | Table | None, clocks: Iterable[ReducedTime | None]
 ) -> tuple[float, ...]:
-    """Return the times at which the slope of a prescribed quantity jumps."""
-    temperature = None if reduced_time is None else reduced_time.temperature
+    """Return the times at which the slope of a prescribed quantity jumps, that of the temperature too."""
+    temperature = next((clock.temperature for clock in clocks if clock is not None), None)
     every = (trajectory, velocity, temperature)
     return tuple(time for each in every if each is not None for time in each.kinks)
 
@@ -149,7 +166,7 @@ def times_of_response(
     kinks : iterable of float
         Times at which the slope of a prescribed quantity jumps.
     reduced_time : ReducedTime, optional
-        In which the body relaxes.
+        In which the law relaxes.
 
     Returns
     -------
@@ -179,10 +196,11 @@ def make_series(config: Config) -> tuple[PronySeries, ...]:
     TableError
         If a file that the times follow from cannot be used.
     """
-    velocity, reduced_time = make_velocity(config), make_reduced_time(config)
-    every = kinks(make_trajectory(config), velocity, reduced_time)
-    times = times_of_response(config, make_grid(config), velocity, every, reduced_time)
-    return tuple(law.prony(*times) for law in config.laws)
+    velocity, clocks = make_velocity(config), make_clocks(config)
+    every = kinks(make_trajectory(config), velocity, clocks)
+    grid = make_grid(config)
+    times = (times_of_response(config, grid, velocity, every, clock) for clock in clocks)
+    return tuple(law.prony(*each) for law, each in zip(config.laws, times, strict=True))
 
 
 def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
@@ -225,7 +243,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         key = "trajectory.velocity_file"
         velocity = make_velocity(config)
         key = "temperature.file"
-        make_reduced_time(config)
+        make_clocks(config)
     except TableError as error:
         yield key, str(error)
         return

@@ -251,8 +251,8 @@ def _in_small(config: Config) -> Config:
     ramp_time = 1.0 if isinstance(step, str) else 2 * step
     moves = {"velocity": 1.0} if config.trajectory.moves else {}
     times = {"times": ramp_time} if isinstance(step, str) else {}
-    shift = next(filter(None, (law.shift for law in config.laws)), None)
-    at_reference = {} if shift is None else {"temperature": {"value": shift.reference}}
+    references = [law.shift.reference for law in config.laws if law.shift is not None]
+    at_reference = {"temperature": {"value": max(references)}} if references else {}
     return config.with_values(
         at_reference
         | {

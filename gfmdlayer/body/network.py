@@ -78,18 +78,40 @@ class Network:
         slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), coupling)))
         return ((self.force[i] @ coupling) @ vectors) ** 2 / slowness**2, 1 / slowness**2
 
+    def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return times of the modes at one wavenumber, fastest first, and the springs' parts in them.
 
-def singular_values(system: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Singular values, from the largest, and right singular vectors, by Jacobi rotations.
+        Parameters
+        ----------
+        i : int
+            Number of the wavenumber.
+        times : ndarray, shape (internal,)
+            theta_j in place of `times`.
+
+        Returns
+        -------
+        ndarray, ndarray, shape (internal,), (internal + redundant, internal)
+            theta' and the orthonormal columns U, the left singular vectors of (1; B) theta^(-1/2): the
+            springs (-xi; g u - B xi) hold their energy in the modes by Y = U^T (-xi; g u - B xi).
+        """
+        order = np.argsort(times)
+        system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
+        slowness, vectors = singular_values(system[:, order], left=True)
+        return 1 / slowness**2, vectors
+
+
+def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations.
 
     They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
     """
     from scipy.linalg.lapack import dgejsv
 
-    values, _, vectors, scale, *_, info = dgejsv(system, joba=2, jobu=3, jobv=0)
+    wanted = {"joba": 0, "jobu": 0, "jobv": 3} if left else {"joba": 2, "jobu": 3, "jobv": 0}
+    values, u, v, scale, *_, info = dgejsv(system, **wanted)
     if info:
         raise ArithmeticError(f"no convergence to the relaxing modes of a stack (dgejsv: {info})")
-    return values * (scale[0] / scale[1]), vectors
+    return values * (scale[0] / scale[1]), u if left else v
 
 
 class Member(NamedTuple):

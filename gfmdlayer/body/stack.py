@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.merging import merged
 from gfmdlayer.body.network import Member, Network, assemble
@@ -152,12 +152,34 @@ class LayerStack:
         relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
         return Spectrum(relaxed, weights, times, found.error)
 
+    def uppermost_layer(self, q: ArrayLike) -> Spectrum:
+        """Return the relaxed stiffness at the wavenumbers q, and of the modes those beside the network."""
+        q = np.ravel(np.asarray(q, dtype=float))
+        moduli, times = distinct_branches(self.present[0].material)
+        _, free = self._members(np.where(q > 0, q, 1.0))
+        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
+        return Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
+
     def network(self, q: ArrayLike) -> Network:
         """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
         q = np.asarray(q, dtype=float)
         members, free = self._members(np.where(q > 0, q, 1.0))
         finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
+
+    def coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
+        """Return the network where it is not negligible, and for each of the q its number there, or -1."""
+        parts, numbers, count = [], np.full(q.size, -1, dtype=np.intp), 0
+        for start in range(0, q.size, _CHUNK):
+            some = q[start : start + _CHUNK]
+            network = self.network(some)
+            felt = (network.force**2).sum(axis=1) > NEGLIGIBLE * self.stiffness(some, 0.0)
+            more = int(np.count_nonzero(felt))
+            numbers[start : start + _CHUNK][felt] = count + np.arange(more)
+            count += more
+            parts.append((network.free[felt], network.force[felt], network.coupling[felt]))
+        free, force, coupling = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return Network(free, force, coupling, network.times, network.layer), numbers
 
     def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
         """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""

@@ -13,6 +13,8 @@ from gfmdlayer.validation.fields import File, given
 from gfmdlayer.validation.problems import Location, Problem, dotted
 from gfmdlayer.validation.sections import Section, sections_in
 
+_MOTION = ("trajectory.velocity", "trajectory.velocity_file")
+
 
 class Temperature(Section):
     """Temperature of the whole body, which shifts the relaxation times of materials with a `shift`."""
@@ -63,14 +65,18 @@ def temperature_problems(
     if not any(found.values()):
         message = "given, but no material that relaxes has a shift; must be left out, or a material have one"
         yield Problem(("temperature",), message, others)
-    if len(set(found.values())) > 1:
-        at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
-        message = "differs from that of the other materials; all that relax must have the same shift"
+    elif not all(found.values()):
+        at = next(at for at, shift in found.items() if shift is None)
+        message = "missing; all materials that relax must have a shift, or none"
         yield Problem((*at, "shift"), message, others)
+    elif moves and len(set(found.values())) > 1:
+        at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
+        message = "differs from that of other materials; must be the same where the punch moves"
+        yield Problem((*at, "shift"), message, (*others, *_MOTION))
     if temperature.value is not None:
         for at, shift in found.items():
             if shift is not None and (refused := shift.refused(temperature.value)):
                 yield Problem(("temperature", "value"), refused, (f"{dotted(at)}.shift",))
     if temperature.file is not None and moves:
         message = "given with a moving punch; must be a constant temperature.value"
-        yield Problem(("temperature", "file"), message, ("trajectory.velocity", "trajectory.velocity_file"))
+        yield Problem(("temperature", "file"), message, _MOTION)

@@ -174,7 +174,7 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
             given = inputs.make_trajectory(case.config), inputs.make_velocity(case.config)
-            kinks = inputs.kinks(*given, inputs.make_reduced_time(case.config))
+            kinks = inputs.kinks(*given, inputs.make_clocks(case.config))
             planned = stops(case.config, kinks)
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))

@@ -45,7 +45,7 @@ _UNKNOWN_CURVATURE = 0.25
 _NO_CONTACT = 1e-10
 
 # Part of the glassy stiffness from which on the first step has to resolve the relaxation time of a mode.
-_RELEVANT = 1e-3
+RELEVANT = 1e-3
 
 
 class ErrorControlledModes(Modes):
@@ -66,7 +66,7 @@ class ErrorControlledModes(Modes):
 
     def __init__(self, spectrum: Spectrum, sums: Sums, **motion: Any) -> None:
         super().__init__(spectrum, exponential, sums, **motion)
-        relevant = spectrum.weights > _RELEVANT * spectrum.glassy
+        relevant = spectrum.weights > RELEVANT * spectrum.glassy
         self.shortest_time = sums.minimum(float(spectrum.times[relevant].min(initial=math.inf)))
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
         self._velocity: ComplexArray | None = None

@@ -161,7 +161,12 @@ class Parts(Protocol):
 
     @property
     def reduced_time(self) -> ReducedTime | None:
-        """The reduced time in which the body relaxes; None without a temperature."""
+        """The reduced time in which the whole body relaxes; None where it has none."""
+        ...
+
+    @property
+    def clocks(self) -> tuple[ReducedTime | None, ...]:
+        """The reduced time of each of the laws; None for one whose times do not change."""
         ...
 
     @property

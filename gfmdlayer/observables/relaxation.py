@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 class Temperature(Observable):
-    """Temperature of the body and the factor by which it multiplies the relaxation times."""
+    """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
 
     COLUMNS = (
         Column("temperature", "temperature of the body", "degrees Celsius", symbol="T"),
-        Column("shift_factor", "relaxation times over those at the reference temperature, aT"),
+        Column("shift_factor", "aT, factor of relaxation times, of the uppermost material with a shift"),
     )
 
     @classmethod
@@ -26,13 +26,12 @@ class Temperature(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Parts) -> None:
-        assert case.reduced_time is not None
-        self._reduced_time = case.reduced_time
+        self._clock = next(clock for clock in case.clocks if clock is not None)
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return both at the end of the step."""
-        temperature = self._reduced_time.temperature(step.time)
-        return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}
+        temperature = self._clock.temperature(step.time)
+        return {"temperature": temperature, "shift_factor": self._clock.shift.factor(temperature)}
 
 
 class SpectrumError(Observable):

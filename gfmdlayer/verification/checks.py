@@ -48,6 +48,7 @@ CHECKS: tuple[Check, ...] = (
     Check("Stacks", stacks.limits),
     Check("Stacks", stacks.pavement),
     Check("Stacks", stacks.runs),
+    Check("Stacks", stacks.different_shifts),
     Check("Independent methods", crosschecks.three_solvers),
     Check("Independent methods", crosschecks.two_forms_of_backward_euler),
     Check("Independent methods", crosschecks.load_against_depth),

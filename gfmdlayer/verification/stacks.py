@@ -9,6 +9,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.maxwell import Elastic, Prony
+from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
@@ -135,6 +136,32 @@ def runs(quick: bool) -> Iterator[Row | Curve]:
     simulate(Case(config, warm_up(config), body=LayerStack(case.body.layers)), exact)
     bound = 2 * case.body.accuracy + 2 * 10 * solver_error(1e-7, float(exact["contact_area"].max()))
     yield Row("stack: merged modes", 0.0, difference(merged, exact), bound, f"all modes, n = {n}")
+
+
+def different_shifts(quick: bool) -> Iterator[Row]:
+    """Three materials with different shifts at a temperature, as the stack of shifted times.
+
+    The latter with all its modes; the bound is that of the two solutions.
+    """
+    n = 2**8 if quick else 2**10
+    laws = [
+        WLF(C1=17.44, C2=51.6, reference=20.0),
+        Arrhenius(activation_energy=8e4, reference=20.0),
+        Arrhenius(activation_energy=2e5, reference=25.0),
+    ]
+    places = ["layers.0.material", "layers.1.material", "halfspace.material"]
+    times = [1.0, 0.5, 2.0]
+    common = {**_BODY, "grid.points": n, "time": {"end": 2.0, "step": 0.1}, "solver.tolerance": 1e-7}
+    shifts = {f"{at}.shift": law.model_dump() for at, law in zip(places, laws, strict=True)}
+    shifted = {f"{at}.tau": tau * law.factor(26.0) for at, tau, law in zip(places, times, laws, strict=True)}
+    found = run(common, shifts, {"temperature": {"value": 26.0}})
+    config, expected = Config(name="verification").with_values({**common, **shifted}), Recording()
+    body = Case(config).body
+    assert isinstance(body, LayerStack)
+    simulate(Case(config, warm_up(config), body=LayerStack(body.layers)), expected)
+    bound = 2 * 10 * solver_error(1e-7, float(expected["contact_area"].max()))
+    off = difference(found, expected)
+    yield Row("stack: different shifts at 26 degrees", 0.0, off, bound, f"shifted times, n = {n}")
 
 
 def _error(found: Recording, fine: Recording) -> float:

@@ -174,6 +174,19 @@ REFUSED = {
         "3:14: temperature: holds neither",
         "{value: ...}",
     ),
+    "one of two relaxing materials without a shift": (
+        f"layers: [{{thickness: 0.1, material: {{{WLF}}}}}, {{thickness: 0.2, material: {{tau: 2}}}}]\n"
+        "temperature: {value: 20}",
+        "layers[1].material.shift: missing",
+        "must have a shift",
+    ),
+    "different shifts under a moving punch": (
+        f"layers: [{{thickness: 0.1, material: {{{WLF}}}}},\n"
+        "  {thickness: 0.2, material: {shift: {law: arrhenius, activation_energy: 8e4, reference: 20}}}]\n"
+        "temperature: {value: 20}\ntrajectory: {velocity: 0.1}",
+        "3:38: layers[1].material.shift: differs from that of other materials",
+        "must be the same where the punch moves",
+    ),
     "unknown law of shift": (
         "layer: {material: {shift: {law: vft, reference: 20}}}",
         "2:33: layer.material.shift.law: got the text 'vft'",

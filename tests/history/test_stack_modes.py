@@ -1,0 +1,256 @@
+"""Layers with different shifts: against shifted times, reduced time, and direct integration."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gfmdlayer import Config
+from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.shifts import WLF, Arrhenius
+from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.case import Case
+from gfmdlayer.grid.sums import Sums
+from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.stack_modes import stack_modes
+from gfmdlayer.punch.trajectory import Constant, Table
+from gfmdlayer.resumable import CompositeState
+from gfmdlayer.simulation import simulate
+from gfmdlayer.verification.runs import Recording
+
+SHIFTS = (
+    WLF(C1=17.44, C2=51.6, reference=20.0),
+    Arrhenius(activation_energy=8e4, reference=20.0),
+    Arrhenius(activation_energy=2e5, reference=25.0),
+)
+LAYERS = (
+    Layer(0.05, 0.4, Prony(5.0, [(20.0, 0.1), (5.0, 1.0)])),
+    Layer(0.2, 0.5, Prony(1.0, [(3.0, 0.02), (4.0, 0.5)])),
+    Layer(math.inf, 0.3, Prony(20.0, [(30.0, 2.0)])),
+)
+STACK = LayerStack(LAYERS)
+RIGID = LayerStack((LAYERS[0], Layer(0.2, 0.3, LAYERS[1].material)), rigid=True)
+Q = np.array([0.0, 0.3, 4.0, 4.0, 20.0, 1e3])
+SUMS = Sums(np.ones(Q.size))
+
+
+def shifted(stack: LayerStack, factors: tuple[float, ...]) -> LayerStack:
+    """Multiply the times of each layer by its factor."""
+    return LayerStack(
+        tuple(
+            Layer(
+                each.thickness,
+                each.poisson,
+                Prony(each.material.relaxed, [(G, a * t) for G, t in each.material.maxwell_branches]),
+            )
+            for each, a in zip(stack.layers, factors, strict=False)
+        ),
+        rigid=stack.rigid,
+    )
+
+
+def clocks(temperature: Constant | Table, stack: LayerStack = STACK) -> list[ReducedTime]:
+    return [ReducedTime(shift, temperature) for shift in SHIFTS[: len(stack.layers)]]
+
+
+def assert_same_history(found: Any, expected: Any, steps: list[tuple[float, float]]) -> None:
+    """Advance both with the same random displacements, over the steps of each."""
+    rng = np.random.default_rng(1)
+    scale = STACK.stiffness(Q, 1e9).real + 1.0
+    for step, other in steps:
+        u = rng.random(Q.size) + 1j * rng.random(Q.size)
+        for one, two in zip(found.terms(step), expected.terms(other), strict=True):
+            np.testing.assert_allclose(one / scale, two / scale, rtol=0, atol=1e-10)
+        found.advance(u)
+        expected.advance(u.copy())
+        assert found.stored == pytest.approx(expected.stored, rel=1e-10)
+        assert found.dissipated == pytest.approx(expected.dissipated, rel=1e-10)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("stack", [STACK, RIGID], ids=["halfspace", "rigid"])
+def test_constant_temperature_is_the_stack_of_shifted_times(stack: LayerStack, scheme: str) -> None:
+    found = stack_modes(stack, Q, clocks(Constant(26.0), stack), SCHEMES[scheme], SUMS)
+    factors = tuple(shift.factor(26.0) for shift in SHIFTS)
+    expected = Modes(shifted(stack, factors).spectrum(Q), SCHEMES[scheme], SUMS)
+    assert_same_history(found, expected, [(dt, dt) for dt in (0.0, 0.1, 0.1, 3.0, 1e-4, 100.0)])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_equal_shifts_are_the_reduced_time_of_the_body(scheme: str) -> None:
+    clock = ReducedTime(SHIFTS[0], Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0])))
+    found = stack_modes(STACK, Q, [clock] * 3, SCHEMES[scheme], SUMS)
+    times = np.array([0.0, 0.0, 0.2, 0.7, 1.0, 1.4, 3.0])
+    steps = [(b - a, clock.step(a, b - a)) for a, b in itertools.pairwise(times)]
+    assert_same_history(found, Modes(STACK.spectrum(Q), SCHEMES[scheme], SUMS), steps)
+
+
+HEATING = Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0]))
+
+
+def displacement(t: float) -> float:
+    return math.sin(2 * t) + t
+
+
+def direct(q: float, end: float) -> tuple[float, float, float]:
+    """Stress, stored energy and heat at the end by integration of the equations of the internal variables."""
+    network = STACK.network(np.array([q]))
+    g, B, free = network.force[0], network.coupling[0], float(network.free[0])
+    top = LAYERS[0].material
+    moduli, times = top.branch_moduli, top.branch_times
+    system, m = np.eye(network.times.size) + B.T @ B, network.times.size
+
+    def rates(t: float, y: Any) -> Any:
+        a = np.array([shift.factor(HEATING(t)) for shift in SHIFTS])
+        u, du = displacement(t), 2 * math.cos(2 * t) + 1
+        theta = network.times * a[network.layer]
+        xi_rate = (B.T @ g * u - system @ y[:m]) / theta
+        stretch, own = y[m:-1], times * a[0]
+        heat = theta @ xi_rate**2 + free * (moduli / own) @ stretch**2
+        return np.concatenate((xi_rate, du - stretch / own, [heat]))
+
+    y, u = np.zeros(m + times.size + 1), displacement(end)
+    for part in ((0.0, 1.0), (1.0, end)):  # up to the kink of the temperature, and from there
+        y = solve_ivp(rates, part, y, method="LSODA", rtol=1e-9, atol=1e-11).y[:, -1]
+    elongation, stretch = g * u - B @ y[:m], y[m:-1]
+    stress = free * (top.relaxed * u + moduli @ stretch) + g @ elongation
+    springs = free * (top.relaxed * u**2 + moduli @ stretch**2)
+    return stress, (springs + elongation @ elongation + y[:m] @ y[:m]) / 2, float(y[-1])
+
+
+def by_steps(q: float, end: float, dt: float) -> tuple[float, float, float]:
+    modes = stack_modes(STACK, np.array([q]), clocks(HEATING), SCHEMES["exponential"], Sums(np.ones(1)))
+    for k in range(round(end / dt)):
+        kappa, b = modes.terms(dt)
+        modes.advance(np.array([displacement((k + 1) * dt) + 0j]))
+    return float((kappa * modes.u - b).real[0]), modes.stored, modes.dissipated
+
+
+def test_stress_and_energies_converge_to_direct_integration_with_second_order() -> None:
+    """Errors at dt/2 are a quarter: between 1/3 and 1/5 where the next order is a tenth of the second."""
+    exact = np.array(direct(10.0, 1.5))
+    coarse, fine, finest = (np.array(by_steps(10.0, 1.5, dt)) / exact - 1 for dt in (0.05, 0.025, 0.0125))
+    assert (np.abs(finest) < 1e-3).all()
+    for one, other in ((coarse, fine), (fine, finest)):
+        assert (np.abs(other) < np.abs(one) / 3).all()
+        assert (np.abs(other) > np.abs(one) / 5).all()
+
+
+BODY: dict[str, Any] = {
+    "layers": [
+        {
+            "thickness": each.thickness,
+            "poisson": each.poisson,
+            "material": {
+                "model": "prony",
+                "G0": each.material.relaxed,
+                "branches": [{"G": G, "tau": tau} for G, tau in each.material.maxwell_branches],
+                "shift": shift.model_dump(),
+            },
+        }
+        for each, shift in zip(LAYERS[:2], SHIFTS, strict=False)
+    ],
+    "halfspace": {"poisson": 0.3, "shear_modulus": 20.0},
+}
+
+
+@pytest.fixture
+def heated(tmp_path: Path) -> dict[str, Any]:
+    """A rise of the temperature by 12 degrees, while the punch is pressed in and after it."""
+    (tmp_path / "rise.txt").write_text("0 18\n0.5 18\n1.5 30\n4 30\n")
+    return {
+        "grid.points": 64,
+        "trajectory": {"depth": 0.01, "ramp_time": 1.0},
+        "temperature": {"file": str(tmp_path / "rise.txt")},
+        "solver.tolerance": 1e-10,
+        **BODY,
+    }
+
+
+def run(values: dict[str, Any], time: dict[str, Any]) -> Recording:
+    """Run a case with all modes of its stack."""
+    found, config = Recording(), Config(name="a").with_values(values | {"time": {"end": 2.5} | time})
+    body = Case(config).body
+    assert isinstance(body, LayerStack)
+    simulate(Case(config, body=LayerStack(body.layers, rigid=body.rigid)), found)
+    return found
+
+
+def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated: dict[str, Any]) -> None:
+    """Under a flat punch, whose contact does not change; the bounds are those of the order, 1/4, as above."""
+    times, steps = np.arange(1, 26) * 0.1, (0.1, 0.05, 0.025)
+    flat = heated | {"punch": {"shape": "flat", "width": 0.25, "edge_radius": 1e-6}}
+    fine = run(flat, {"step": 0.1 / 16}).at("mean_pressure", times)
+    runs = [run(flat, {"step": step}) for step in steps]
+    errors = [np.abs(each.at("mean_pressure", times) - fine).max() / fine.max() for each in runs]
+    residuals = [np.abs(each["energy_residual"]).max() / each["work"].max() for each in runs]
+    for each in (errors, residuals):
+        assert each[2] < 1e-3
+        assert each[1] < each[0] / 3
+        assert each[2] < each[1] / 3
+
+
+def test_adaptive_steps_hold_the_tolerance_in_a_ramp_of_temperature(heated: dict[str, Any]) -> None:
+    times = np.arange(1, 26) * 0.1
+    landing = heated | {"output": {"times": times.tolist()}}
+    exact = run(landing, {"step": "adaptive", "tolerance": 1e-5}).at("mean_pressure", times)
+    for tolerance in (1e-3, 1e-4):
+        found = run(landing, {"step": "adaptive", "tolerance": tolerance})
+        assert np.abs(found.at("mean_pressure", times) - exact).max() < tolerance * exact.max()
+
+
+@pytest.mark.parametrize("time", [{"step": 0.1}, {"step": "adaptive", "tolerance": 1e-3}])
+def test_a_run_that_is_resumed_in_the_ramp_has_the_same_bits(
+    heated: dict[str, Any], time: dict[str, Any]
+) -> None:
+    config = Config(name="a").with_values(heated | {"time": {"end": 2.5} | time})
+    whole, first, rest, kept = Recording(), Recording(), Recording(), []
+
+    class StopError(Exception):
+        """Ends the first part."""
+
+    def stop(now: float) -> None:
+        if now > 0.9:
+            kept.append({name: np.array(value) for name, value in memory[0].state().items()})
+            raise StopError
+
+    memory: list[CompositeState] = []
+    simulate(Case(config), whole)
+    with pytest.raises(StopError):
+        simulate(Case(config), first, stop, resume=memory.append)
+    simulate(Case(config), rest, resume=lambda everything: everything.restore(kept[0]))
+    assert 0 < len(first.rows) < len(whole.rows)
+    for column in ("time", "mean_pressure", "stored", "dissipated", "energy_residual"):
+        assert [*first[column], *rest[column]] == [*whole[column]]
+
+
+def test_an_elastic_skin_needs_no_shift_and_keeps_time(heated: dict[str, Any]) -> None:
+    """Two relaxing layers of different shifts below it, at constant temperature, against shifted times."""
+    factors = [shift.factor(26.0) for shift in SHIFTS]
+    skin = {"thickness": 0.01, "material": {"model": "elastic", "G": 5.0}}
+    below = [(0.1, {"model": "zener", "tau": 1.0}), (0.2, {"model": "zener", "tau": 0.5, "Ginf": 4.0})]
+    shifts, times = (
+        [skin, *({"thickness": d, "material": law | change(i)} for i, (d, law) in enumerate(below))]
+        for change in (
+            lambda i: {"shift": SHIFTS[i].model_dump()},
+            lambda i: {"tau": below[i][1]["tau"] * factors[i]},
+        )
+    )
+    without = {key: value for key, value in heated.items() if key != "temperature"}
+    for time in ({"step": 0.25}, {"step": 0.25, "integrator": "backward_euler"}):
+        warm = run(heated | {"temperature": {"value": 26.0}, "layers": shifts}, time)
+        expected = run(without | {"layers": times}, time)
+        for column in (
+            "mean_pressure",
+            "stored",
+            "dissipated",
+        ):
+            np.testing.assert_allclose(warm[column], expected[column], rtol=1e-7, atol=1e-12)
+        assert warm["shift_factor"][0] == factors[0]
