@@ -117,7 +117,8 @@ class Modes:
         of_branch = _branch_modes(weights, times, self.relaxed, self._sums)
         total = self._sums.total(float(weights[of_branch].sum()))
         shape = weights[of_branch].sum(axis=0) / max(total, np.finfo(float).tiny)
-        branch_times = self._sums.maximum(times[of_branch].max(axis=1, initial=0.0))
+        held = np.where(weights[of_branch] > 0, times[of_branch], 0.0)
+        branch_times = self._sums.maximum(held.max(axis=1, initial=0.0))
         self._branches = BranchModes(
             moduli=self._sums.total(weights[of_branch].sum(axis=1)),
             shape=np.repeat(shape, 2),

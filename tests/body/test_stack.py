@@ -13,8 +13,9 @@ from mpmath import matrix, mp, mpc, mpf
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.maxwell import Elastic, Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.history.modes import SCHEMES, Modes
 
 # Of the stiffness: some tens of roundings of 2^-53 in each of at most seven layers.
 ROUNDING = 1e-13
@@ -233,3 +234,21 @@ def test_impossible_stacks_are_refused(layers: tuple[Layer, ...], rigid: bool) -
 def test_impossible_layers_are_refused(thickness: float, poisson: float) -> None:
     with pytest.raises(ValueError, match="must be"):
         Layer(thickness, poisson, SOFT)
+
+
+def test_steps_with_merged_modes_keep_to_the_bound() -> None:
+    # Modes that only one wavenumber has are rows of the spectrum too, padded at the other wavenumbers.
+    layers = (
+        Layer(0.01, 0.5, Elastic(5.0)),
+        Layer(0.1, 0.5, Zener(1.0, 10.0, 0.01525)),
+        Layer(0.2, 0.5, Zener(1.0, 4.0, 0.2589)),
+        Layer(math.inf, 0.3, Elastic(20.0)),
+    )
+    q, accuracy = 2 * np.pi * np.arange(65), 1e-10
+    found, exact = LayerStack(layers, accuracy=accuracy).spectrum(q), LayerStack(layers).spectrum(q)
+    assert ((found.weights > 0).sum(axis=1) == 1).any()
+    assert found.error <= accuracy
+    for dt in (0.01, 0.25, 10.0):
+        # Backward Euler's kappa is K at s = 1/dt.
+        kappa, expected = (Modes(each, SCHEMES["backward_euler"]).terms(dt)[0] for each in (found, exact))
+        np.testing.assert_allclose(kappa[1:], expected[1:], rtol=accuracy + 1e-13)
