@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -19,7 +19,6 @@ from gfmdlayer import Config, ConfigError, ConvergenceError, Prony, Sphere, Zene
 from gfmdlayer.config import digest
 from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.interrupts import STOP_SIGNALS
-from gfmdlayer.observables.effort import Effort
 
 X = np.arange(256) / 256 - 0.5
 SHORT: dict[str, Any] = {"time": {"end": 1.0, "step": 0.25}, "output": {"snapshots": [0.5, 1.0]}}
@@ -317,24 +316,39 @@ def test_a_dimension_is_not_named_as_an_argument_of_sel() -> None:
     assert found.contact_area.sel({"solver.method": "fire"}).dims == ("thickness", "time")
 
 
-def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    wanted, measure = gfmdlayer.run(LINE), Effort.measure
+# Ctrl-C after three steps; a process of its own, since signals come to the main thread of one.
+INTERRUPTED = """
+import os, signal
+import gfmdlayer, gfmdlayer.execution.run
+from gfmdlayer.observables.effort import Effort
+
+measure, rows = Effort.measure, 0
+
+def interrupting(self, step):
+    global rows
+    rows += 1
+    if rows == 3:
+        os.kill(os.getpid(), signal.SIGINT)
+    return measure(self, step)
+
+Effort.measure = interrupting
+gfmdlayer.execution.run.warm_up = lambda *_: {}  # it takes steps, too
+for options in ({}, {"out": "out"}):
     rows = 0
+    try:
+        gfmdlayer.run(LINE, **options)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
 
-    def interrupting(self: Effort, step: Any) -> Any:
-        nonlocal rows
-        rows += 1
-        if rows == 3:
-            os.kill(os.getpid(), signal.SIGINT)
-        return measure(self, step)
 
-    for options in ({}, {"out": "out"}):
-        rows = 0
-        with monkeypatch.context() as once:
-            once.setattr(Effort, "measure", interrupting)
-            once.setattr("gfmdlayer.execution.run.warm_up", lambda *_: {})  # it takes steps, too
-            with pytest.raises(KeyboardInterrupt):
-                gfmdlayer.run(LINE, **options)  # type: ignore[arg-type]
+def test_an_interrupted_run_raises_and_one_in_a_folder_goes_on() -> None:
+    wanted = gfmdlayer.run(LINE)
+    code = f"LINE = {LINE!r}\n{INTERRUPTED}"
+    said = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True
+    )
+    assert said.stdout == "interrupted\ninterrupted\n"
     assert Path("out/cases/0000.checkpoint").exists()
     with gfmdlayer.run(LINE, out="out") as found:
         xarray.testing.assert_equal(found, wanted)
