@@ -1,4 +1,4 @@
-"""The reference pages that follow from the code: configuration keys, output columns, command line, public names.
+"""Reference pages that follow from the code: configuration keys, output columns, command line, public names.
 
 They are written into reference/ when a build begins, and are never edited or committed.
 """
@@ -22,6 +22,20 @@ from gfmdlayer.observables import INDENTATION, OBSERVABLES
 from gfmdlayer.observables.observable import Column
 
 _KINDS = "oneOf", "anyOf"
+_KEYS = """\
+# Configuration keys
+
+Every key but `name` has a default. Keys are written dotted where they are named outside their section, as
+`layer.thickness` in `--set`, in a sweep and in messages; an entry of a list has its place, from 0:
+`layers.0.thickness`. Most keys can be swept. Meanings give the physical dimension; numbers are in any units that are
+used throughout, see [units](../guides/si-units.md).
+"""
+_COLUMNS = """\
+# Output columns
+
+A case file has a row for each accepted step; row 0 is at t = 0. Snapshots are fields at the times of
+`output.snapshots`. Dimensions are those of the configuration's `units` where it has them.
+"""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -45,8 +59,9 @@ def _write_pages(app: Sphinx, _settings: Settings) -> None:
             path.write_text(text, encoding="utf-8")
 
 
-def _keep_bars(_app: Sphinx, _kind: str, _name: str, _object: object, _options: object, lines: list[str]) -> None:
+def _keep_bars(_app: Sphinx, *documented: Any) -> None:
     """Mark magnitudes such as |x| as code, which reStructuredText would take for substitutions."""
+    lines: list[str] = documented[-1]
     lines[:] = [re.sub(r"(?<!`)\|([^|`]+)\|", r"``|\1|``", line) for line in lines]
 
 
@@ -63,11 +78,7 @@ def configuration() -> Iterator[str]:
     """Yield the page of all keys, section by section, as the schema for editors has them."""
     schema = json_schema()
     sections = schema["$defs"]
-    yield "# Configuration keys\n"
-    yield "Every key but `name` has a default. Keys are written dotted where they are named outside their section,"
-    yield "as `layer.thickness` in `--set`, in a sweep and in messages; an entry of a list has its place, from 0:"
-    yield "`layers.0.thickness`. Most keys can be swept. Meanings give the physical dimension; numbers are in any"
-    yield "units that are used throughout, see [units](../guides/si-units.md).\n"
+    yield _KEYS
     named = set()
     for key, section in schema["properties"].items():
         yield f"## {key}\n"
@@ -134,9 +145,7 @@ def _sentence(words: str) -> str:
 
 def columns() -> Iterator[str]:
     """Yield the page of the columns, from the declarations that the files are written by."""
-    yield "# Output columns\n"
-    yield "A case file has a row for each accepted step; row 0 is at t = 0. Snapshots are fields at the times of"
-    yield "`output.snapshots`. Dimensions are those of the configuration's `units` where it has them.\n"
+    yield _COLUMNS
     for observable in OBSERVABLES.values():
         declared = observable.COLUMNS
         if not declared:
