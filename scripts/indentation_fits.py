@@ -1,4 +1,4 @@
-"""How well force curves are fitted, what polynomial corrections get wrong: figures of docs/theory/indentation.md.
+"""How well force curves are fitted, what polynomial corrections get wrong: in docs/theory/indentation.md.
 
 python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how often 95 % intervals hold the truth
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
