@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
@@ -22,6 +22,7 @@ from gfmdlayer.config import sections, sweep_checks, sweeps, text
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
@@ -80,9 +81,9 @@ class Config(Section):
     """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
-    trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
+    trajectory: Trajectory = Field(default_factory=Trajectory)
     """what is prescribed over time"""
-    time: sections.Time = Field(default_factory=sections.Time)
+    time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
     """the contact problem of each step"""
@@ -90,6 +91,11 @@ class Config(Section):
     """what is kept besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
     """dotted keys and their values; the cases are their product"""
+
+    @field_validator("time")
+    @classmethod
+    def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
+        return ending_with(info.data.get("trajectory"), time)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -109,21 +115,8 @@ class Config(Section):
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
-        yield from self._problems_of_the_motion()
+        yield from problems_of_the_motion(self.trajectory, self.time)
         yield from self._problems_of_the_output()
-
-    def _problems_of_the_motion(self) -> Iterator[Problem]:
-        given, time = self.trajectory, self.time
-        velocity = "trajectory.velocity" if given.velocity is not None else "trajectory.velocity_file"
-        if given.moves and time.integrator == "backward_euler":
-            message = "got backward_euler with a moving punch; must be exponential, which follows it"
-            yield Problem(("time", "integrator"), message, (velocity,))
-        if time.steady is not None and (not given.moves or given.velocity == 0):
-            message = (
-                "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
-            )
-            others = ("trajectory.velocity", "trajectory.velocity_file")
-            yield Problem(("time", "steady"), message, others)
 
     def _problems_of_the_output(self) -> Iterator[Problem]:
         time, output = self.time, self.output
@@ -159,8 +152,11 @@ class Config(Section):
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
 
-        Without `units` the words stay: "length", "pressure / time".
+        Without `units` the words stay: "length", "pressure / time". A "drive" is what the trajectory
+        prescribes: a length, pressure or force.
         """
+        drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
+        words = words.replace("drive", drive)
         if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
@@ -204,6 +200,8 @@ class Config(Section):
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
                     data[head].pop(key, None)
+            if head == "trajectory" and "end" not in self.time.model_fields_set:
+                data["time"].pop("end", None)
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:
