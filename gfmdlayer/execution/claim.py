@@ -176,10 +176,7 @@ def _files(folder: Path) -> list[Path]:
 def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> Growth:
     """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
     if restart:
-        results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
-        inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
-        for path in (folder.sweep, *results, *inputs, folder.config):
-            path.unlink(missing_ok=True)
+        remove_results(folder)
     is_new = not folder.is_results()
     found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)
     if found.changed and own is not None:
@@ -193,6 +190,14 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
     if is_new or found.changed:
         folder.store(config, found.numbers)
     return found
+
+
+def remove_results(folder: Folder) -> None:
+    """Remove the results in a claimed folder, known by their exact names, and nothing else."""
+    results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
+    inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
+    for path in (folder.sweep, *results, *inputs, folder.config):
+        path.unlink(missing_ok=True)
 
 
 def _case_number(path: Path) -> int | None:

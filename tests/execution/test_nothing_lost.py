@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -89,6 +90,22 @@ def test_a_case_that_is_lost_before_collection_fails_by_name(
     (failure,) = summary.failures
     assert (failure.index, failure.reason) == (1, "no complete result file")
     assert run_here(small(SWEEP))[0].count("complete") == 3
+
+
+def test_a_flipped_bit_in_a_snapshot_sets_the_case_aside(
+    run_here: Run, bits: Callable[[str], dict[str, bytes]]
+) -> None:
+    run_here(small(SWEEP))
+    whole, path = bits("out"), Path("out/cases/0001.h5")
+    with h5py.File(path) as h5:
+        place = h5["pressure"].id.get_chunk_info(0).byte_offset
+    content = bytearray(path.read_bytes())
+    content[place + 9] ^= 1
+    path.write_bytes(content)
+    _, log = run_here(small(SWEEP))
+    assert "case 0001 is damaged: set aside as 0001.h5.aside, computed again" in log
+    assert Path("out/cases/0001.h5.aside").read_bytes() == content
+    assert bits("out") == whole
 
 
 def test_files_of_others_survive_a_run_and_a_restart(run_here: Run) -> None:
