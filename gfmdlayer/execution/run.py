@@ -148,7 +148,9 @@ def run_sweep(
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
             with reporter.preparing(_preparation(work.todo)):
-                wisdom = warm_up(work.todo, options.threads)
+                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom)
+            for line in said:
+                reporter.note(f"warning: {line}")
             task = partial(
                 run_case,
                 folder=folder,

@@ -12,8 +12,11 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
+from gfmdlayer.files.whole import unfinished
+
+_FORM = b"\ngfmdlayer seal %08x\n"
 _SEAL = re.compile(rb"\ngfmdlayer seal ([0-9a-f]{8})\n")
-_LENGTH = len(b"\ngfmdlayer seal 01234567\n")
+_LENGTH = len(_FORM % 0)
 _BLOCK = 1 << 16  # bytes read at a time
 
 
@@ -22,7 +25,7 @@ def seal(file: BinaryIO) -> None:
     size = file.seek(0, 2)
     checksum = _checksum(file, size)
     file.seek(size)
-    file.write(b"\ngfmdlayer seal %08x\n" % checksum)
+    file.write(_FORM % checksum)
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
@@ -52,6 +55,40 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
         file.seek(contents)
         found = _SEAL.fullmatch(file.read())
         return None if found is None else int(found[1], 16) == _checksum(file, contents)
+
+
+def write_sealed(path: Path, contents: bytes, replace: bool = True) -> None:
+    """Write a small file whole, with its seal.
+
+    Parameters
+    ----------
+    path : Path
+        The final name.
+    contents : bytes
+        The contents.
+    replace : bool
+        See `gfmdlayer.files.whole.publish`.
+
+    Raises
+    ------
+    OSError
+        See `gfmdlayer.files.whole.publish`.
+    """
+    with unfinished(path, replace=replace) as part:
+        part.write_bytes(contents + _FORM % zlib.crc32(contents))
+
+
+def read_sealed(path: Path) -> bytes | None:
+    """Return the contents of a small file without the seal; None where they are not those that were sealed.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    written = path.read_bytes()
+    contents = written[:-_LENGTH]
+    return contents if written == contents + _FORM % zlib.crc32(contents) else None
 
 
 def _checksum(file: BinaryIO, size: int) -> int:
