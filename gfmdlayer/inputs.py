@@ -84,9 +84,10 @@ def make_trajectory(config: Config) -> Trajectory:
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
-    target = getattr(given, given.control)
-    assert target is not None and given.ramp_time is not None  # noqa: PT018
-    return RampHold(target / unit, given.ramp_time)
+    if given.ramp_time is not None:
+        return RampHold(getattr(given, given.control) / unit, given.ramp_time)
+    times, values = np.array(given.corners).T
+    return Table(times, values / unit)
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
