@@ -24,12 +24,16 @@ from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.indentation import admissible
+from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
+from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
+from gfmdlayer.validation.several import OneOrMore
 from gfmdlayer.validation.units import Units
 
 Name = Annotated[
@@ -81,6 +85,8 @@ class Config(Section):
     """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
+    interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
+    """interaction across the gap beside the hard wall: a law, or a list of laws that add"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
     """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
@@ -115,8 +121,16 @@ class Config(Section):
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
-        yield from problems_of_the_motion(self.trajectory, self.time)
+        yield from self._problems_of_the_interface()
+        yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
+
+    def _problems_of_the_interface(self) -> Iterator[Problem]:
+        if self.interface == ():
+            yield Problem(("interface",), "got an empty list; must hold at least one {law: ...}")
+        for at, law in sections_in(self):
+            if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(self.units) is None:
+                yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
 
     def _problems_of_the_output(self) -> Iterator[Problem]:
         time, output = self.time, self.output
@@ -148,6 +162,13 @@ class Config(Section):
         """The laws of the layers from the surface down, and of the halfspace where it has one."""
         base = self.halfspace.material
         return (*(layer.material for layer in self.stacked), *(() if base is None else (base,)))
+
+    @property
+    def interfaces(self) -> tuple[Interface, ...]:
+        """The interface laws that attract, which add; none with the hard wall alone."""
+        given = self.interface
+        every = given if isinstance(given, tuple) else () if given is None else (given,)
+        return tuple(law for law in every if law.attracts)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
@@ -245,6 +266,8 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    if not config.interfaces:  # a hard wall that is named is the paper's all the same
+        left_out = left_out | {"interface": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:
