@@ -122,7 +122,7 @@ class Config(Section):
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
         yield from problems_of_the_interface(self)
-        yield from problems_of_the_motion(self.trajectory, self.time)
+        yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
     def _problems_of_the_output(self) -> Iterator[Problem]:

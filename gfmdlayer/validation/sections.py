@@ -27,10 +27,8 @@ from gfmdlayer.validation.problems import (
 )
 
 _SHAPES = {
-    "model_type": "a mapping of keys to values",
-    "dict_type": "a mapping of keys to values",
-    "tuple_type": "a list",
-    "list_type": "a list",
+    **dict.fromkeys(("model_type", "dict_type"), "a mapping of keys to values"),
+    **dict.fromkeys(("tuple_type", "list_type"), "a list"),
 }
 
 # Tags of the forms of a value, one or several, which pydantic puts into the places of its errors.
