@@ -5,6 +5,7 @@ TODO
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -66,9 +67,7 @@ class Newton(Stateless):
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if (problem.mean_is_fixed or not problem.interface.attracts) and (
-            trivial := trivial_solution(problem, self._transforms)
-        ):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, fields, plans = _system(problem), self._fields, self._transforms.plans
         progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
@@ -85,15 +84,15 @@ class Newton(Stateless):
                 break
         released = progress.released + (progress.drop if progress.unstable else 0.0)
         spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
-        return make_solution(
+        solution = make_solution(
             problem,
             u.copy(),
             fields.at.stress + progress.multiplier,
             spectrum,
             spent=(progress.pairs, progress.iterations),
             within=np.inf if converged else -1.0,
-            released_energy=released / u.size,
         )
+        return replace(solution, released_energy=released / u.size)
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
