@@ -20,6 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
@@ -117,7 +119,7 @@ class Solution:
     converged : bool
         Whether the residual is within the tolerance.
     released_energy : float
-        Energy per area that is lost at a fixed punch in instabilities; zero where the step stays on its branch.
+        Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
     """
 
     displacement: FloatArray

@@ -94,7 +94,9 @@ def set_interaction(system: System, at: Surface) -> float:
 
 
 @kernel(reorder=True, inner=True)
-def balance(system: System, at: Surface, held: FloatArray, part: float, step: Step) -> tuple[float, float, float]:
+def balance(
+    system: System, at: Surface, held: FloatArray, part: float, step: Step
+) -> tuple[float, float, float]:
     """Find the free points, and the pressure of the wall, which is out of balance on them.
 
     Parameters
@@ -175,7 +177,13 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    plans: Plans, system: System, curvature: FloatArray, damping: float, step: Step, floor: float, inexact: float
+    plans: Plans,
+    system: System,
+    curvature: FloatArray,
+    damping: float,
+    step: Step,
+    floor: float,
+    inexact: float,
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
@@ -199,7 +207,7 @@ def minimise(
     iterations : int
         Of two FFT pairs each.
     least : float
-        The curvature along the last direction, per area, where it is negative and ended the iteration; else 0.
+        The curvature along the last direction, per area, where it is negative; else 0.
     """
     free, _, force, d, Kd, direction, applied, z, softening, work = step
     n = d.size
@@ -261,7 +269,7 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
             value = values[i] - mean * moves[i]
             values[i] = value
             most[i] = abs(value) if abs(value) > most[i] else most[i]
-    return most.max()
+    return float(most.max())
 
 
 @kernel(reorder=True, inner=True)
@@ -363,4 +371,4 @@ def shorten(at: Surface, part: float, to: Surface) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: System, at: Surface) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return (system.h - at.u).min() > system.range and at.traction.max() < -system.load
+    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)

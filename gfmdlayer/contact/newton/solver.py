@@ -43,9 +43,10 @@ class Newton(Stateless):
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        at, to = (Surface(*(field() for _ in Surface._fields)) for _ in range(2))
+        at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
         work = spectrum()
-        step = Step(*(field() for _ in Step._fields[:-2]), np.empty(work.size), work)
+        free, pressure, force, d, Kd, direction, applied, z = (field() for _ in range(8))
+        step = Step(free, pressure, force, d, Kd, direction, applied, z, np.empty(work.size), work)
         self._fields = Fields(at, to, field(), step, spectrum())
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
@@ -130,7 +131,7 @@ def _system(problem: Problem) -> System:
 
 
 def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is zero, or nothing to double precision; infinite where it falls as a power."""
+    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
     reach = 0.0
     for form, _, length, width in zip(*law.terms, strict=True):
         if form == EXPONENTIAL:
