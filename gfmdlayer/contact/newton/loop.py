@@ -78,7 +78,9 @@ def iterate(
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
-    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = given
+    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = (
+        given
+    )
     iterations, n = 0, at.u.size
     set_stress(plans, system, at, fields.spectrum, step.work)
     set_interaction(system, at)
@@ -162,7 +164,18 @@ def iterate(
             to.curvature[i] = at.curvature[i]
     iterations += given.iterations
     return Progress(
-        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, iterations
+        done,
+        mean0,
+        damping,
+        descends,
+        unstable,
+        drop,
+        released,
+        pulled_off,
+        multiplier,
+        residual,
+        pairs,
+        iterations,
     )
 
 

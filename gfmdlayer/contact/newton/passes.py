@@ -103,7 +103,9 @@ def interaction_energy(system: System, u: FloatArray) -> float:
 
 
 @kernel(reorder=True, inner=True)
-def balance(system: System, at: Surface, held: FloatArray, part: float, step: Step) -> tuple[float, float, float]:
+def balance(
+    system: System, at: Surface, held: FloatArray, part: float, step: Step
+) -> tuple[float, float, float]:
     """Find the free points, and the pressure of the wall, which is out of balance on them.
 
     Parameters
@@ -184,7 +186,13 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    plans: Plans, system: System, curvature: FloatArray, damping: float, step: Step, floor: float, inexact: float
+    plans: Plans,
+    system: System,
+    curvature: FloatArray,
+    damping: float,
+    step: Step,
+    floor: float,
+    inexact: float,
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
