@@ -19,12 +19,12 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.adhesion import problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.indentation import admissible
-from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -121,16 +121,9 @@ class Config(Section):
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
-        yield from self._problems_of_the_interface()
+        yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
-
-    def _problems_of_the_interface(self) -> Iterator[Problem]:
-        if self.interface == ():
-            yield Problem(("interface",), "got an empty list; must hold at least one {law: ...}")
-        for at, law in sections_in(self):
-            if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(self.units) is None:
-                yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
 
     def _problems_of_the_output(self) -> Iterator[Problem]:
         time, output = self.time, self.output

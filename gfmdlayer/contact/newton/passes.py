@@ -81,24 +81,15 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 
 
 @kernel(reorder=True, inner=True)
-def set_interaction(system: System, at: Surface) -> None:
-    """Write traction and curvature of the interface."""
-    h, u, traction, curvature = system.h, at.u, at.traction, at.curvature
+def set_interaction(system: System, at: Surface) -> float:
+    """Write traction and curvature of the interface; return the sum of its energy over the points."""
+    h, u, traction, curvature, total = system.h, at.u, at.traction, at.curvature, 0.0
     for i in range(u.size):
         gap = h[i] - u[i]
-        traction[i], curvature[i] = 0.0, 0.0
+        energy, traction[i], curvature[i] = 0.0, 0.0, 0.0
         if gap < system.reach:
-            _, traction[i], curvature[i] = interact(gap, system.terms)
-
-
-@kernel(reorder=True, inner=True)
-def interaction_energy(system: System, u: FloatArray) -> float:
-    """Sum of the interface's energy over the points."""
-    total = 0.0
-    for i in range(u.size):
-        gap = system.h[i] - u[i]
-        if gap < system.reach:
-            total += interact(gap, system.terms)[0]
+            energy, traction[i], curvature[i] = interact(gap, system.terms)
+        total += energy
     return total
 
 

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, end_descent, hold, iterate
+from gfmdlayer.contact.newton.loop import Fields, Progress, hold, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -83,6 +83,7 @@ class Newton(Stateless):
             converged = within and progress.iterations == before.iterations
             if not within and progress.iterations < before.iterations + limit:
                 break
+        released = progress.released + (progress.drop if progress.unstable else 0.0)
         spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
         return make_solution(
             problem,
@@ -91,7 +92,7 @@ class Newton(Stateless):
             spectrum,
             spent=(progress.pairs, progress.iterations),
             within=np.inf if converged else -1.0,
-            released_energy=end_descent(system, fields, progress) / u.size,
+            released_energy=released / u.size,
         )
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
