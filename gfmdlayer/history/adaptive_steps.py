@@ -23,7 +23,7 @@ from dataclasses import asdict, dataclass
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.instabilities import MOST_SEPARATION, Change
+from gfmdlayer.history.instabilities import Change
 from gfmdlayer.history.time_points import SAME_TIME, Course, Instant, fingerprint, stops
 from gfmdlayer.resumable import State
 
@@ -35,6 +35,9 @@ _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _AFTER_KINK = 0.3  # first step after a kink, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
 _FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
+# Separation up to which a step counts as resolved at a tolerance of 1e-4, as the pull-off of a cylinder is at
+# rates from relaxed to glassy; and the largest at any.
+_SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
 _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
 
@@ -93,6 +96,7 @@ class AdaptiveSteps:
         self._integrator, self._tolerance, self._slowdown = integrator, tolerance, slowdown
         self._stops = stops(end, snapshots, kinks, times)
         self._attracted = least[1] > 0
+        self._separation = min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION)
         self._position = _Position(largest_response=least[0], largest_depth=least[1])
 
     def __iter__(self) -> Iterator[Instant]:
@@ -149,13 +153,13 @@ class AdaptiveSteps:
             now.next_step = self._integrator.shortest_time * self._slowdown * first
         else:
             error = self._error(spectrum, response, depth, (response_scale, depth_scale))
-            if change is not None and change.abrupt:
+            if change is not None and (change.jumps or change.separation > self._separation):
                 jump = change.drive * _ratio(abs(response - now.response), response_scale)
                 accepted = self._accepts_abrupt(max(error, jump), change)
             else:
                 accepted, widest = error <= self._tolerance, math.inf
                 if change is not None and change.separation > 0:
-                    widest = _SAFETY * MOST_SEPARATION / change.separation
+                    widest = _SAFETY * self._separation / change.separation
                 self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted, widest)
         if accepted:
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
@@ -215,7 +219,7 @@ class AdaptiveSteps:
         elif change.jumps:
             now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
         else:
-            now.next_step = min(max(_SAFETY * MOST_SEPARATION / change.separation, _SHRINK[0]), 0.5) * step
+            now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
         return accepted
 
     def _towards_jump(self) -> float:

@@ -1,12 +1,15 @@
 """Changes of an attracted surface over a step: instabilities, and how far the drive has gone meanwhile.
 
 Where an interface attracts, the surface may jump into contact or out of it while the punch hardly moves. The
-solver says so (`Solution.released_energy`). What it takes for one equilibrium after the other may also be two
-with a fast separation between them: a gap within the range of the interface that changes by a large part of
-this range in one step. Both are resolved by shorter steps (`adaptive_steps`): a separation that is only fast
-then takes several of them, and a jump is left in a step over which the drive changes little,
+solver says so (`Solution.released_energy`). A fast separation is another matter: a gap g that changes over
+one step by a large part of the range of the interface, or of itself where it is wider,
 
-    (depth, load or strength of the interface over the step) / (range, largest load or strength).
+    separation = max |change of g| / max(range, g)
+
+over the points. Both are resolved by shorter steps (`adaptive_steps`): a fast separation then takes several,
+and a jump is left in a step over which the drive changes little,
+
+    drive = (change of depth, load or strength of the interface) / (range, largest load, largest strength).
 """
 
 from __future__ import annotations
@@ -22,10 +25,6 @@ from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import State
 
-# Change of a gap over a step, in ranges of the interface, up to which a separation counts as resolved:
-# measured on the pull-off of a cylinder at rates from relaxed to glassy.
-MOST_SEPARATION = 0.3
-
 
 @dataclass(frozen=True)
 class Change:
@@ -36,7 +35,7 @@ class Change:
     jumps : bool
         Whether energy was released in an instability.
     separation : float
-        Largest change of a gap within the range of the interface, in ranges.
+        Largest change of a gap, relative to the range of the interface or the gap, whichever is larger.
     drive : float
         Change of what is prescribed, relative to its scale.
     """
@@ -44,11 +43,6 @@ class Change:
     jumps: bool
     separation: float
     drive: float
-
-    @property
-    def abrupt(self) -> bool:
-        """Whether the step does not resolve how the surface moved."""
-        return self.jumps or self.separation > MOST_SEPARATION
 
 
 class Changes:
@@ -88,8 +82,8 @@ class Changes:
         scale = self._scales(drive, reach, load=problem.mean_pressure is not None)
         parts = zip(drive, self._drive, scale, strict=True)
         moved = max(abs(now - before) / most if most else 0.0 for now, before, most in parts)
-        nearest = self._sums.maximum(_separation(self._gap, solution.gap, reach))
-        return Change(solution.released_energy > 0, nearest / reach, moved)
+        separation = self._sums.maximum(_separation(self._gap, solution.gap, reach))
+        return Change(solution.released_energy > 0, separation, moved)
 
     def remember(self, prescribed: float, problem: Problem, solution: Solution) -> None:
         """Take note of an accepted step, see `over`."""
@@ -116,12 +110,12 @@ class Changes:
 
 @kernel(reorder=True)
 def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
-    """Largest change among the gaps that are within reach before or after."""
+    """Largest change of a gap over the reach, or over the lesser of the gaps before and after."""
     most = np.zeros(LANES)
     for first in range(0, before.size, LANES):
         old, new = before[first : first + LANES], after[first : first + LANES]
         for i in range(old.size):
-            change = abs(new[i] - old[i])
-            near = old[i] < reach or new[i] < reach
-            most[i] = change if near and change > most[i] else most[i]
+            change, gap = abs(new[i] - old[i]), min(old[i], new[i])
+            change /= gap if gap > reach else reach
+            most[i] = change if change > most[i] else most[i]
     return most.max()  # type: ignore[no-any-return]
