@@ -61,7 +61,9 @@ class EnergyBalance(Observable):
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated = step.energy.stored, step.energy.dissipated
         interface = step.problem.interface
-        attraction = float(interface.energy(step.solution.gap).mean()) if interface.attracts else 0.0
+        attraction = float(step.row.get("interface_energy", 0.0))
+        if interface.attracts and "interface_energy" not in step.row:  # an interface beside the configuration
+            attraction = float(interface.energy(step.solution.gap).mean())
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:

@@ -185,9 +185,12 @@ def write_at(dataset: h5d.DatasetID, start: tuple[int, ...], values: NDArray[Any
     dataset.write(h5s.create_simple(values.shape), space, values)
 
 
-def set_attributes(h5: h5py.File, attributes: Mapping[str, str | int | float]) -> None:
-    """Set or replace attributes of a file, in a third of the time that h5py's own attrs take."""
+def set_attributes(h5: h5py.File, attributes: Mapping[str, str | int | float | NDArray[Any]]) -> None:
+    """Set or replace attributes of a file, single values in a third of the time of h5py's own attrs."""
     for name, value in attributes.items():
+        if isinstance(value, np.ndarray):
+            h5.attrs[name] = value
+            continue
         key, python = name.encode(), next(each for each in _KINDS if isinstance(value, each))
         kind, stored = _KINDS[python]
         if h5a.exists(h5.id, key):
