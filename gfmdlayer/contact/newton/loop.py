@@ -33,6 +33,7 @@ _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two sta
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
 _RESOLVED = 0.3  # likewise down the energy
 _LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_TOO_FAR = 0.25  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
@@ -77,7 +78,9 @@ def iterate(
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
-    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = given
+    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = (
+        given
+    )
     iterations, n, settled = 0, at.u.size, False
     set_stress(plans, system, at, fields.spectrum, step.work)
     energy = set_interaction(system, at)
@@ -133,11 +136,11 @@ def iterate(
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         change = elastic + after - energy
         uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
-        if done == target and (uphill or (descends and way < 0.5)):
+        if done == target and (uphill or (descends and way < _TOO_FAR)):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
             damping = max(_SHORTER * damping, 0.01 * system.softest)
-            if damping > _HOPELESS * (system.softest - at.curvature.min()):
+            if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
         at, to, swapped, energy = to, at, not swapped, after
@@ -146,7 +149,8 @@ def iterate(
             continue
         drop -= change
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
-        damping *= min(max(error / _RESOLVED, 1.0 / _LONGER), 1.0)
+        # The error grows as the square of the step, and the step as the inverse of the damping.
+        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
         damping = 0.0 if damping < _AT_REST * system.softest else damping
         if system.load < 0.0 and not system.mean_is_fixed:
             pulled_off = lost(system, at)
@@ -158,7 +162,18 @@ def iterate(
             to.curvature[i] = at.curvature[i]
     iterations += given.iterations
     return Progress(
-        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, iterations
+        done,
+        mean0,
+        damping,
+        descends,
+        unstable,
+        drop,
+        released,
+        pulled_off,
+        multiplier,
+        residual,
+        pairs,
+        iterations,
     )
 
 

@@ -207,7 +207,7 @@ def minimise(
     iterations : int
         Of two FFT pairs each.
     least : float
-        The curvature along the last direction, per area, where it is negative and ended the iteration; else 0.
+        The curvature along the last direction, per area, where it is negative; else 0.
     """
     free, _, force, d, Kd, direction, applied, z, softening, work = step
     n = d.size
@@ -269,7 +269,7 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
             value = values[i] - mean * moves[i]
             values[i] = value
             most[i] = abs(value) if abs(value) > most[i] else most[i]
-    return most.max()
+    return float(most.max())
 
 
 @kernel(reorder=True, inner=True)
@@ -371,4 +371,4 @@ def shorten(at: Surface, part: float, to: Surface) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: System, at: Surface) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return (system.h - at.u).min() > system.range and at.traction.max() < -system.load
+    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)
