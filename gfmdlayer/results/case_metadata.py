@@ -29,6 +29,7 @@ SAME_TIME = 1e-9
 _NAMED = 5  # cases in a line of the notes
 OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
 
 
