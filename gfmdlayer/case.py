@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
@@ -21,13 +20,13 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.instabilities import Change, Changes
+from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
-from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import FixedSteps, Instant, Steps, equal_steps, landing_steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -52,36 +51,6 @@ class Integrator(Energy, Resumable, Protocol):
 
     def advance(self, spectrum: ComplexArray) -> None:
         """Carry the history on with the accepted displacement."""
-        ...
-
-
-class Steps(Resumable, Protocol):
-    """The time points of a run."""
-
-    def __iter__(self) -> Iterator[Instant]:
-        """Return the time points in order; a rejected one is followed by an earlier one."""
-        ...
-
-    def accepts(
-        self, spectrum: ComplexArray, found: float, depth: float, change: Change | None = None
-    ) -> bool:
-        """Return whether the last step is accurate enough.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex
-            Displacement at its end.
-        found : float
-            Mean pressure at a prescribed depth, depth under a prescribed load.
-        depth : float
-            Depth of the punch.
-        change : Change, optional
-            Over the step, where the interface attracts.
-        """
-        ...
-
-    def course(self) -> Course | None:
-        """Return the course so far where the next step is the first that may depend on the end of the run."""
         ...
 
 

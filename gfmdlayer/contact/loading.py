@@ -135,6 +135,24 @@ def _without_mean(values: Values) -> Values:
     return rest
 
 
+def pulled_off(problem: Problem, solution: Solution) -> bool:
+    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
+
+    Further away the traction is less still, so that there is no equilibrium left to find.
+
+    Parameters
+    ----------
+    problem : Problem
+        The contact problem.
+    solution : Solution
+        The last state of the solver, which need not have converged.
+    """
+    load, gap = problem.mean_pressure, solution.gap
+    if load is None or load >= 0 or not problem.interface.attracts:
+        return False
+    return bool(gap.min() > problem.interface.range and problem.interface.traction(gap).max() < -load)
+
+
 # The trajectory of a force is that of the mean pressure, force over cell.
 CONTROLS: dict[str, Callable[[FloatArray, Trajectory, InterfaceLaw], Loading]] = {
     "depth": DepthControl,

@@ -22,6 +22,7 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.arrays import Attribute
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
 from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
@@ -31,8 +32,6 @@ from gfmdlayer.results.schema import VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
-
-Attribute = str | int | float
 
 
 class CaseWriter:

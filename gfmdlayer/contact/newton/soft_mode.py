@@ -16,7 +16,16 @@ from __future__ import annotations
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.passes import Step, Surface, System, apply, begin, move, set_interaction, set_stress
+from gfmdlayer.contact.newton.passes import (
+    Step,
+    Surface,
+    System,
+    apply,
+    begin,
+    move,
+    set_interaction,
+    set_stress,
+)
 from gfmdlayer.grid.transforms import Plans
 from gfmdlayer.kernels import kernel
 
