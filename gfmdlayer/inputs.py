@@ -16,6 +16,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
+from gfmdlayer.grid.slabs import SlabGrid
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.indentation import admissible
 from gfmdlayer.punch.height_files import fitting
@@ -23,8 +25,10 @@ from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
 
-def make_grid(config: Config) -> Grid:
-    """Return the grid of a case."""
+def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:
+    """Return the grid of a case, over the ranks that compute it."""
+    if isinstance(ranks, MpiRanks):
+        return SlabGrid(config.grid.points, config.grid.period, members=ranks)
     return Grid(config.grid.points, config.grid.period)
 
 
@@ -182,7 +186,7 @@ def times_of_response(
     fastest = 0.0
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
-        fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
+        fastest = float(np.abs(values).max()) * float(np.abs(grid.wavevectors[0]).max())
     shortest = min(shortest, 1 / fastest) if fastest else shortest
     least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
     return shortest / most, time.end / least

@@ -62,6 +62,11 @@ class Grid:
         return (*self.points[:-1], self.points[-1] // 2 + 1)
 
     @property
+    def waves_y(self) -> range:
+        """Numbers of waves along the last axis of the modes that this process holds."""
+        return range(self.points[-1] // 2 + 1)
+
+    @property
     def coordinates(self) -> tuple[FloatArray, ...]:
         """Coordinates x_j = j L/n - L/2 along each axis, one 1-D array an axis."""
         return tuple(

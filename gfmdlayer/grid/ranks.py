@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-Partial = TypeVar("Partial", float, NDArray[Any])
+Partial = TypeVar("Partial", int, float, NDArray[Any])
 
 
 class Ranks:
@@ -50,6 +50,14 @@ class Ranks:
     def set_mean_wave(self, values: NDArray[Any], value: complex) -> None:
         """Set the value at the wave q = 0, of one value a mode."""
         values[0] = value
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        return 0, number
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        return rows
 
 
 ALONE = Ranks()
@@ -98,6 +106,16 @@ class MpiRanks(Ranks):
         """Set the value at the wave q = 0, on the first rank."""
         if self.first:
             values[0] = value
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        every = self.every(number)
+        return int(every[: self.number].sum()), int(every.sum())
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        parts = self.communicator.gather(rows)
+        return np.concatenate(parts) if self.first else rows[:0]
 
 
 def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:

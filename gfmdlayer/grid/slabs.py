@@ -79,6 +79,11 @@ class SlabGrid(Grid):
         return self._part(self.points[1] // 2 + 1)
 
     @property
+    def waves_y(self) -> range:
+        """Numbers of waves along the last axis of the modes that this rank holds."""
+        return range(self.columns.start, self.columns.stop)
+
+    @property
     def coordinates(self) -> tuple[FloatArray, ...]:
         """Coordinates along each axis of the points that this rank holds."""
         x, y = super().coordinates

@@ -33,8 +33,8 @@ class EnergyBalance(Observable):
         Column("energy_residual", "work - stored - dissipated - energy of the interface, per area", _UNITS),
     )
 
-    def __init__(self, _case: Parts) -> None:
-        self._work = 0.0
+    def __init__(self, case: Parts) -> None:
+        self._work, self._sums = 0.0, case.grid.sums
         self._normal: deque[Point] = deque(maxlen=2)  # depths and mean pressures
         self._tangential: deque[Point] = deque(maxlen=2)  # positions and tangential stresses
 
@@ -42,7 +42,7 @@ class EnergyBalance(Observable):
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated = step.energy.stored, step.energy.dissipated
         interface = step.problem.interface
-        attraction = float(interface.energy(step.solution.gap).mean()) if interface.attracts else 0.0
+        attraction = self._sums.mean(interface.energy(step.solution.gap)) if interface.attracts else 0.0
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:
