@@ -107,7 +107,9 @@ class DepthControl(_Prescribed):
     ) -> Problem:
         """Contact problem of a step."""
         obstacle = self.punch - self.trajectory(time)
-        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface, self.ranks)
+        return Problem(
+            kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time), self.ranks
+        )
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as the solver found it."""
@@ -125,7 +127,7 @@ class LoadControl(_Prescribed):
         """Contact problem of a step, without the mean."""
         kappa, b = self._without_mean(kappa), self._without_mean(b)
         load = self.trajectory(time)
-        others = self.height, self.interface, self.ranks
+        others = self.height, self.interface.at(time), self.ranks
         return Problem(kappa, b, self.punch, load, loss_stiffness, *others)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
