@@ -263,7 +263,11 @@ class Case:
         """Solver of the contact problem, within the iterations for an attraction and for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
         declared, tolerance = SOLVERS[given.method], given.tolerance
-        options = {} if given.inertia is None else {"mass_weighted": given.inertia == "mass_weighted"}
+        options: dict[str, object] = {}
+        if given.inertia is not None:
+            options["mass_weighted"] = given.inertia == "mass_weighted"
+        if declared.distributed:
+            options["grid"] = self.grid
         attracted = self.interface.attracts and not declared.adhesive
         moved = self.velocity is not None and not declared.nonsymmetric
         # Each iteration around a solver leaves a part of the tolerance to it.

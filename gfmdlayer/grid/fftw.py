@@ -10,36 +10,45 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pyfftw
-
-from gfmdlayer.arrays import FloatArray
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on idle ones they are not measured.
 WORTH_THREADS = 1 << 18
 
 _MEASURE, _DESTROY_INPUT = 0, 1 << 0  # fftw3.h
+_NEXT = "\n(fftw"  # where the wisdom of the next precision begins
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
 _PLANNER = (_POINTER, [_INT, ctypes.POINTER(_INT), _POINTER, _POINTER, ctypes.c_uint])
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
-    "fftw_plan_dft_r2c": _PLANNER,
-    "fftw_plan_dft_c2r": _PLANNER,
-    "fftw_execute_dft_r2c": (None, [_POINTER] * 3),
-    "fftw_execute_dft_c2r": (None, [_POINTER] * 3),
-    "fftw_destroy_plan": (None, [_POINTER]),
-    "fftw_sprint_plan": (_POINTER, [_POINTER]),
-    "fftw_set_timelimit": (None, [ctypes.c_double]),
-    "fftw_init_threads": (_INT, []),
-    "fftw_plan_with_nthreads": (None, [_INT]),
-    "free": (None, [_POINTER]),
+    "plan_dft_r2c": _PLANNER,
+    "plan_dft_c2r": _PLANNER,
+    "execute_dft_r2c": (None, [_POINTER] * 3),
+    "execute_dft_c2r": (None, [_POINTER] * 3),
+    "destroy_plan": (None, [_POINTER]),
+    "sprint_plan": (_POINTER, [_POINTER]),
+    "set_timelimit": (None, [ctypes.c_double]),
+    "init_threads": (_INT, []),
+    "plan_with_nthreads": (None, [_INT]),
 }
 C: Any = ctypes.CDLL(pyfftw.pyfftw.__file__)
-for _name, (_result, _arguments) in _SIGNATURES.items():
-    getattr(C, _name).restype, getattr(C, _name).argtypes = _result, _arguments
+C.free.restype, C.free.argtypes = None, [_POINTER]
+
+
+def _functions(prefix: str) -> Any:
+    """FFTW's functions in one precision, whose names begin alike."""
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(C, f"{prefix}_{name}")
+        function.restype, function.argtypes = result, arguments
+    return SimpleNamespace(**{name: getattr(C, f"{prefix}_{name}") for name in _SIGNATURES})
+
+
+DOUBLE, SINGLE = _functions("fftw"), _functions("fftwf")
 
 
 class PlanPair:
@@ -53,6 +62,8 @@ class PlanPair:
         Seconds that measuring may take.
     threads : int
         Threads of a transform of `WORTH_THREADS` points or more.
+    single : bool
+        Whether in single precision.
 
     Raises
     ------
@@ -60,28 +71,36 @@ class PlanPair:
         If FFTW makes no plan.
     """
 
-    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int) -> None:
+    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)
-        field, spectrum = aligned(size), aligned(2 * modes)  # measured on
+        field, spectrum = aligned(size, single), aligned(2 * modes, single)  # measured on
+        fftw = self._functions = SINGLE if single else DOUBLE
         axes = len(shape), (_INT * len(shape))(*shape)
-        C.fftw_set_timelimit(time_limit)
-        if threads > 1 and size >= WORTH_THREADS and C.fftw_init_threads():
-            C.fftw_plan_with_nthreads(threads)
-        self.forward = C.fftw_plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
-        self.backward = C.fftw_plan_dft_c2r(
+        fftw.set_timelimit(time_limit)
+        if threads > 1 and size >= WORTH_THREADS and fftw.init_threads():
+            fftw.plan_with_nthreads(threads)
+        self.forward = fftw.plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
+        self.backward = fftw.plan_dft_c2r(
             *axes, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
         )
         if threads > 1:
-            C.fftw_plan_with_nthreads(1)
+            fftw.plan_with_nthreads(1)
         for plan in filter(None, (self.forward, self.backward)):
-            weakref.finalize(self, C.fftw_destroy_plan, plan)
+            weakref.finalize(self, fftw.destroy_plan, plan)
         if not (self.forward and self.backward):
             raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
 
     @property
     def description(self) -> str:
         """Both plans as FFTW prints them: how they split the transform, and by which codelets."""
-        return "\n".join(_description(plan) for plan in (self.forward, self.backward))
+        return "\n".join(self._described(plan) for plan in (self.forward, self.backward))
+
+    def _described(self, plan: int) -> str:
+        text = self._functions.sprint_plan(plan)
+        try:
+            return ctypes.string_at(text).decode()
+        finally:
+            C.free(text)
 
 
 class _Cache:
@@ -89,18 +108,20 @@ class _Cache:
 
     def __init__(self) -> None:
         self.wisdom: str | None = None
-        self.pairs: dict[tuple[tuple[int, ...], float, int], PlanPair] = {}
+        self.pairs: dict[tuple[tuple[int, ...], float, int, bool], PlanPair] = {}
 
 
 _cache = _Cache()
 
 
-def plan_pair(shape: tuple[int, ...], wisdom: str | None, time_limit: float, threads: int) -> PlanPair:
+def plan_pair(
+    shape: tuple[int, ...], wisdom: str | None, time_limit: float, threads: int, single: bool
+) -> PlanPair:
     """Plans of a shape, from the cache if they were made from the same wisdom before.
 
     Parameters
     ----------
-    shape, time_limit, threads
+    shape, time_limit, threads, single
         As in `PlanPair`.
     wisdom : str, optional
         Wisdom that FFTW imports first.
@@ -112,17 +133,19 @@ def plan_pair(shape: tuple[int, ...], wisdom: str | None, time_limit: float, thr
     """
     if wisdom and wisdom != _cache.wisdom:
         forget_wisdom()  # FFTW ignores imported wisdom that it ranks below its own
-        pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+        double, begin, single_too = wisdom.partition(_NEXT)
+        pyfftw.import_wisdom((double.encode(), (begin + single_too).lstrip().encode(), b""))
     _cache.wisdom = wisdom
-    key = shape, time_limit, threads
+    key = shape, time_limit, threads, single
     if key not in _cache.pairs:
         _cache.pairs[key] = PlanPair(*key)
     return _cache.pairs[key]
 
 
 def export_wisdom() -> str:
-    """FFTW's accumulated wisdom in double precision."""
-    return str(pyfftw.export_wisdom()[0].decode())
+    """FFTW's accumulated wisdom in double precision, followed by that in single precision."""
+    double, single, _ = pyfftw.export_wisdom()
+    return str(double.decode().rstrip() + "\n" + single.decode())
 
 
 def forget_wisdom() -> None:
@@ -132,19 +155,11 @@ def forget_wisdom() -> None:
     _cache.pairs.clear()
 
 
-def aligned(size: int) -> FloatArray:
-    """Uninitialised numbers, aligned as any plan accepts them."""
-    return np.asarray(pyfftw.empty_aligned(size, np.float64, n=64))
+def aligned(size: int, single: bool = False) -> Any:
+    """Uninitialised flat real numbers, aligned as any plan accepts them."""
+    return pyfftw.empty_aligned(size, np.float32 if single else np.float64, n=64)
 
 
 def address(function: Any) -> int:
     """Address of a C function, as compiled code calls it."""
     return int(ctypes.cast(function, _POINTER).value or 0)
-
-
-def _description(plan: int) -> str:
-    text = C.fftw_sprint_plan(plan)
-    try:
-        return ctypes.string_at(text).decode()
-    finally:
-        C.free(text)

@@ -6,7 +6,7 @@ grid's shape; their transforms are real-to-complex, so the last axis of a spectr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, prod
 
@@ -59,7 +59,7 @@ class Grid:
     @cached_property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
-        squares = sum(np.square(axis) for axis in self._wavevectors())
+        squares = sum(np.square(axis) for axis in self.wavevectors)
         return np.asarray(np.sqrt(squares), dtype=np.float64)
 
     @cached_property
@@ -68,7 +68,7 @@ class Grid:
 
         The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
         """
-        q = np.broadcast_to(self._wavevectors()[0], self.spectral_shape)
+        q = np.broadcast_to(self.wavevectors[0], self.spectral_shape)
         largest = np.pi * self.points[0] / self.period[0]
         return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
 
@@ -86,7 +86,41 @@ class Grid:
         """Sums, means and extrema over the points and the waves of the grid."""
         return Sums(self.parseval_weights)
 
-    def _wavevectors(self) -> list[FloatArray]:
+    @property
+    def is_whole(self) -> bool:
+        """Whether this process holds all points."""
+        return self.shape == self.points
+
+    @property
+    def first_row(self) -> int:
+        """Row of the whole grid that is the first of this process."""
+        return 0
+
+    def halo(self, rows: FloatArray, before: int, after: int) -> tuple[FloatArray, FloatArray]:
+        """Return the rows of the periodic surface beside those that this process holds.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (rows, columns)
+            One value a point; a line is one row.
+        before, after : int
+            Numbers of rows before the first and after the last one.
+
+        Returns
+        -------
+        ndarray, ndarray, shapes (before, columns) and (after, columns)
+        """
+        held = len(rows)
+        return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
+
+    def coarser(self, fewest: int) -> Grid | None:
+        """Return the grid with half the points of each axis that has twice the fewest, if one has."""
+        points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
+        return None if points == self.points else replace(self, points=points)
+
+    @property
+    def wavevectors(self) -> list[FloatArray]:
+        """Components of the wavevector of each mode, one array an axis, which broadcast together."""
         axes = [
             2 * np.pi * np.fft.fftfreq(n, length / n)
             for n, length in zip(self.points[:-1], self.period[:-1], strict=True)
