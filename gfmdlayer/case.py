@@ -28,7 +28,7 @@ from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
@@ -208,14 +208,14 @@ class Case:
 
     @cached_property
     def interface(self) -> InterfaceLaw:
-        """Interaction of surface and punch across the gap: the paper's hard wall."""
-        return HARD_WALL
+        """Interaction of surface and punch across the gap, beside the hard wall."""
+        return inputs.make_interface(self.config)
 
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
         trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
-        return inputs.kinks(trajectory, self.velocity, self.clocks)
+        return inputs.kinks(self.clocks, trajectory, self.velocity, self.interface)
 
     @cached_property
     def loading(self) -> Loading:

@@ -1,10 +1,10 @@
-"""How well force curves are fitted, what polynomial corrections get wrong: figures of docs/indentation.md.
+"""How well force curves are fitted, what polynomial corrections get wrong: in docs/theory/indentation.md.
 
 python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how often 95 % intervals hold the truth
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
 python scripts/indentation_fits.py thickness          how thick is thick enough
 python scripts/indentation_fits.py histories          which history tells which parameters apart
-python scripts/indentation_fits.py figure             docs/indentation.svg
+python scripts/indentation_fits.py figure             docs/theory/indentation.svg
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 ORDER = (
     "arrays", "resumable", "kernels", "files", "validation", "body", "grid", "punch", "interface", "contact",
     "history", "indentation", "config", "inputs", "notes", "observables", "results", "figures", "case",
-    "simulation", "fitting", "execution", "force_maps", "interactive", "verification", "cli", "__main__",
-    "__init__",
+    "simulation", "preparation", "fitting", "execution", "force_maps", "interactive", "verification", "cli",
+    "__main__", "__init__",
 )  # fmt: skip
 
 

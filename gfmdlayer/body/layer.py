@@ -145,7 +145,7 @@ class LayeredHalfspace:
         return 2 * (1 - self.poisson) / ((1 - 2 * self.poisson) * self.thickness)
 
     def quadratics(self, q: ArrayLike) -> Quadratics:
-        """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape (3, *q.shape)."""
+        """Coefficients of the quadratics N and D for wavenumbers q > 0, each of shape ``(3, *q.shape)``."""
         x = self.depths(q)
         # e - 1 and c - 1 are formed first: near nu = 1/2 they are exact, and e and c have lost their digits.
         e_1, c_1 = 2 * (1 - 2 * self.poisson), 2 * (1 - 2 * self.bulk_poisson)

@@ -20,8 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-import numpy as np
-
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
@@ -87,8 +85,7 @@ class Problem:
         """Bounds of the residual's scales."""
         if not self.interface.attracts:
             return ResidualFloor(self.softest, self.least_depth)
-        strongest = float(self.interface.traction(np.zeros(1))[0])
-        return ResidualFloor(self.softest, self.least_depth, strongest, self.interface.range)
+        return ResidualFloor(self.softest, self.least_depth, self.interface.strength, self.interface.range)
 
     def wall_pressure(self, pressure: FloatArray, gap: FloatArray) -> FloatArray:
         """Pressure p_c = p + tau(g) of the wall, from the compressive stress p of the surface."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 import traceback
+import warnings
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from functools import partial
@@ -179,12 +180,32 @@ def attributes(config: Config) -> dict[str, str | float]:
     return found
 
 
-def warm_up(todo: Sequence[Case], threads: int = 1) -> Wisdom:
-    """Compile kernels and plan transforms before the workers start, once for each kind of case."""
-    from gfmdlayer import simulation
+def warm_up(todo: Sequence[Case], threads: int = 1, results: Path | None = None) -> tuple[Wisdom, list[str]]:
+    """Compile kernels and plan transforms before the workers start, once for each kind of case.
+
+    Parameters
+    ----------
+    todo : sequence of Case
+        The cases.
+    threads : int
+        Threads that the transforms may use.
+    results : Path, optional
+        Where the wisdom of the results is kept.
+
+    Returns
+    -------
+    wisdom : dict
+        FFTW wisdom for each shape of the grid.
+    said : list of str
+        Where plans or kernels are not those of other runs.
+    """
+    from gfmdlayer.preparation import warm_up
 
     wisdom: Wisdom = {}
-    for config in {kind(case.config): case.config for case in todo}.values():
-        with suppress(Exception):  # the case will meet it again, and be recorded as failed
-            wisdom[config.grid.points] = simulation.warm_up(config, threads=threads)
-    return wisdom
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        for config in {kind(case.config): case.config for case in todo}.values():
+            with suppress(Exception):  # the case will meet it again, and be recorded as failed
+                wisdom[config.grid.points] = warm_up(config, threads=threads, results=results)
+    said = [str(each.message) for each in caught if each.category is UserWarning]
+    return wisdom, list(dict.fromkeys(said))

@@ -33,13 +33,14 @@ from gfmdlayer.files.whole import is_unfinished, unfinished_path
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint|journal\d|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
+_WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint|state){_PART})")
 _STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
-_FOLDERS = ("cases", "arrays", "inputs")  # those of a run that was killed in its first instant
+_FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
 
 
@@ -176,10 +177,7 @@ def _files(folder: Path) -> list[Path]:
 def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int] | None) -> Growth:
     """Remove files of dead runs, of all cases or only `own` beside other runs; store the configuration."""
     if restart:
-        results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
-        inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
-        for path in (folder.sweep, *results, *inputs, folder.config):
-            path.unlink(missing_ok=True)
+        remove_results(folder)
     is_new = not folder.is_results()
     found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)
     if found.changed and own is not None:
@@ -193,6 +191,15 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
     if is_new or found.changed:
         folder.store(config, found.numbers)
     return found
+
+
+def remove_results(folder: Folder) -> None:
+    """Remove the results in a claimed folder, known by their exact names, and nothing else."""
+    results = (path for path in _files(folder.cases) if _matched(_RESULT, path.name))
+    inputs = (path for path in _files(folder.path / "inputs") if _INPUT.fullmatch(path.name))
+    wisdom = (path for path in _files(folder.wisdom) if _WISDOM.fullmatch(path.name))
+    for path in (folder.sweep, *results, *inputs, *wisdom, folder.config):
+        path.unlink(missing_ok=True)
 
 
 def _case_number(path: Path) -> int | None:

@@ -148,7 +148,9 @@ def run_sweep(
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
             with reporter.preparing(_preparation(work.todo)):
-                wisdom = warm_up(work.todo, options.threads)
+                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom)
+            for line in said:
+                reporter.note(f"warning: {line}")
             task = partial(
                 run_case,
                 folder=folder,
@@ -187,12 +189,12 @@ def _done(work: _Work) -> list[Case]:
 
 
 def _is_done(case: Case, folder: Folder) -> bool:
-    from gfmdlayer.results.reader import is_complete
+    from gfmdlayer.results.reader import attributes, is_complete
 
     path = folder.case(case.index)
     if not is_complete(path):
         return False
-    if not is_complete(path, digest(case.config)):
+    if attributes(path).get("digest") != digest(case.config):
         raise FolderError(f"{path}: was computed from other input (has a file changed?); {WAYS_OUT}")
     return True
 

@@ -24,6 +24,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.files.seals import is_intact
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
@@ -160,7 +161,9 @@ def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> 
 def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
     """Read the file of a case; None where it is missing, damaged, or of another digest."""
     try:
-        with h5py.File(path, locking="best-effort") as h5:
+        if is_intact(path) is False:
+            return None
+        with h5py.File(path, locking=False) as h5:
             if h5.attrs["complete"] != 1 or (digest is not None and h5.attrs["digest"] != digest):
                 return None
             keys = [key.decode() for key in h5["parameter"][:]]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import text
-from gfmdlayer.execution.claim import held, leftovers
+from gfmdlayer.execution.claim import held, leftovers, remove_results
 from gfmdlayer.execution.folder import MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.run import Summary
@@ -28,8 +28,6 @@ from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import Free, Model
 from gfmdlayer.force_maps.case_file import FitTask, MapCase, read_estimates
 from gfmdlayer.force_maps.map_file import collect
-
-NUMBERED = ("*.h5", "*.failed")  # results in the folder of the cases, which --restart removes
 
 
 class ForceMap:
@@ -165,8 +163,7 @@ class ForceMap:
                         path.unlink(missing_ok=True)
             with held(folder):
                 if restart:
-                    for path in (folder.sweep, *(p for kind in NUMBERED for p in folder.cases.glob(kind))):
-                        path.unlink(missing_ok=True)
+                    remove_results(folder)
                 if restart or not known:
                     write_text(folder.config, self.document)
                 try:

@@ -10,8 +10,10 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyfftw
@@ -25,9 +27,15 @@ _NEXT = "\n(fftw"  # where the wisdom of the next precision begins
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
 _PLANNER = (_POINTER, [_INT, ctypes.POINTER(_INT), _POINTER, _POINTER, ctypes.c_uint])
+_LAYOUT = [_POINTER, ctypes.POINTER(_INT), _INT, _INT]  # array, embedding, stride and distance
+_MANY = [_INT, ctypes.POINTER(_INT), _INT, *_LAYOUT, *_LAYOUT]
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "plan_dft_r2c": _PLANNER,
     "plan_dft_c2r": _PLANNER,
+    "plan_many_dft_r2c": (_POINTER, [*_MANY, ctypes.c_uint]),
+    "plan_many_dft_c2r": (_POINTER, [*_MANY, ctypes.c_uint]),
+    "plan_many_dft": (_POINTER, [*_MANY, _INT, ctypes.c_uint]),
+    "execute_dft": (None, [_POINTER] * 3),
     "execute_dft_r2c": (None, [_POINTER] * 3),
     "execute_dft_c2r": (None, [_POINTER] * 3),
     "destroy_plan": (None, [_POINTER]),
@@ -76,24 +84,24 @@ class PlanPair:
         field, spectrum = aligned(size, single), aligned(2 * modes, single)  # measured on
         fftw = self._functions = SINGLE if single else DOUBLE
         axes = len(shape), (_INT * len(shape))(*shape)
-        fftw.set_timelimit(time_limit)
-        if threads > 1 and size >= WORTH_THREADS and fftw.init_threads():
-            fftw.plan_with_nthreads(threads)
-        self.forward = fftw.plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
-        self.backward = fftw.plan_dft_c2r(
-            *axes, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
-        )
-        if threads > 1:
-            fftw.plan_with_nthreads(1)
-        for plan in filter(None, (self.forward, self.backward)):
-            weakref.finalize(self, fftw.destroy_plan, plan)
-        if not (self.forward and self.backward):
+        with _planning(fftw, time_limit, threads if size >= WORTH_THREADS else 1):
+            self.forward = fftw.plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
+            self.backward = fftw.plan_dft_c2r(
+                *axes, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
+            )
+        self._keep(shape, self.forward, self.backward)
+
+    def _keep(self, shape: tuple[int, ...], *plans: int) -> None:
+        for plan in filter(None, plans):
+            weakref.finalize(self, self._functions.destroy_plan, plan)
+        if not all(plans):
             raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
+        self._plans = plans
 
     @property
     def description(self) -> str:
-        """Both plans as FFTW prints them: how they split the transform, and by which codelets."""
-        return "\n".join(self._described(plan) for plan in (self.forward, self.backward))
+        """The plans as FFTW prints them: how they split the transforms, and by which codelets."""
+        return "\n".join(map(self._described, self._plans))
 
     def _described(self, plan: int) -> str:
         text = self._functions.sprint_plan(plan)
@@ -103,32 +111,85 @@ class PlanPair:
             C.free(text)
 
 
+class SlabPlans(PlanPair):
+    """Plans of a rank that holds some rows of a surface and some columns of its transform.
+
+    `forward` and `backward` are those along the rows, `columns_forward` and `columns_backward` those along
+    the columns, complex and in place.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of its rows, and of its columns: (rows, n) and (n, columns), one after the other.
+    time_limit, threads, single
+        As in `PlanPair`.
+    """
+
+    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
+        count, length, height, width = shape
+        modes = length // 2 + 1
+        sizes = count * length, 2 * count * modes, 2 * height * width
+        field, waves, spectrum = (aligned(size, single) for size in sizes)
+        fftw = self._functions = SINGLE if single else DOUBLE
+        real, complex_ = (field.ctypes.data, None, 1, length), (waves.ctypes.data, None, 1, modes)
+        columns = (spectrum.ctypes.data, None, width, 1)
+        rows, axis = (1, (_INT * 1)(length), count), (1, (_INT * 1)(height), width)
+        with _planning(fftw, time_limit, threads if count * length >= WORTH_THREADS else 1):
+            self.forward = fftw.plan_many_dft_r2c(*rows, *real, *complex_, _MEASURE)
+            self.backward = fftw.plan_many_dft_c2r(*rows, *complex_, *real, _MEASURE | _DESTROY_INPUT)
+            self.columns_forward, self.columns_backward = (
+                fftw.plan_many_dft(*axis, *columns, *columns, sign, _MEASURE) for sign in (-1, 1)
+            )
+        self._keep(shape, self.forward, self.columns_forward, self.columns_backward, self.backward)
+
+
+@contextmanager
+def _planning(fftw: Any, time_limit: float, threads: int) -> Iterator[None]:
+    """Plan in the block within seconds, for a number of threads."""
+    fftw.set_timelimit(time_limit)
+    if threads > 1 and fftw.init_threads():
+        fftw.plan_with_nthreads(threads)
+    yield
+    if threads > 1:
+        fftw.plan_with_nthreads(1)
+
+
+Made = TypeVar("Made", bound=PlanPair)
+
+
 class _Cache:
     """The plans of this process, and the wisdom that they were made from."""
 
     def __init__(self) -> None:
         self.wisdom: str | None = None
-        self.pairs: dict[tuple[tuple[int, ...], float, int, bool], PlanPair] = {}
+        self.pairs: dict[tuple[Any, ...], Any] = {}
 
 
 _cache = _Cache()
 
 
 def plan_pair(
-    shape: tuple[int, ...], wisdom: str | None, time_limit: float, threads: int, single: bool
-) -> PlanPair:
+    kind: type[Made],
+    shape: tuple[int, ...],
+    wisdom: str | None,
+    time_limit: float,
+    threads: int,
+    single: bool,
+) -> Made:
     """Plans of a shape, from the cache if they were made from the same wisdom before.
 
     Parameters
     ----------
+    kind : type
+        `PlanPair` or `SlabPlans`.
     shape, time_limit, threads, single
-        As in `PlanPair`.
+        As there.
     wisdom : str, optional
         Wisdom that FFTW imports first.
 
     Returns
     -------
-    PlanPair
+    PlanPair or SlabPlans
         Planning takes as long as a time step, and importing wisdom takes longer than planning.
     """
     if wisdom and wisdom != _cache.wisdom:
@@ -136,10 +197,11 @@ def plan_pair(
         double, begin, single_too = wisdom.partition(_NEXT)
         pyfftw.import_wisdom((double.encode(), (begin + single_too).lstrip().encode(), b""))
     _cache.wisdom = wisdom
-    key = shape, time_limit, threads, single
+    key = kind, shape, time_limit, threads, single
     if key not in _cache.pairs:
-        _cache.pairs[key] = PlanPair(*key)
-    return _cache.pairs[key]
+        _cache.pairs[key] = kind(*key[1:])
+    found: Made = _cache.pairs[key]
+    return found
 
 
 def export_wisdom() -> str:

@@ -9,10 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, prod
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Sums
 
 _SHORTEST = 64  # points of an axis of the smallest windows
@@ -34,13 +37,23 @@ class Grid:
     period: tuple[float, ...]
 
     @property
+    def ranks(self) -> Ranks:
+        """The processes that hold the grid."""
+        return ALONE
+
+    @property
+    def first_row(self) -> int:
+        """Number of the first row that this process holds."""
+        return 0
+
+    @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of a field on the grid."""
+        """Shape of a field on the grid, or of the part of it that this process holds."""
         return self.points
 
     @property
     def size(self) -> int:
-        """Number of grid points."""
+        """Number of grid points, of all processes."""
         return prod(self.points)
 
     @property
@@ -75,16 +88,12 @@ class Grid:
     @cached_property
     def parseval_weights(self) -> FloatArray:
         """Weight of each mode in a mean over the surface (Parseval): most modes stand for two waves."""
-        weights = np.full(self.spectral_shape, 2.0 / self.size**2)
-        weights[..., 0] /= 2
-        if self.points[-1] % 2 == 0:
-            weights[..., -1] /= 2
-        return weights
+        return np.broadcast_to(self._waves_of_modes() / self.size**2, self.spectral_shape).copy()
 
     @cached_property
     def sums(self) -> Sums:
         """Sums, means and extrema over the points and the waves of the grid."""
-        return Sums(self.parseval_weights)
+        return Sums(self.parseval_weights, self.ranks)
 
     @property
     def is_whole(self) -> bool:
@@ -96,7 +105,7 @@ class Grid:
         """Row of the whole grid that is the first of this process."""
         return 0
 
-    def halo(self, rows: FloatArray, before: int, after: int) -> tuple[FloatArray, FloatArray]:
+    def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the rows of the periodic surface beside those that this process holds.
 
         Parameters
@@ -114,9 +123,23 @@ class Grid:
         return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
 
     def coarser(self, fewest: int) -> Grid | None:
-        """Return the grid with half the points of each axis that has twice the fewest, if one has."""
+        """Return the grid with half of the points of each axis that has twice the fewest; else None."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if points == self.points else replace(self, points=points)
+
+    def from_waves(self, spectrum: ComplexArray) -> FloatArray:
+        """Return the field of a transform; the transform is overwritten."""
+        import scipy.fft
+
+        return np.asarray(scipy.fft.irfftn(spectrum, s=self.shape, overwrite_x=True))
+
+    def _waves_of_modes(self) -> FloatArray:
+        """Number of waves that a mode stands for, along the last axis."""
+        waves = np.full(self.points[-1] // 2 + 1, 2.0)
+        waves[0] = 1.0
+        if self.points[-1] % 2 == 0:
+            waves[-1] = 1.0
+        return waves
 
     @property
     def wavevectors(self) -> list[FloatArray]:

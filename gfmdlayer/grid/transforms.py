@@ -20,8 +20,8 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import DOUBLE, SINGLE, address, aligned, export_wisdom, plan_pair
-from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.fftw import DOUBLE, SINGLE, PlanPair, address, aligned, export_wisdom, plan_pair
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.resumable import State
 
 
@@ -89,7 +89,16 @@ class Transforms:
         OMP_NUM_THREADS allowed when the process began.
     single : bool
         Whether fields and spectra are in single precision.
+
+    Attributes
+    ----------
+    size : int
+        Number of points of the grid.
+    ranks : Ranks
+        The processes that hold it.
     """
+
+    ranks: Ranks = ALONE
 
     def __init__(
         self,
@@ -100,24 +109,25 @@ class Transforms:
         single: bool = False,
     ) -> None:
         self.shape, self.threads, self.single = shape, threads, single
-        self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
+        self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
         self._wisdom, self._time_limit = wisdom, time_limit
         self._fftw = SINGLE if single else DOUBLE
         self._plan()
 
     def _plan(self) -> None:
-        self._pair = plan_pair(self.shape, self._wisdom, self._time_limit, self.threads, self.single)
+        self._pair = plan_pair(
+            PlanPair, self.shape, self._wisdom, self._time_limit, self.threads, self.single
+        )
         functions = address(self._fftw.execute_dft_r2c), address(self._fftw.execute_dft_c2r)
         self.plans = Plans(self._pair.forward, self._pair.backward, *functions)
 
     def shorter(self, part: int) -> Transforms:
         """Transforms of a window with 1/part of the points of each axis, from the same wisdom."""
-        shape = tuple(points // part for points in self.shape)
-        return Transforms(shape, self._wisdom, self._time_limit, self.threads)
+        return self.of_shape(tuple(points // part for points in self.shape))
 
-    def on(self, grid: Grid, *, single: bool = False) -> Transforms:
-        """Transforms of another grid or precision, from the same wisdom."""
-        return Transforms(grid.shape, self._wisdom, self._time_limit, self.threads, single)
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
+        """Transforms of another shape or precision, from the same wisdom."""
+        return Transforms(shape, self._wisdom, self._time_limit, self.threads, single)
 
     @property
     def wisdom(self) -> str:

@@ -1,47 +1,102 @@
-"""FFTW wisdom measured once on a machine and kept on its disk: runs with it agree in every bit."""
+"""FFTW wisdom measured once on a machine and kept on its disk: runs with it agree in every bit.
+
+It is kept for the user and with the results, whose later cases then agree with the earlier ones whatever has
+become of the user's. One changed bit in wisdom ends the process in FFTW, so that each file has a seal.
+"""
 
 from __future__ import annotations
 
+import warnings
 from contextlib import suppress
 from pathlib import Path
 
 import pyfftw
+from llvmlite.binding import get_host_cpu_name
 
-from gfmdlayer.files.whole import write_text
+from gfmdlayer.files.seals import read_sealed, write_sealed
+from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import parts
 from gfmdlayer.grid.transforms import Transforms
 
+_MAY_DIFFER = "results may differ from those of other runs in their last bits"
 
-def planned(shape: tuple[int, ...], folder: Path, threads: int = 1) -> str:
+
+def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Path | None = None) -> str:
     """Wisdom for the transforms of a grid and of its windows, read from a folder or measured and kept there.
 
-    Of several runs that measure at the same time, all use the wisdom of the first one that is done.
+    Of several runs that measure at the same time, all use the wisdom of the first one that is done. A warning
+    says where kept wisdom cannot be used, which is replaced, or where none can be kept.
 
     Parameters
     ----------
     shape : tuple of int
         Shape of the fields.
     folder : Path
-        Where wisdom is kept. If it cannot be written, the plans are this run's own.
+        Where the user's wisdom is kept.
     threads : int
         Threads of a transform.
+    results : Path, optional
+        Where the wisdom of some results is kept, which comes first.
 
     Returns
     -------
     str
         Wisdom for `Transforms`.
     """
-    suffix = f"-{threads}threads" if threads > 1 else ""
-    kept = folder / f"fftw-{pyfftw.fftw_version}-{'x'.join(map(str, shape))}{suffix}-and-parts.wisdom"
-    with suppress(OSError, UnicodeDecodeError):
-        return kept.read_text(encoding="ascii")
-    transforms = Transforms(shape, threads=threads)
+    with_threads = f"-{threads}threads" if threads > 1 else ""
+    made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
+    name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-parts.wisdom"
+    places = [place / name for place in (results, folder) if place is not None]
+    wisdom = next(filter(None, (_read(place, shape, threads) for place in places)), None)
+    wisdom = wisdom or _measured(shape, threads, None)
+    for place in reversed(places):
+        wisdom = _keep(place, wisdom)
+    return wisdom
+
+
+def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
+    """Return the wisdom after all transforms of a grid have been planned."""
+    transforms = Transforms(shape, wisdom, threads=threads)
     for part in parts(shape):
         transforms.shorter(part)
-    wisdom = transforms.wisdom
+    return transforms.wisdom
+
+
+def _is_enough(wisdom: str, shape: tuple[int, ...], threads: int) -> bool:
+    """Whether FFTW measures nothing beside this wisdom."""
+    return set(_measured(shape, threads, wisdom).splitlines()) == set(wisdom.splitlines())
+
+
+def _read(path: Path, shape: tuple[int, ...], threads: int) -> str | None:
+    """Return kept wisdom that FFTW can use; other wisdom is removed with a warning."""
+    try:
+        kept = read_sealed(path)
+    except OSError:
+        return None
+    wrong = "is damaged"
+    if kept is not None:
+        wisdom = kept.decode(errors="replace")
+        if _is_enough(wisdom, shape, threads):
+            return wisdom
+        forget_wisdom()  # that this process has measured for other grids
+        if _is_enough(wisdom, shape, threads):
+            return wisdom
+        wrong = "is not of this FFTW"
+    warnings.warn(f"{path}: {wrong} and is replaced; {_MAY_DIFFER}", stacklevel=4)
     with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(kept, wisdom, replace=False)
-    with suppress(OSError, UnicodeDecodeError):
-        return kept.read_text(encoding="ascii")
+        path.unlink()
+    return None
+
+
+def _keep(path: Path, wisdom: str) -> str:
+    """Keep wisdom and return it, or that which another run has kept before."""
+    try:
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileExistsError):
+                write_sealed(path, wisdom.encode(), replace=False)
+        return (read_sealed(path) or b"").decode() or wisdom
+    except OSError as error:
+        reason = f"cannot be kept ({error.strerror})"
+        warnings.warn(f"{path}: FFTW's plans {reason}; {_MAY_DIFFER}", stacklevel=4)
     return wisdom

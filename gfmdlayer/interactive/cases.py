@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
 from contextlib import contextmanager
@@ -82,7 +83,9 @@ def in_processes(
     every: Sequence[SweptCase], jobs: int, threads: int, watch: Watch
 ) -> Iterator[tuple[int, Result]]:
     """Run the cases in several processes."""
-    wisdom = case_run.warm_up(every, threads)
+    wisdom, said = case_run.warm_up(every, threads)
+    for line in said:
+        warnings.warn(line, stacklevel=5)
     with pool_of(jobs) as pool:
         futures: dict[Future[Result], int] = {}
         try:

@@ -39,7 +39,7 @@ class SelfAffine(Shape):
     roll_off, long_cutoff
         None where there is no plateau in the spectrum, or none but that of the period.
     rms_slope, rms_height
-        One of them is given: <|grad h|^2>^(1/2) or <(h - <h>)^2>^(1/2).
+        One of them is given: the square root of the mean of grad h . grad h, or of (h - mean(h))^2.
 
     Examples
     --------

@@ -22,6 +22,7 @@ import numpy as np
 from h5py import h5a, h5d, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.files.seals import seal
 from gfmdlayer.files.whole import publish, unfinished_path
 from gfmdlayer.results.schema import ResultsError, variable
 
@@ -86,8 +87,9 @@ class NewFile:
         self.check()
 
     def complete(self) -> None:
-        """Close the file, bring it to the disk and give it its final name."""
+        """Close and seal the file, bring it to the disk and give it its final name."""
         self.h5.close()
+        seal(self._stream)
         self.check()
         with naming(self.path):
             self._stream.close()

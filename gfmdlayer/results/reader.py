@@ -8,8 +8,9 @@ A sweep may have 10 000 cases, of which the sweep file needs a few attributes an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5p, h5s
 from numpy.typing import NDArray
 
+from gfmdlayer.files.seals import is_intact
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 SWEEP_FILE = "sweep.h5"
 _ROWS_READ = 4096  # at a time
+_VERIFIED = 1 << 28  # bytes of a file that is verified as it is opened, which takes a quarter of a second
 
 # Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
 # fail. (A file that another program has open for writing is found by `files.locks`.)
@@ -77,8 +80,8 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
     """Whether a file holds a complete case, found by reading its contents.
 
     Complete are the files that are marked so, whose columns and snapshots have the number of rows that the
-    attributes say, and whose rows have the right checksums. Any other file, missing, truncated, damaged or
-    foreign, gives False, never an exception.
+    attributes say, and whose bytes are those that were written. Any other file, missing, truncated, damaged
+    or foreign, gives False, never an exception.
 
     Parameters
     ----------
@@ -87,9 +90,19 @@ def is_complete(path: str | Path, digest: str | None = None) -> bool:
     digest : str, optional
         Digest of the configuration that the case must have been computed from.
     """
+    return _is_whole(Path(path), math.inf, digest)
+
+
+def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
+    """As `is_complete`; of files of more bytes than `most`, only the rows are verified."""
     try:
+        intact = is_intact(path, most)
+        if intact is False:
+            return False
         with h5py.File(path, locking=False) as h5:
-            return _is_whole(h5) and (digest is None or h5.attrs.get("digest") == digest)
+            if digest is not None and h5.attrs.get("digest") != digest:
+                return False
+            return _has_all(h5, intact is not None, most)
     except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
         return False
 
@@ -127,19 +140,24 @@ def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], list[h5py.Dataset]
     return columns, fields
 
 
-def _is_whole(h5: h5py.File) -> bool:
+def _has_all(h5: h5py.File, intact: bool, most: float) -> bool:
+    """Whether the case has all of its rows and snapshots, read where the file is not known to be intact."""
     rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
     columns, fields = _growing(h5)
+    small = {field.name for field in fields if field.size * field.dtype.itemsize <= most}
     return bool(
         h5.attrs["complete"] == 1
-        and all(_readable_rows(dataset) == rows for dataset in columns.values())
-        and all(len(dataset) == snapshots for dataset in fields)
+        and all(_length(column, read=not intact) == rows for column in columns.values())
+        and all(_length(field, read=not intact and field.name in small) == snapshots for field in fields)
     )
 
 
-def _readable_rows(dataset: h5py.Dataset) -> int:
-    """Count the rows while reading them, which verifies checksums; in parts, since histograms are wide."""
-    return sum(len(dataset[start : start + _ROWS_READ]) for start in range(0, len(dataset), _ROWS_READ))
+def _length(dataset: h5py.Dataset, *, read: bool) -> int:
+    """Return the number of rows, read in parts, which verifies checksums, since fields are large."""
+    if not read:
+        return len(dataset)
+    rows = dataset.chunks[0] if dataset.ndim > 1 else _ROWS_READ
+    return sum(len(dataset[start : start + rows]) for start in range(0, len(dataset), rows))
 
 
 def attributes(path: str | Path) -> dict[str, object]:
@@ -177,7 +195,7 @@ def open_case(path: str | Path) -> xarray.Dataset:
     >>> gfmdlayer.open_case("one/cases/0000.h5").time.values
     array([0. , 0.5, 1. ])
     """
-    if not is_complete(path):
+    if not _is_whole(Path(path), _VERIFIED):
         raise ResultsError(f"{path}: {_reason(Path(path))}")
     return _open(Path(path))
 
@@ -212,12 +230,13 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     files = sorted((directory / "cases").glob("*.h5"))
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
-    if sweep.exists() and attributes(sweep).get("swept"):
-        return _with_snapshots(_open(sweep), directory)
-    if sweep.exists():  # of the only case, beside which earlier ones may lie
-        with _open(sweep) as only:
-            files = [case_path(directory, int(only["case"]))]
-    complete = [path for path in files if is_complete(path)]
+    if sweep.exists():
+        collected = _open(sweep)
+        if collected.attrs.get("swept"):
+            return _with_snapshots(collected, directory)
+        with collected:  # of the only case, beside which earlier ones may lie
+            files = [case_path(directory, int(collected["case"]))]
+    complete = [path for path in files if _is_whole(path, _VERIFIED)]
     if len(complete) == 1:
         return _open(complete[0])
     if complete:
@@ -231,7 +250,7 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     from gfmdlayer.results.lazy_snapshots import with_snapshots
 
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    first = next((path for path in files.flat if is_complete(path)), None)
+    first = next((path for path in files.flat if _is_whole(path, _VERIFIED)), None)
     if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
         return sweep
     with _open(first) as example:
@@ -243,9 +262,11 @@ def _open(path: Path) -> xarray.Dataset:
     import xarray
 
     try:
-        return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
-    except (OSError, ValueError) as error:
+        if is_intact(path, _VERIFIED) is not False:
+            return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
+    raise ResultsError(f"{path}: {_reason(path)}")
 
 
 def _reason(path: Path) -> str:
@@ -255,6 +276,9 @@ def _reason(path: Path) -> str:
         return "is a folder, not a result file"
     if path.suffix in {".yaml", ".yml"}:
         return "is a configuration; must be results, such as the folder results/NAME after its run"
+    with suppress(OSError):
+        if is_intact(path, _VERIFIED) is False:
+            return "is damaged: it holds other bytes than were written; run the configuration again"
     if not h5py.is_hdf5(path):
         return "not a result file (no HDF5)"
     return "not a complete result file"

@@ -5,7 +5,7 @@
 
 Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
 snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
-damaged data are refused when they are read.
+damaged data are refused when they are read. The file ends with a seal, the checksum of all of it.
 """
 
 from __future__ import annotations

@@ -282,6 +282,8 @@ def _resolved(raw: Location, root: type[Section]) -> tuple[Location, type[Sectio
     for part in raw:
         if isinstance(part, int):
             location.append(part)
+        elif part.startswith("<"):
+            pass  # the form of a value, one or list, which is in no configuration
         elif isinstance(held, OneOf):
             held = held.members[part]
         elif held is not None:  # below a value there is the name of its form: number or list

@@ -9,9 +9,10 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case, Parts
 from gfmdlayer.config import Config
+from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.trajectory import Trajectory
 from gfmdlayer.results import recording
-from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.simulation import simulate
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
 ALONE: dict[str, object] = {"layer.thickness": float("inf")}

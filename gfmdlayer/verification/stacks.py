@@ -13,7 +13,8 @@ from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.preparation import warm_up
+from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import Recording, difference, run
 from gfmdlayer.verification.theory import solver_error

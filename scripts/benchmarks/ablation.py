@@ -30,7 +30,8 @@ from gfmdlayer.contact.active_set import loop, solver, window, windows
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.simulation import ConvergenceError, simulate, warm_up
+from gfmdlayer.preparation import warm_up
+from gfmdlayer.simulation import ConvergenceError, simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)

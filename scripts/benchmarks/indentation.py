@@ -22,8 +22,9 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.solve import follow
+from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.revolution import sphere
-from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(128,), steps=50, repetitions=15)

@@ -9,7 +9,7 @@ from benchmarks.tables import Effort, Table
 from gfmdlayer.case import Case
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
-from gfmdlayer.simulation import warm_up
+from gfmdlayer.preparation import warm_up
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)

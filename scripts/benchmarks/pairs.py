@@ -10,8 +10,9 @@ from benchmarks.tables import Cell, Effort, Table
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.contact.prediction import DisplacementPrediction
+from gfmdlayer.preparation import warm_up
 from gfmdlayer.resumable import Stateless
-from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))

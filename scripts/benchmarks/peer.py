@@ -21,7 +21,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.simulation import simulate, warm_up
+from gfmdlayer.preparation import warm_up
+from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.peers import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 

@@ -22,8 +22,8 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
-from gfmdlayer.simulation import warm_up
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
 QUICK = Effort(points=(128,), steps=20, repetitions=1)

@@ -94,6 +94,12 @@ sweep:
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
     SURFACE + "punch: {radius: [0.5, .inf]}\nunits: {length: um, stress: MPa, time: s}\n",
     LINE + "trajectory: {control: force, force: 1.0}\n",
+    LINE
+    + """\
+trajectory: {kind: approach_retract, start: -0.1, depth: 0.01, approach_speed: 0.1, dwell: 1,
+  retract_speed: 1, final: -0.2, cycles: 2}
+sweep: {trajectory.retract_speed: [0.1, 1]}
+""",
     LINE + "sweep: {zip: {layer.thickness: [0.1, 0.1], punch.radius: [0.2, 0.3]}, solver.method: [fire]}\n",
     LINE
     + "sweep: {latin_hypercube: {samples: 4, seed: 7, layer.thickness: {from: 0.1, to: 1, scale: log}}}\n",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer import simulation
+from gfmdlayer import preparation
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
@@ -171,11 +171,11 @@ def test_seconds_are_known_before_anything_has_run(tmp_path: Path) -> None:
     hasty = pair_seconds(shape, tmp_path)
     assert 0 < hasty < 1
     assert pair_seconds(shape, tmp_path) == hasty
-    simulation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    preparation.warm_up(case_with({"grid.points": 256}), tmp_path)
     (kept,) = tmp_path.glob("*.seconds")
     assert pair_seconds(shape, tmp_path) == float(kept.read_text())
     kept.write_text("0.125")
-    simulation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    preparation.warm_up(case_with({"grid.points": 256}), tmp_path)
     assert pair_seconds(shape, tmp_path) == 0.125
 
 

@@ -10,13 +10,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
+from gfmdlayer import preparation
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.execution import run as running
+from gfmdlayer.execution.case_run import warm_up
 from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.sweep import cases
+from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
 
 Run = Callable[..., tuple[Any, str]]
@@ -89,6 +94,57 @@ def test_a_case_that_is_lost_before_collection_fails_by_name(
     (failure,) = summary.failures
     assert (failure.index, failure.reason) == (1, "no complete result file")
     assert run_here(small(SWEEP))[0].count("complete") == 3
+
+
+def test_a_flipped_bit_in_a_snapshot_sets_the_case_aside(
+    run_here: Run, bits: Callable[[str], dict[str, bytes]]
+) -> None:
+    run_here(small(SWEEP))
+    whole, path = bits("out"), Path("out/cases/0001.h5")
+    with h5py.File(path) as h5:
+        place = h5["pressure"].id.get_chunk_info(0).byte_offset
+    content = bytearray(path.read_bytes())
+    content[place + 9] ^= 1
+    path.write_bytes(content)
+    _, log = run_here(small(SWEEP))
+    assert "case 0001 is damaged: set aside as 0001.h5.aside, computed again" in log
+    assert Path("out/cases/0001.h5.aside").read_bytes() == content
+    assert bits("out") == whole
+
+
+def test_wisdom_is_kept_with_the_results(
+    run_here: Run, bits: Callable[[str], dict[str, bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cases that are computed later have the plans of the earlier ones, whatever the user's cache holds."""
+    run_here(small(SWEEP))
+    whole, (kept,) = bits("out"), Path("out/wisdom").iterdir()
+    first = kept.read_bytes()
+    for number in (0, 1, 2):
+        Path(f"out/cases/000{number}.h5").unlink()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(Path("empty").absolute()))
+    forget_wisdom()
+    run_here(small(SWEEP))
+    assert bits("out") == whole
+    assert [path.read_bytes() for path in Path("empty/gfmdlayer").glob("*.wisdom")] == [first]
+    Path("out/cases/0001.h5").unlink()
+    kept.write_bytes(first[:-30])
+    _, log = run_here(small(SWEEP))
+    assert f"warning: {kept}: is damaged and is replaced; results may differ" in log
+    assert kept.read_bytes() == first  # the user's
+
+
+def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(_: Config) -> None:
+        raise FloatingPointError("lengths that do not go together")
+
+    monkeypatch.setattr(preparation, "_compile", fail)
+    wisdom, said = warm_up(cases(small(SWEEP)))
+    assert wisdom[(32,)].startswith("(fftw")
+    assert said == [
+        "the cases compile their kernels themselves: FloatingPointError: lengths that do not go together"
+    ]
 
 
 def test_files_of_others_survive_a_run_and_a_restart(run_here: Run) -> None:

@@ -94,10 +94,15 @@ def test_a_map_that_was_interrupted_goes_on_with_the_same_bits() -> None:
     for lost in ("out/cases/0001.h5", "out/cases/0004.h5", "out/sweep.h5"):
         Path(lost).unlink()
     Path("out/cases/0002.h5").write_bytes(b"damaged")
+    changed = bytearray(Path("out/cases/0005.h5").read_bytes())
+    with h5py.File("out/cases/0005.h5") as h5:
+        changed[h5["estimate"].id.get_offset()] ^= 1
+    Path("out/cases/0005.h5").write_bytes(changed)
     kept = Path("out/cases/0000.h5").stat().st_mtime_ns
     fitted("out")
     assert Path("out/cases/0000.h5").stat().st_mtime_ns == kept
     assert Path("out/cases/0002.h5.aside").exists()
+    assert Path("out/cases/0005.h5.aside").exists()
     assert bits("out") == bits("whole")
 
 
@@ -112,7 +117,9 @@ def test_curves_that_have_changed_and_other_models_are_refused(capsys: pytest.Ca
     write_map(Path("map.h5"), 2 * MODULI)
     assert cli.main(arguments) == 2
     assert "was fitted to other data" in capsys.readouterr().err
+    Path("out/cases/my_analysis.h5").write_text("mine")
     assert cli.main([*arguments, "--restart"]) == 1
+    assert Path("out/cases/my_analysis.h5").read_text() == "mine"
     assert open_results("out")["G0"].max() > 3
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gfmdlayer.files.seals import read_sealed, write_sealed
 from gfmdlayer.grid import wisdom
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
@@ -111,7 +113,7 @@ def test_wisdom_is_kept_in_the_folder_and_read_from_it(tmp_path: Path) -> None:
     first = wisdom.planned((64,), folder)
     assert first.startswith("(fftw")
     assert wisdom.planned((64,), folder) == first
-    assert [path.read_text() for path in folder.iterdir()] == [first]
+    assert [read_sealed(path) for path in folder.iterdir()] == [first.encode()]
 
 
 def test_of_two_runs_that_measure_at_the_same_time_both_use_the_plans_of_the_first(
@@ -122,15 +124,47 @@ def test_of_two_runs_that_measure_at_the_same_time_both_use_the_plans_of_the_fir
     kept.unlink()
 
     class MeasuresWhileAnotherFinishes(Transforms):
-        def __init__(self, shape: tuple[int, ...], threads: int) -> None:
-            super().__init__(shape, threads=threads)
-            kept.write_text("the other's")
+        def __init__(self, shape: tuple[int, ...], known: str | None, threads: int) -> None:
+            super().__init__(shape, known, threads=threads)
+            write_sealed(kept, b"the other's")
 
     monkeypatch.setattr(wisdom, "Transforms", MeasuresWhileAnotherFinishes)
     assert wisdom.planned((64,), tmp_path) == "the other's"
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["the other's"]
+    assert [read_sealed(path) for path in tmp_path.iterdir()] == [b"the other's"]
 
 
-def test_a_run_uses_its_own_plans_if_the_folder_cannot_be_written(tmp_path: Path) -> None:
+def test_a_run_uses_its_own_plans_and_says_so_if_the_folder_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")  # no folder can be made below a file, even by root
-    assert wisdom.planned((64,), tmp_path / "file" / "cache").startswith("(fftw")
+    with pytest.warns(UserWarning, match=r"plans cannot be kept \(Not a directory\); results may differ"):
+        assert wisdom.planned((64,), tmp_path / "file" / "cache").startswith("(fftw")
+
+
+def changed_bit(content: bytes) -> bytes:
+    return content[:200] + bytes([content[200] ^ 1]) + content[201:]
+
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda _: b"",
+    "truncated": lambda content: content[:100],
+    "garbage": lambda _: b"\xff garbage" * 50,
+    "a changed bit": changed_bit,  # at which FFTW aborts
+    "without plans": lambda _: b"",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_wisdom_is_said_and_replaced_by_that_of_the_results(damage: str, tmp_path: Path) -> None:
+    user, results = tmp_path / "user", tmp_path / "results"
+    known = wisdom.planned((64,), user, results=results)
+    kept = next(user.iterdir())
+    kept.write_bytes(DAMAGES[damage](kept.read_bytes()))
+    if damage == "without plans":
+        write_sealed(kept, b"(fftw-3.3.5 fftw_wisdom)")
+        with pytest.warns(UserWarning, match=r"wisdom: is not of this FFTW and is replaced; results may"):
+            wisdom.planned((64,), user)
+    else:
+        with pytest.warns(UserWarning, match=r"wisdom: is damaged and is replaced; results may differ"):
+            wisdom.planned((64,), user)
+    kept.unlink()
+    assert wisdom.planned((64,), user, results=results) == known
+    assert read_sealed(kept) == known.encode()

@@ -43,10 +43,10 @@ def write_sweep(folder: Path, values: Sequence[dict[str, object]]) -> list[CaseR
     return [CaseRecord(i, path, v) for i, (path, v) in enumerate(zip(paths, values, strict=True))]
 
 
-def damage(path: Path) -> None:
-    """Change a bit of the contact areas on the disk."""
+def damage(path: Path, variable: str = "contact_area") -> None:
+    """Change a bit of a variable on the disk."""
     with h5py.File(path) as h5:
-        chunk = h5["contact_area"].id.get_chunk_info(0)
+        chunk = h5[variable].id.get_chunk_info(0)
     contents = bytearray(path.read_bytes())
     contents[chunk.byte_offset + 9] ^= 1
     path.write_bytes(contents)
@@ -290,12 +290,39 @@ def test_only_complete_cases_count_as_complete(tmp_path: Path) -> None:
     assert not is_complete(tmp_path)
 
 
-def test_damaged_rows_are_found(tmp_path: Path) -> None:
+def test_any_changed_bit_is_found(tmp_path: Path) -> None:
+    """In attributes, coordinates and the structure of the file too, where HDF5 has no checksums."""
     path = write_case(tmp_path / "0000.h5")
-    damage(path)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for place, bit in zip(rng.integers(0, len(whole), 100), rng.integers(0, 8, 100), strict=True):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << bit
+        path.write_bytes(changed)
+        assert not is_complete(path), place
+        with pytest.raises(ResultsError, match=r"damaged|not a complete result file"):
+            open_case(path)
+
+
+@pytest.mark.parametrize("variable", ["contact_area", "pressure"])
+def test_damage_is_found_by_hdf5_where_another_program_has_changed_the_file(
+    variable: str, tmp_path: Path
+) -> None:
+    path = write_case(tmp_path / "0000.h5")
+    with h5py.File(path, "r+") as h5:
+        h5.attrs["remark"] = "mine " * 100
+    assert is_complete(path)
+    damage(path, variable)
     assert not is_complete(path)
     with pytest.raises(ResultsError, match="not a complete result file"):
         open_case(path)
+
+
+def test_a_damaged_sweep_file_is_refused(tmp_path: Path) -> None:
+    collect(tmp_path, write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}]), ["a.b"])
+    damage(tmp_path / "sweep.h5")
+    with pytest.raises(ResultsError, match=r"sweep\.h5: is damaged: it holds other bytes than were written"):
+        open_results(tmp_path)
 
 
 def test_sweep_over_a_product_is_labelled_by_its_keys(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from gfmdlayer.config import Config
-from gfmdlayer.simulation import ConvergenceError, simulate, warm_up
+from gfmdlayer.preparation import warm_up
+from gfmdlayer.simulation import ConvergenceError, simulate
 
 class Nothing:
     def row(self, **_): ...

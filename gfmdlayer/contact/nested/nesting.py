@@ -69,7 +69,7 @@ def _coarse(
     spectra: tuple[ComplexArray, ComplexArray],
 ) -> tuple[Level, Fields]:
     """The problem on a coarser grid: punch, gap without pressure, and stiffness."""
-    coarse = transforms.on(grid, single=True)
+    coarse = transforms.of_shape(grid.points, single=True)
     level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
     h, free = (
         coarse.backward(transforms.truncated(each, coarse)).astype(np.float64) / fine.grid.size

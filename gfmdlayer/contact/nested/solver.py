@@ -134,7 +134,7 @@ class NestedGradient:
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
         if self._fine is None:
-            single = self._transforms.on(self._grid, single=True)
+            single = self._transforms.of_shape(self._grid.points, single=True)
             self._fine = Level(self._grid, single, problem.stiffness, problem.residual_floor)
         elif self._stiffness is None or not np.array_equal(problem.stiffness, self._stiffness):
             self._fine.set_stiffness(problem.stiffness)
