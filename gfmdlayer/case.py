@@ -276,8 +276,11 @@ class Case:
         declared, tolerance = SOLVERS[given.method], given.tolerance
         if self.interface.attracts and not declared.adhesive:
             declared = SOLVERS["newton"]
-        weighted = given.inertia is not None and declared is SOLVERS[given.method]
-        options = {"mass_weighted": given.inertia == "mass_weighted"} if weighted else {}
+        options: dict[str, object] = {}
+        if given.inertia is not None and declared is SOLVERS[given.method]:
+            options["mass_weighted"] = given.inertia == "mass_weighted"
+        if declared.distributed:
+            options["grid"] = self.grid
         moved = self.velocity is not None and not declared.nonsymmetric
         # The iterations around a solver leave a part of the tolerance to it.
         inner = tolerance * (SHARE if moved else 1.0)

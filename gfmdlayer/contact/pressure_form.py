@@ -22,7 +22,7 @@ from gfmdlayer.kernels import LANES, kernel
 
 _ROUNDING = 1e-12  # part of the height of the punch
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
-_HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
+HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
 # Part of the tolerance within which a solve ends; the rest is for what lifting the surface clear adds.
 CLOSE = 0.8
 AIM = 0.25  # likewise where a gap in the contact is aimed at instead, and that gap, as part of the depth
@@ -196,7 +196,7 @@ def feasible_solution(
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
     depth = residual_scales(pressure, u, system.floor)[1]
-    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, _HEIGHT_ROUNDING * system.floor.depth)
+    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
     return make_solution(
         problem,
         u,
