@@ -157,7 +157,8 @@ class Case:
 
         Those of an isolated, axisymmetric contact lie along x from its axis.
         """
-        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else self.grid.coordinates
+        whole = Grid(self.grid.points, self.grid.period)  # also where this process holds a part
+        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else whole.coordinates
         return dict(zip("xy", axes, strict=False))
 
     @cached_property

@@ -51,6 +51,14 @@ class Ranks:
         """Set the value at the wave q = 0, of one value a mode."""
         values[0] = value
 
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return value
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return [value]
+
     def counted(self, number: int) -> tuple[int, int]:
         """Return the sum of a number over the ranks before this one, and over all."""
         return 0, number
@@ -73,10 +81,15 @@ class MpiRanks(Ranks):
     ----------
     communicator : mpi4py.MPI.Comm
         The ranks.
+
+    Attributes
+    ----------
+    control : mpi4py.MPI.Comm
+        The same ranks, for messages that are not part of the computation.
     """
 
     def __init__(self, communicator: Any) -> None:
-        self.communicator = communicator
+        self.communicator, self.control = communicator, communicator.Dup()
         self.number, self.count = communicator.Get_rank(), communicator.Get_size()
 
     def every(self, partial: Any) -> NDArray[Any]:
@@ -106,6 +119,14 @@ class MpiRanks(Ranks):
         """Set the value at the wave q = 0, on the first rank."""
         if self.first:
             values[0] = value
+
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return self.communicator.bcast(value)
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return list(self.communicator.allgather(value))
 
     def counted(self, number: int) -> tuple[int, int]:
         """Return the sum of a number over the ranks before this one, and over all."""
