@@ -50,7 +50,7 @@ class EnergyBalance(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._work = 0.0
+        self._work, self._sums = 0.0, case.grid.sums
         self._interface = case.interface
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._normal: deque[Point] = deque(maxlen=2)  # depths and mean pressures
@@ -62,7 +62,7 @@ class EnergyBalance(Observable):
         interface = step.problem.interface
         attraction = float(step.row.get("interface_energy", 0.0))
         if interface.attracts and "interface_energy" not in step.row:  # an interface beside the configuration
-            attraction = float(interface.energy(step.solution.gap).mean())
+            attraction = self._sums.mean(interface.energy(step.solution.gap))
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:
