@@ -21,6 +21,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.instabilities import Change, Changes
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
@@ -61,7 +62,9 @@ class Steps(Resumable, Protocol):
         """Return the time points in order; a rejected one is followed by an earlier one."""
         ...
 
-    def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
+    def accepts(
+        self, spectrum: ComplexArray, found: float, depth: float, change: Change | None = None
+    ) -> bool:
         """Return whether the last step is accurate enough.
 
         Parameters
@@ -72,6 +75,8 @@ class Steps(Resumable, Protocol):
             Mean pressure at a prescribed depth, depth under a prescribed load.
         depth : float
             Depth of the punch.
+        change : Change, optional
+            Over the step, where the interface attracts.
         """
         ...
 
@@ -252,10 +257,19 @@ class Case:
             assert time.tolerance is not None
             landings = snapshots, self.kinks, output_times(self.config)
             slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
-            return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
+            reach = self.interface.range if self.interface.attracts else 0.0
+            least = reach if self.config.trajectory.control != "depth" else 0.0, reach
+            return AdaptiveSteps(
+                self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown, least=least
+            )
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
         instants = steps(time.end, time.step, snapshots, self.kinks)
         return FixedSteps(instants, stops(self.config, self.kinks), time.step)
+
+    @cached_property
+    def changes(self) -> Changes:
+        """Change of gap and drive over a step, where the interface attracts."""
+        return Changes(self.interface, self.grid.sums)
 
     @cached_property
     def solver(self) -> Solver:
@@ -264,8 +278,10 @@ class Case:
         declared, tolerance = SOLVERS[given.method], given.tolerance
         if self.interface.attracts and not declared.adhesive:
             declared = SOLVERS["newton"]
-        weighted = given.inertia is not None and declared is SOLVERS[given.method]
-        options = {"mass_weighted": given.inertia == "mass_weighted"} if weighted else {}
+        options: dict[str, object] = {}
+        if given.inertia is not None:
+            options["mass_weighted"] = given.inertia == "mass_weighted"
+            options["starts_from"] = "gap" if self.interface.attracts else "displacement"
         moved = self.velocity is not None and not declared.nonsymmetric
         # The iterations around a solver leave a part of the tolerance to it.
         inner = tolerance * (SHARE if moved else 1.0)
@@ -294,5 +310,6 @@ class Case:
             integrator=self.integrator,
             steps=self.steps,
             guess=self.guess,
+            changes=self.changes,
             observables=CompositeState(**self.observables),
         )

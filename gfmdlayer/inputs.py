@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -19,19 +18,10 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.indentation import admissible
-from gfmdlayer.interface.law import Interaction, total
+from gfmdlayer.interface.law import Interaction, InterfaceLaw, total
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
-
-
-class Prescribed(Protocol):
-    """A quantity that is prescribed over time."""
-
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """Times at which its slope jumps."""
-        ...
 
 
 def make_grid(config: Config) -> Grid:
@@ -149,7 +139,9 @@ def make_interface(config: Config) -> Interaction:
     return total(law.interaction(config.units) for law in config.interfaces)
 
 
-def kinks(clocks: Iterable[ReducedTime | None], *prescribed: Prescribed | None) -> tuple[float, ...]:
+def kinks(
+    clocks: Iterable[ReducedTime | None], *prescribed: Trajectory | InterfaceLaw | None
+) -> tuple[float, ...]:
     """Return the times at which the slope of a prescribed quantity jumps, that of the temperature too."""
     temperature = next((clock.temperature for clock in clocks if clock is not None), None)
     every = (*prescribed, temperature)
@@ -259,6 +251,8 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         velocity = make_velocity(config)
         key = "temperature.file"
         make_clocks(config)
+        key = next((name for name in names if name.startswith("interface")), "interface")
+        make_interface(config)
     except TableError as error:
         yield key, str(error)
         return

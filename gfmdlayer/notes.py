@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 from gfmdlayer.config import Config
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import Section, files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 _DIMENSIONS = {
@@ -35,13 +36,13 @@ def notes(configs: Iterable[Config]) -> list[str]:
         (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
     )
     found = [note for cell, punch in surfaces for note in punch.notes(cell)]
-    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
+    if any(map(files_named, every)):
         found += _short_tables(every)
     found += [note for config in every for note in _on_values(config)]
     return list(dict.fromkeys(found))
 
 
-def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
+def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     """Yield notes on the tables of cases that end before their runs do.
 
     Raises
@@ -54,8 +55,13 @@ def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
     every = [(config.trajectory, config.time.end) for config in configs]
     depths = [(given.file, given.control, end) for given, end in every]
     velocities = [(given.velocity_file, "velocity", end) for given, end in every]
-    for file, quantity, end in dict.fromkeys(depths + velocities):
-        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+    voltages = [
+        (getattr(law, "voltage", None), "voltage", config.time.end)
+        for config in configs
+        for law in config.interfaces
+    ]
+    for file, quantity, end in dict.fromkeys(depths + velocities + voltages):
+        if isinstance(file, Path) and (last := float(Table.read(file, quantity).times[-1])) < end:
             yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 

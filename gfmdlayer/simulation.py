@@ -144,11 +144,14 @@ def simulate(
         for observable in observables:
             observable.attempt(solution)
         surface = loading.surface(solution, kappa, b, instant.time)
-        if steps.accepts(surface.spectrum, surface.response, surface.depth):
+        prescribed = loading.trajectory(instant.time)
+        change = case.changes.over(prescribed, problem, solution)
+        if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
             integrator.advance(surface.spectrum)  # 8, 9
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
+            case.changes.remember(prescribed, problem, solution)
             row: dict[str, float | FloatArray] = {}
             step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
             for observable in observables:

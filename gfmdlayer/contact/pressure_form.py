@@ -121,7 +121,7 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
         If the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     """
     h = problem.obstacle
-    if problem.mean_pressure == 0.0:
+    if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
     if not problem.mean_is_fixed or _has_room(h):
         return None

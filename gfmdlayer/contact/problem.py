@@ -20,6 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
@@ -117,7 +119,7 @@ class Solution:
     converged : bool
         Whether the residual is within the tolerance.
     released_energy : float
-        Energy per area that is lost at a fixed punch in instabilities; zero where the step stays on its branch.
+        Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
     """
 
     displacement: FloatArray
@@ -160,7 +162,6 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
-    released_energy: float = 0.0,
 ) -> Solution:
     """A state with its residual and means; it converged if its residual is within a bound.
 
@@ -180,8 +181,6 @@ def make_solution(
         What `assess` returns, where it is known.
     gap : ndarray, optional
         h - u, where it is known.
-    released_energy : float
-        As in `Solution`.
 
     Returns
     -------
@@ -202,5 +201,10 @@ def make_solution(
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
-        released_energy=released_energy,
     )
+
+
+def surface_at(problem: Problem, gap: FloatArray) -> FloatArray:
+    """Displacement of a surface at a gap from the punch; the surface at rest where the gap is not finite."""
+    surface = problem.obstacle - gap
+    return surface if np.isfinite(surface).all() else np.zeros_like(surface)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray
+    from gfmdlayer.history.instabilities import Change
     from gfmdlayer.resumable import State
 
 # Times closer than this part of the run are the same: output times carry the rounding of decimals and sums.
@@ -92,7 +93,9 @@ class FixedSteps:
             self._time = instant.time
             yield instant
 
-    def accepts(self, _spectrum: ComplexArray, _response: float, _depth: float) -> bool:
+    def accepts(
+        self, _spectrum: ComplexArray, _response: float, _depth: float, _change: Change | None = None
+    ) -> bool:
         """Accept every step."""
         self._count += 1
         return True

@@ -11,6 +11,7 @@ from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
+from gfmdlayer.observables.instabilities import Instabilities
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
 from gfmdlayer.observables.resolution import Resolution
@@ -37,6 +38,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
+    "instabilities": Instabilities,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
     "temperature": Temperature,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
     from gfmdlayer.history.reduced_time import ReducedTime
+    from gfmdlayer.interface.law import InterfaceLaw
     from gfmdlayer.punch.trajectory import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
@@ -150,6 +151,11 @@ class Parts(Protocol):
         ...
 
     @property
+    def interface(self) -> InterfaceLaw:
+        """Interaction of surface and punch across the gap, at any time."""
+        ...
+
+    @property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where it stays."""
         ...
@@ -199,7 +205,7 @@ class Observable(Stateless):
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
     finished: bool = False
-    attributes: Mapping[str, float] = MappingProxyType({})
+    attributes: Mapping[str, str | float | FloatArray] = MappingProxyType({})
     warning: str = ""
 
     def __init__(self, case: Parts) -> None:

@@ -5,12 +5,13 @@ TODO
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, end_descent, hold, iterate
+from gfmdlayer.contact.newton.loop import Fields, Progress, hold, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -42,9 +43,10 @@ class Newton(Stateless):
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        at, to = (Surface(*(field() for _ in Surface._fields)) for _ in range(2))
+        at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
         work = spectrum()
-        step = Step(*(field() for _ in Step._fields[:-2]), np.empty(work.size), work)
+        free, pressure, force, d, Kd, direction, applied, z = (field() for _ in range(8))
+        step = Step(free, pressure, force, d, Kd, direction, applied, z, np.empty(work.size), work)
         self._fields = Fields(at, to, field(), step, spectrum())
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
@@ -66,9 +68,7 @@ class Newton(Stateless):
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if (problem.mean_is_fixed or not problem.interface.attracts) and (
-            trivial := trivial_solution(problem, self._transforms)
-        ):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, fields, plans = _system(problem), self._fields, self._transforms.plans
         progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
@@ -83,16 +83,17 @@ class Newton(Stateless):
             converged = within and progress.iterations == before.iterations
             if not within and progress.iterations < before.iterations + limit:
                 break
+        released = progress.released + (progress.drop if progress.unstable else 0.0)
         spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
-        return make_solution(
+        solution = make_solution(
             problem,
             u.copy(),
             fields.at.stress + progress.multiplier,
             spectrum,
             spent=(progress.pairs, progress.iterations),
             within=np.inf if converged else -1.0,
-            released_energy=end_descent(system, fields, progress) / u.size,
         )
+        return replace(solution, released_energy=released / u.size)
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
@@ -130,7 +131,7 @@ def _system(problem: Problem) -> System:
 
 
 def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is zero, or nothing to double precision; infinite where it falls as a power."""
+    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
     reach = 0.0
     for form, _, length, width in zip(*law.terms, strict=True):
         if form == EXPONENTIAL:
