@@ -134,7 +134,7 @@ class Newton:
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         if np.isfinite(u).all():
-            done, mean = 0.0, float(u.mean())
+            done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
             hold(self._transforms.plans, system, fields)
         else:
             u[:] = 0.0
