@@ -134,7 +134,7 @@ class Newton:
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         if np.isfinite(u).all():
-            done, mean = 0.0, float(u.mean())
+            done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
             hold(self._transforms.plans, system, fields)
         else:
             u[:] = 0.0
@@ -146,19 +146,19 @@ class Newton:
 
 
 def _system(problem: Problem) -> System:
-    n, law = problem.obstacle.size, problem.interface
+    n, law, floor = problem.obstacle.size, problem.interface, problem.residual_floor
     return System(
         problem.stiffness / n,
         problem.intercept / n,
         problem.obstacle,
         law.terms,
         max(law.strength, 1e-300),
-        law.range,
+        floor.range,
         _reach(law),
         problem.mean_is_fixed,
         problem.applied_pressure,
-        problem.softest,
-        problem.residual_floor,
+        floor.stiffness,
+        floor,
     )
 
 
