@@ -46,7 +46,12 @@ def retraction(found: Recording) -> tuple[FloatArray, FloatArray]:
 
 
 def _adhesive_rows(
-    found: Recording, depth: FloatArray, pressure: FloatArray, name: str, source: str, places: tuple[float, ...]
+    found: Recording,
+    depth: FloatArray,
+    pressure: FloatArray,
+    name: str,
+    source: str,
+    places: tuple[float, ...],
 ) -> Iterator[Row]:
     """Yield pull-off and pressures at depths of the retraction, with a hundredth of the pull-off as bound."""
     ours, stress = retraction(found)
@@ -62,11 +67,11 @@ def _adhesive_rows(
 def line_jkr(_quick: bool) -> Iterator[Row]:
     """The line contact of a parabola with adhesion of short range.
 
-    At half-width a the mean pressure is that without adhesion less sqrt(2 E* w tan(pi a)), at a depth that is
-    less by what a flat strip of that width takes. A range rho smears the edge over the cohesive zone
-    l = (pi/4) E* rho^2/w, and the pull-off falls short: by 11, 3 and 0.5 % where rho is halved twice, of second
-    order and more. With six points to l the lattice adds 0.1 %. The bound at the shortest range is 1 %; at the
-    others the last digit of an independent program, the time between two rows included.
+    At half-width a the mean pressure is that without adhesion less sqrt(2 E* w tan(pi a)), at a depth that
+    is less by what a flat strip of that width takes. A range rho smears the edge over the cohesive zone l =
+    (pi/4) E* rho^2/w, and the pull-off falls short: by 11, 3 and 0.5 % where rho is halved twice, of second
+    order and more. With six points to l the lattice adds 0.1 %. The bound at the shortest range is 1 %; at
+    the others the last digit of an independent program, the time between two rows included.
     """
     work = 1e-3
     a = np.linspace(5e-3, 0.2, 20001)
@@ -100,35 +105,51 @@ def wave(_quick: bool) -> Iterator[Row]:
     depth = amplitude * (s - s * np.log(s)) + 2 / (math.pi * E_STAR) * np.log(np.sin(psi)) * pull
     law = {"law": "exponential", "work": work, "range": 2e-3}
     punch = {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0}
-    found = run(HALFSPACE, {"grid.points": 1024, "interface": law, "punch": punch}, cycle(0, 0.012, -0.015, 0.01))
+    found = run(
+        HALFSPACE, {"grid.points": 1024, "interface": law, "punch": punch}, cycle(0, 0.012, -0.015, 0.01)
+    )
     yield from _adhesive_rows(found, depth, pressure, "wave", _WAVE, (0.009, 0.003, -0.003))
 
 
 def full_contact(_quick: bool) -> Iterator[Row]:
     """Full contact with a wavy punch is lost where the tension in its troughs reaches the strength.
 
-    In full contact the pressure is pbar - p_1 cos(2 pi x/lambda); a trough opens where pbar - p_1 = -w/range. The
-    load falls from twice that of the opening; steps of a hundredth of it locate the opening.
+    In full contact the pressure is pbar - p_1 cos(2 pi x/lambda); a trough opens where pbar - p_1 =
+    -w/range. The load falls from twice that of the opening; steps of a hundredth of it locate the opening.
     """
     amplitude, work, reach = 0.002, 1e-3, 0.05
     strength, height = work / reach, math.pi * E_STAR * amplitude
     opens = height - strength
     law = {"law": "exponential", "work": work, "range": reach}
     punch = {"shape": "sinusoid", "amplitude": amplitude, "wavelength": 1.0}
-    motion = {"control": "load", "kind": "approach_retract", "start": 0.0, "load": 2 * opens, "final": 0.5 * opens,
-              "approach_speed": 100 * opens, "retract_speed": opens}  # fmt: skip
+    motion = {
+        "control": "load",
+        "kind": "approach_retract",
+        "start": 0.0,
+        "load": 2 * opens,
+        "final": 0.5 * opens,
+        "approach_speed": 100 * opens,
+        "retract_speed": opens,
+    }
     values: dict[str, object] = {"grid.points": 256, "interface": law, "punch": punch, "trajectory": motion}
     found = run(HALFSPACE, values, {"time.step": 0.01, "time.integrator": "exponential"})
     load, full = found["mean_stress"], found["contact_area"] == 1
-    yield Row("load at which full contact opens", opens, float(load[full].min()), 0.011 * opens, "pi E* A/L - w/range")
+    yield Row(
+        "load at which full contact opens",
+        opens,
+        float(load[full].min()),
+        0.011 * opens,
+        "pi E* A/L - w/range",
+    )
 
 
 def sphere(quick: bool) -> Iterator[Row]:
     """Pull-off force of a sphere over pi w R, from DMT to JKR.
 
-    Dugdale's stress s, lambda = 2 s (R/(pi w K^2))^(1/3), K = 4 E*/3; Maugis' cubic solved for its least force. Smoothed
-    over a fifth of its range, Dugdale's law needs 8 to 12 points in the cohesive zone l = (pi/4) E* w/s^2: 1 % at
-    ten, 0.1 % at forty. Neighbours of the periodic cell change the force by (a/L)^3 = 0.1 %.
+    Dugdale's stress s, lambda = 2 s (R/(pi w K^2))^(1/3), K = 4 E*/3; Maugis' cubic solved for its least
+    force. Smoothed over a fifth of its range, Dugdale's law needs 8 to 12 points in the cohesive zone l =
+    (pi/4) E* w/s^2: 1 % at ten, 0.1 % at forty. Neighbours of the periodic cell change the force by (a/L)^3
+    = 0.1 %.
     """
     work, radius = 2.8e-4, 1.0
     K = 4 * E_STAR / 3
@@ -152,10 +173,11 @@ def sphere(quick: bool) -> Iterator[Row]:
 def rigid_sphere(_quick: bool) -> Iterator[Row]:
     """The force between a sphere and a body too stiff to deform, out of contact: Bradley's.
 
-    In Derjaguin's approximation it is 2 pi R times the energy at the closest gap. The body, stiffer than the
-    attraction by a factor 1e6, yields by a part 1e-6. The sum over the points is exact for an exponential law,
-    whose force falls like a Gaussian; at the rim of the cell, where r = L/2, the law of Lennard-Jones has fallen
-    to (s/g)^3 of its largest value, and what lies beyond is the part (4/3) (s/g)^2.
+    In Derjaguin's approximation it is 2 pi R times the energy at the closest gap. The body, stiffer than
+    the attraction by a factor 1e6, yields by a part 1e-6. The sum over the points is exact for an
+    exponential law, whose force falls like a Gaussian; at the rim of the cell, where r = L/2, the law of
+    Lennard-Jones has fallen to (s/g)^3 of its largest value, and what lies beyond is the part (4/3)
+    (s/g)^2.
     """
     work, radius, reach, gap = 1e-3, 1.0, 2e-3, 2e-4
     rim = (reach / (0.125 / radius)) ** 2
