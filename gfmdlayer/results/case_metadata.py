@@ -31,6 +31,7 @@ _NAMED = 5  # cases in a line of the notes
 OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
     *known_numbers(),
+    *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
 
 
@@ -57,7 +58,7 @@ class CaseRecord:
 
 
 class CommonTimes:
-    """Times at which all cases have a row; those that ended in a steady state have all later times too.
+    """Times at which all cases have a row; those that ended early, for a reason, have all later times too.
 
     Attributes
     ----------
@@ -67,18 +68,18 @@ class CommonTimes:
 
     def __init__(self) -> None:
         self.times: NDArray[np.float64] = np.empty(0)
-        self._is_first = self._all_steady = True
+        self._is_first = self._all_early = True
 
-    def add(self, times: NDArray[np.float64], *, steady: bool) -> None:
-        """Add the times of a case, and whether it ended in a steady state."""
+    def add(self, times: NDArray[np.float64], *, early: bool) -> None:
+        """Add the times of a case, and whether it ended early: in a steady state, or pulled off."""
         if self._is_first:
             self.times = times
         elif not np.array_equal(times, self.times):
-            common = self.times[rows_at(times, self.times, steady=steady) >= 0]
-            later = times > self.times.max(initial=0.0) if self._all_steady else slice(0)
+            common = self.times[rows_at(times, self.times, steady=early) >= 0]
+            later = times > self.times.max(initial=0.0) if self._all_early else slice(0)
             self.times = np.append(common, times[later])
         self._is_first = False
-        self._all_steady &= steady
+        self._all_early &= early
 
 
 class SweepColumn(NamedTuple):
@@ -148,12 +149,12 @@ class CaseMetadata:
                 if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
                     return False
                 shared = self._shared_with(file)
-                steady = bool(attribute(file, "settled"))
+                early = bool(attribute(file, "settled") or attribute(file, "ended"))
                 held = self._columns_of(file)
                 own = {name: attribute(file, name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        self._common.add(times, steady=steady)
+        self._common.add(times, early=early)
         if self._is_first:
             self._of_first = frozenset(shared)
         self._is_first = False
@@ -279,3 +280,12 @@ def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: 
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
     found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
     return np.where(found, after, -1)
+
+
+def at_rows(values: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the values of a column at rows, NaN where there is none (-1): behind the end of a case."""
+    found = values[rows]
+    if (rows < 0).any():
+        found = found.astype(np.float64)
+        found[rows < 0] = np.nan
+    return found

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gfmdlayer.observables import known_numbers
-from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, equal, notes_on, rows_at
+from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, at_rows, equal, notes_on, rows_at
 from gfmdlayer.results.schema import FIELDS, VARIABLES
 from gfmdlayer.results.sweep_file import Layout, described_key, lay_out
 
@@ -52,7 +52,7 @@ def labelled(
     complete = [case for case in cases if case is not None]
     times = CommonTimes()
     for case in complete:
-        times.add(case["time"].to_numpy(), steady=bool(case.attrs.get("settled")))
+        times.add(case["time"].to_numpy(), early=bool(case.attrs.get("settled") or case.attrs.get("ended")))
     layout = lay_out(values, keys, listed)
     numbers = _gathered(layout, np.arange(len(cases)), (), np.int64)
     coords: dict[str, Any] = {"time": ("time", times.times, complete[0]["time"].attrs)}
@@ -121,7 +121,7 @@ def _curve(case: xarray.Dataset, name: str, example: xarray.DataArray, times: np
     if case[name].dims != example.dims or not all(case[end].equals(example[end]) for end in bins):
         return None
     rows = rows_at(case["time"].to_numpy(), times, steady=bool(case.attrs.get("settled")))
-    return case[name].to_numpy()[rows]
+    return at_rows(case[name].to_numpy(), rows)
 
 
 def _surface(case: xarray.Dataset) -> list[Any]:

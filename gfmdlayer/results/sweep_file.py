@@ -5,7 +5,8 @@
 
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and named in the attribute `notes`.
-A case that ended in a steady state keeps its last row at all later times.
+A case that ended in a steady state keeps its last row at all later times, and one whose punch was pulled off
+is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
@@ -29,7 +30,14 @@ from numpy.typing import NDArray
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact_means import TIME
-from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, SweepColumn, rows_at
+from gfmdlayer.results.case_metadata import (
+    INCOMPLETE,
+    CaseMetadata,
+    CaseRecord,
+    SweepColumn,
+    at_rows,
+    rows_at,
+)
 from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import VARIABLES, parameter
@@ -254,6 +262,6 @@ def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[
     """Read the curves of a case at the times of the sweep file."""
     with opened(path) as case:
         rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
-        if np.any(rows < 0):
+        if np.any(rows < 0) and not attribute(case, "ended"):
             raise ValueError(f"{path}: has been changed")
-        return {name: column(case, name)[rows] for name in names}
+        return {name: at_rows(column(case, name), rows) for name in names}
