@@ -14,6 +14,7 @@ import gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.observables import columns
 from gfmdlayer.observables.adhesion import PART, Adhesion
+from gfmdlayer.results.journal import Journal
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
 PULL: dict[str, Any] = {
@@ -91,3 +92,25 @@ def test_the_work_counts_the_pull_in_retraction_alone() -> None:
         found._pull(*values)
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
     assert found.attributes == {"pull_off_force": 2, "pull_off_stress": 1, "work_of_separation": 2.0}
+
+
+def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(
+    pulled: xarray.Dataset, tmp_path: Path
+) -> None:
+    law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
+    np.testing.assert_allclose(pulled.traction, law.traction(pulled.gap), rtol=1e-14)
+    keys = PULL | {"name": "a", "output": {"snapshots": [1.2, 1.6]}}
+    folder = gfmdlayer.run(keys, out=tmp_path / "out")
+    xarray.testing.assert_equal(folder.traction.load(), pulled.traction)
+    assert "traction" not in gfmdlayer.run(keys | {"interface": {"law": "hard_wall"}, "time": {"step": 0.1}})
+    # The journal of a case that is taken up passes on what it has kept.
+    fields = [np.full(256, float(i)) for i in range(4)]
+    found: list[Any] = []
+    recorder = SimpleNamespace(row=lambda **_: None, snapshot=lambda *values: found.append(values))
+    journal = Journal(tmp_path / "journal", recorder)  # type: ignore[arg-type]
+    journal.row(time=0.0)
+    journal.snapshot(0.5, *fields)
+    position = journal.kept()
+    journal.close()
+    Journal(tmp_path / "journal", recorder).replay(position)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found[0][1:], found[1][1:])
