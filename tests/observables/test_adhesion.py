@@ -51,8 +51,9 @@ def test_energy_tension_and_attractive_area_are_those_of_the_surface(pulled: xar
 
 def test_pull_off_and_work_of_separation_are_those_of_the_curve(pulled: xarray.Dataset) -> None:
     force, depth = pulled.force.to_numpy(), pulled.depth.to_numpy()
-    assert pulled.attrs["pull_off_force"] == -force.min() > 0.01
-    assert pulled.attrs["pull_off_stress"] == -pulled.mean_stress.to_numpy().min()
+    back = np.append(False, np.diff(depth) <= 0)
+    assert pulled.attrs["pull_off_force"] == -force[back].min() > 0.01
+    assert pulled.attrs["pull_off_stress"] == -pulled.mean_stress.to_numpy()[back].min()
     # Much finer than the steps, so that where the force changes sign does not matter.
     fine = np.linspace(0, depth.size - 1, 100 * (depth.size - 1) + 1)
     pull = np.maximum(-np.interp(fine, np.arange(depth.size), force), 0)
@@ -88,7 +89,7 @@ def test_the_work_counts_the_pull_in_retraction_alone() -> None:
         return depth, solution.mean_pressure, 2 * pressure
 
     found = Adhesion(SimpleNamespace())  # type: ignore[arg-type]
-    for values in (step(0, 0), step(1, 1), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
+    for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
         found._pull(*values)
     # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
     assert found.attributes == {"pull_off_force": 2, "pull_off_stress": 1, "work_of_separation": 2.0}
