@@ -101,7 +101,8 @@ def estimate(config: Config) -> Cost:
         pairs=pairs,
         work=size * pairs,
         memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
-        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + 3 * size * snapshots),
+        storage=HEADER
+        + REAL * (width * rows + sum(config.grid.points) + (3 + bool(config.interfaces)) * size * snapshots),
     )
 
 
