@@ -282,7 +282,7 @@ def _resolved(raw: Location, root: type[Section]) -> tuple[Location, type[Sectio
     for part in raw:
         if isinstance(part, int):
             location.append(part)
-        elif part in FORMS:
+        elif part in FORMS and (held is None or isinstance(held, OneOf)):  # no key of that name
             pass
         elif isinstance(held, OneOf):
             held = held.members[part]
