@@ -38,6 +38,7 @@ _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
+_NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _ROUNDING = 1e-13  # of energies, over their parts
 
@@ -69,6 +70,16 @@ class Progress(NamedTuple):
     iterations: int
 
 
+@kernel
+def is_lost(system: System, drop: float, unstable: bool) -> bool:
+    """Whether the energy lost in a descent is that of an instability.
+
+    The descent may also set right a step along the branch that has gone astray, by much less than the work of
+    adhesion of one point.
+    """
+    return unstable and drop > _NOTHING * system.strength * system.range
+
+
 @kernel(reorder=True)
 def iterate(  # noqa: C901  # compiled as one, for its many results
     plans: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
@@ -93,7 +104,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             break
         aim = tolerance * max(system.strength, step.pressure.max())
         if descends and done < 1.0 and (largest <= aim or settled):
-            released += drop if unstable else 0.0
+            released += drop if is_lost(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
             continue
         iterations += 1
