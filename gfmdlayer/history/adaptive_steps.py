@@ -150,7 +150,7 @@ class AdaptiveSteps:
         if self._given.step == 0:
             accepted = True
             # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
-            pressed = depth_scale > 0 and bool(spectrum.any())
+            pressed = depth_scale > 0 and self._integrator.deforms(spectrum)
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
             now.next_step = self._integrator.shortest_time * self._slowdown * first
         else:

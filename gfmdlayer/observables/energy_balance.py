@@ -50,7 +50,7 @@ class EnergyBalance(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._work = 0.0
+        self._work, self._sums = 0.0, case.grid.sums
         self._interface = case.interface
         self._field: tuple[float, FloatArray] | None = None  # time and gap, where the interface changes
         self._normal: deque[Point] = deque(maxlen=2)  # depths and mean pressures
@@ -60,7 +60,9 @@ class EnergyBalance(Observable):
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated = step.energy.stored, step.energy.dissipated
         interface = step.problem.interface
-        attraction = float(interface.energy(step.solution.gap).mean()) if interface.attracts else 0.0
+        attraction = float(step.row.get("interface_energy", 0.0))
+        if interface.attracts and "interface_energy" not in step.row:  # an interface beside the configuration
+            attraction = self._sums.mean(interface.energy(step.solution.gap))
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:

@@ -195,6 +195,8 @@ class Observable(Stateless):
     ----------
     COLUMNS : tuple of Column
         Columns that are the same in every case that has the observable.
+    NUMBERS : tuple of Column
+        Attributes that the sweep file holds too, a number for each case.
     finished : bool
         Whether the run may end after the last accepted step.
     attributes : dict
@@ -204,6 +206,7 @@ class Observable(Stateless):
     """
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    NUMBERS: ClassVar[tuple[Column, ...]] = ()
     finished: bool = False
     attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""

@@ -10,13 +10,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
+from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact_means import TIME, ContactMeans
 from gfmdlayer.results.reader import attribute, column, opened
 from gfmdlayer.results.schema import FIELDS
@@ -29,6 +30,7 @@ SAME_TIME = 1e-9
 _NAMED = 5  # cases in a line of the notes
 OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *known_numbers(),
     *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
 
@@ -111,6 +113,8 @@ class CaseMetadata:
         Columns of the sweep file by name: those of every case, and those that any complete case has.
     lacking : dict
         Name -> numbers of the complete cases that have no such column, or one over other bins.
+    numbers : dict
+        Name -> number of a case -> value of an attribute that is a column of the sweep.
     shared : dict
         Attributes that have the same value in all complete cases.
     """
@@ -118,6 +122,7 @@ class CaseMetadata:
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
         self.columns: dict[str, SweepColumn] = {}
+        self.numbers: dict[str, dict[int, float]] = {}
         self.shared: dict[str, object] = {}
         self._is_first, self._common = True, CommonTimes()
         self._of_first: frozenset[str] = frozenset()
@@ -146,6 +151,7 @@ class CaseMetadata:
                 shared = self._shared_with(file)
                 early = bool(attribute(file, "settled") or attribute(file, "ended"))
                 held = self._columns_of(file)
+                own = {name: attribute(file, name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
         self._common.add(times, early=early)
@@ -153,6 +159,9 @@ class CaseMetadata:
             self._of_first = frozenset(shared)
         self._is_first = False
         self._held[record.index] = held
+        for name, value in own.items():
+            if value is not None:
+                self.numbers.setdefault(name, {})[record.index] = float(str(value))
         self.shared = shared
         return True
 
@@ -190,7 +199,12 @@ class CaseMetadata:
         if self._is_first:
             names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
             return {name: attribute(file, name) for name in names if name not in OF_ONE_CASE}
-        return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
+        return {name: value for name, value in self.shared.items() if equal(attribute(file, name), value)}
+
+
+def equal(one: Any, other: Any) -> bool:
+    """Whether two attributes are the same, texts, numbers or arrays."""
+    return bool(np.array_equal(one, other))
 
 
 def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, at_rows, notes_on, rows_at
+from gfmdlayer.observables import known_numbers
+from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, at_rows, equal, notes_on, rows_at
 from gfmdlayer.results.schema import FIELDS, VARIABLES
 from gfmdlayer.results.sweep_file import Layout, described_key, lay_out
 
@@ -68,6 +69,14 @@ def labelled(
         coords |= {str(end): x.variable for end, x in example.coords.items() if "time" not in x.dims}
         if without := {i for i, case in enumerate(cases) if case is not None and curves[i] is None}:
             lacking[name] = frozenset(without)
+    for name, declared in known_numbers().items():
+        if any(name in case.attrs for case in complete):
+            values_of = [np.nan if case is None else case.attrs.get(name, np.nan) for case in cases]
+            held[name] = (
+                tuple(layout.lengths),
+                _gathered(layout, values_of, ()),
+                declared.in_units(unit).described,
+            )
     same = all(_surface(case) == _surface(complete[0]) for case in complete)
     if same and complete[0].sizes["snapshot"]:
         for name in FIELDS:
@@ -126,5 +135,5 @@ def _shared(complete: Sequence[xarray.Dataset]) -> dict[str, Any]:
     return {
         name: value
         for name, value in first.attrs.items()
-        if name not in OF_ONE_CASE and all(case.attrs.get(name) == value for case in others)
+        if name not in OF_ONE_CASE and all(equal(case.attrs.get(name), value) for case in others)
     }

@@ -1,6 +1,7 @@
 """The sweep file: curves of all cases, labelled by the swept keys.
 
     contact_area and the other columns of the cases (swept key, ..., time[, bin])      case (swept key, ...)
+    pull_off_force and other numbers of a whole case (swept key, ...)
 
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and named in the attribute `notes`.
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact_means import TIME
 from gfmdlayer.results.case_metadata import (
     INCOMPLETE,
@@ -112,6 +114,7 @@ def collect(
         for record, place in zip(records, layout.places, strict=True):
             numbers[place] = record.index
         _add_coordinates(h5, layout, numbers, rows, unit)
+        _add_numbers(h5, layout, numbers, cases.numbers, unit)
         columns = _add_columns(h5, layout, (*numbers.shape, rows.size), cases.columns)
         for record, place in zip(records, layout.places, strict=True):
             if record.index not in failed:
@@ -227,6 +230,21 @@ def _add_columns(
         columns[name] = add_variable(h5, own, along, each.described, **_options(lengths))
         columns[name].attrs["coordinates"] = " ".join(sorted(others))
     return columns
+
+
+def _add_numbers(
+    h5: h5py.File,
+    layout: Layout,
+    numbers: NDArray[np.generic],
+    found: Mapping[str, Mapping[int, float]],
+    unit: Callable[[str], str],
+) -> None:
+    """Add the numbers of whole cases, NaN where a case has none."""
+    for name, values in found.items():
+        described = known_numbers()[name].in_units(unit).described
+        held = np.array([values.get(int(index), np.nan) for index in numbers.ravel()])
+        variable = add_variable(h5, name, tuple(layout.lengths), described, data=held.reshape(numbers.shape))
+        variable.attrs["coordinates"] = " ".join(sorted({"case", *layout.labels} - layout.lengths.keys()))
 
 
 def _options(shape: tuple[int, ...]) -> dict[str, Any]:
