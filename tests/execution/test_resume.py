@@ -58,7 +58,8 @@ BODIES |= {
             "kind": "approach_retract",
             "load": 0.1,
             "retract_speed": 2.0,
-            "final": -2.0,
+            "final": -1.0,
+            "cycles": 2,
         }
     },
 }

@@ -194,3 +194,23 @@ def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Pat
     ended = found["mean_pressure"].isel(work=0)
     np.testing.assert_array_equal(np.isnan(ended), found["time"] > pulled.attrs["pull_off_time"])
     assert not found["mean_pressure"].isel(work=1).isnull().any()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_punch_that_is_pulled_off_rests_until_its_load_presses_again() -> None:
+    relaxing = {"material": {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}}
+    layer = {"layer": SOFT["layer"] | relaxing}
+    found = gfmdlayer.run(SOFT | layer | {"trajectory": PULL | {"cycles": 2}})
+    # Pulled off at some load < 0 of the first retraction; from 6 on, after 0.04/0.02 of approach, it presses.
+    time, pressure = found["time"].to_numpy(), found["mean_pressure"].to_numpy()
+    away = (time > 3.0) & (time < 5.99)
+    assert away.sum() > 3
+    assert np.abs(pressure[away]).max() < 1e-12
+    assert (found["contact_area"].to_numpy()[away] == 0).all()
+    assert (np.diff(found["stored"].to_numpy()[away]) < 0).all()  # the surface recovers
+    pressing = time > 6.1
+    load = np.interp(time[pressing], [6, 7, 10], [0, 0.02, -0.04])
+    np.testing.assert_allclose(2 * pressure[pressing], load, atol=1e-12)
+    assert found.attrs["pull_off_time"] > 7.0  # the second one ends the case
+    # The balance holds over both, as over the steps between: to the trapezium of steps of half a range.
+    assert np.abs(found["energy_residual"]).max() < 0.5**2 / 12 * float(np.abs(found["work"]).max())
