@@ -295,5 +295,6 @@ class Case:
             steps=self.steps,
             guess=self.guess,
             changes=self.changes,
+            loading=self.loading,
             observables=CompositeState(**self.observables),
         )
