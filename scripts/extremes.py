@@ -75,6 +75,7 @@ def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,)) -> Drawn:
     spacing = period / (min(points) if isinstance(points, list) else points)
     config["punch"] = punch(rng, period, spacing)
     most, end, softest = scales(config, rng)
+    height = most
     control = choose(rng, "depth", "load", "force")
     if control != "depth":
         most *= softest
@@ -90,12 +91,15 @@ def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,)) -> Drawn:
     }
     if rng.random() < 0.1:
         config["time"] |= {"step": "adaptive", "integrator": "exponential", "tolerance": decades(rng, -3, -1)}
-    if rng.random() < 0.1 and config["punch"]["shape"] != "measured":
+    if rng.random() < 0.1:
+        config["time"]["integrator"] = "exponential"  # which alone follows a moving punch
         config["trajectory"]["velocity"] = choose(rng, -1, 1) * period / end * decades(rng, -2, 1)
     config["solver"] = {
         "method": str(rng.choice(methods)),
         "tolerance": choose(rng, 1e-6, decades(rng, -8, -3)),
     }
+    if SOLVERS[config["solver"]["method"]].adhesive and "velocity" not in config["trajectory"]:
+        config |= adhesion(rng, height, softest)
     return Drawn(config, history)
 
 
@@ -209,6 +213,13 @@ def trajectory(
     return None
 
 
+def adhesion(rng: Draw, height: float, softest: float) -> Values:
+    """An interface that attracts, in half of the cases."""
+    reach = height * decades(rng, -4, 0)
+    law = {"law": "exponential", "range": reach, "work": softest * reach**2 * decades(rng, -4, 2)}
+    return {"interface": law} if rng.random() < 0.5 else {}
+
+
 class Outcome(NamedTuple):
     """How a case ended: a kind, and the particulars."""
 
@@ -241,6 +252,7 @@ def outcome(drawn: Drawn) -> Outcome:
 
 
 def _sound(name: Any, values: Any) -> bool:
+    values = np.asarray(values)
     return bool((np.isfinite(values) | (name in WITHOUT_CONTACT and np.isnan(values))).all())
 
 
