@@ -20,11 +20,12 @@ _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
 
-def notes(configs: Iterable[Config]) -> list[str]:
+def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """Return notes on the cases, each once.
 
-    These are the changes made to measured surfaces, tables that end before the run does, a ramp that is not
-    completed, and defaults beside numbers in other units.
+    These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
+    tables that end before the run does, a ramp that is not completed, and defaults beside numbers in other
+    units.
 
     Raises
     ------
@@ -32,10 +33,10 @@ def notes(configs: Iterable[Config]) -> list[str]:
         If a file cannot be used.
     """
     every = list(configs)
-    surfaces = dict.fromkeys(
-        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    measured = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if surfaces and not config.grid.axisymmetric
     )
-    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
+    found = [note for cell, punch in measured for note in punch.notes(cell)]
     if any(map(files_named, every)):
         found += _short_tables(every)
     found += [note for config in every for note in _on_values(config)]

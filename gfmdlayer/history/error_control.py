@@ -87,6 +87,10 @@ class ErrorControlledModes(Modes):
         """Discard the velocity of the surface, which does not predict its displacement after a kink."""
         self._velocity = None
 
+    def deforms(self, spectrum: ComplexArray) -> bool:
+        """Return whether a displacement is not zero."""
+        return bool(self._sums.maximum(int(spectrum.any())))
+
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""
         b = self._b.view(np.float64)
