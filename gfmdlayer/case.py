@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from gfmdlayer import inputs
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
@@ -24,68 +23,21 @@ from gfmdlayer.grid.slab_transforms import transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.instabilities import Change, Changes
+from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
-from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
-from gfmdlayer.observables.observable import Energy
+from gfmdlayer.parts import Integrator, Steps
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
-from gfmdlayer.resumable import CompositeState, Resumable
+from gfmdlayer.resumable import CompositeState
 
 if TYPE_CHECKING:
     from gfmdlayer.indentation.isolated import IsolatedIndentation
-
-
-class Integrator(Energy, Resumable, Protocol):
-    """Time integration of the history: slopes and intercepts of the stress at the end of a step."""
-
-    @property
-    def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the slopes at the end of the last step; None where the punch does not move."""
-        ...
-
-    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step of this length."""
-        ...
-
-    def advance(self, spectrum: ComplexArray) -> None:
-        """Carry the history on with the accepted displacement."""
-        ...
-
-
-class Steps(Resumable, Protocol):
-    """The time points of a run."""
-
-    def __iter__(self) -> Iterator[Instant]:
-        """Return the time points in order; a rejected one is followed by an earlier one."""
-        ...
-
-    def accepts(
-        self, spectrum: ComplexArray, found: float, depth: float, change: Change | None = None
-    ) -> bool:
-        """Return whether the last step is accurate enough.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex
-            Displacement at its end.
-        found : float
-            Mean pressure at a prescribed depth, depth under a prescribed load.
-        depth : float
-            Depth of the punch.
-        change : Change, optional
-            Over the step, where the interface attracts.
-        """
-        ...
-
-    def course(self) -> Course | None:
-        """Return the course so far where the next step is the first that may depend on the end of the run."""
-        ...
 
 
 class Parts(TypedDict, total=False):
