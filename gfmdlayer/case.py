@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 from gfmdlayer import inputs
 from gfmdlayer.arrays import FloatArray
@@ -29,15 +29,32 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
-from gfmdlayer.history.time_points import FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import FixedSteps, Instant, Steps, equal_steps, landing_steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
-from gfmdlayer.parts import Integrator, Steps
+from gfmdlayer.observables.observable import Energy
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
-from gfmdlayer.resumable import CompositeState
+from gfmdlayer.resumable import CompositeState, Resumable
 
 if TYPE_CHECKING:
     from gfmdlayer.indentation.isolated import IsolatedIndentation
+
+
+class Integrator(Energy, Resumable, Protocol):
+    """Time integration of the history: slopes and intercepts of the stress at the end of a step."""
+
+    @property
+    def loss_stiffness(self) -> FloatArray | None:
+        """Imaginary part of the slopes at the end of the last step; None where the punch does not move."""
+        ...
+
+    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b at the end of a step of this length."""
+        ...
+
+    def advance(self, spectrum: ComplexArray) -> None:
+        """Carry the history on with the accepted displacement."""
+        ...
 
 
 class Parts(TypedDict, total=False):
@@ -203,8 +220,9 @@ class Case:
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]
             return stack_modes(self.body, waves, self.clocks, scheme, sums)
-        spectrum, along = self.body.spectrum(waves), self.grid.wavenumbers_x
+        spectrum = self.body.spectrum(waves)
         if self.velocity is not None:
+            along = self.grid.wavenumbers_x
             velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
             if adaptive:
                 return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)

@@ -83,7 +83,7 @@ def iterate(
 
     Returns the state, whether it is within the tolerance, the iterations and the FFT pairs.
     The scales of the residual are those of the first iteration: the caller accepts only what passes there.
-    On return within the tolerance, ``stress``, which has the traction of the interface in it, belongs to ``u``.
+    On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     """
     kappa, b, h, mean_is_fixed, floor, terms = system
     inverse_mass, mobility, mass_weighted = inertia

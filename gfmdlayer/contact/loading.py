@@ -32,20 +32,28 @@ class Surface:
 
     Attributes
     ----------
-    displacement : ndarray, one value a point
-        u; length.
+    found : ndarray, one value a point
+        Displacement as the solver found it; length.
     spectrum : ndarray of complex
         Its unnormalised transform.
     depth : float
         Of the punch, below the height at which it touches the surface at rest; length.
     response : float
         The quantity that is not prescribed: the mean pressure, or the depth.
+    shift : float
+        Height at which the solver found it.
     """
 
-    displacement: FloatArray
+    found: FloatArray
     spectrum: ComplexArray
     depth: float
     response: float
+    shift: float = 0.0
+
+    @property
+    def displacement(self) -> FloatArray:
+        """u, one value a point: a new array where the solver found it at another height."""
+        return self.found - self.shift if self.shift else self.found
 
 
 class Loading(Protocol):
@@ -139,12 +147,30 @@ class LoadControl(_Prescribed):
         depth = mean(solution.displacement, ranks) - height
         spectrum = solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement - depth, spectrum, depth, depth)
+        return Surface(solution.displacement, spectrum, depth, depth, shift=depth)
 
     def _without_mean(self, values: Values) -> Values:
         rest = values.copy()
         self.ranks.set_mean_wave(rest, 0.0)
         return rest
+
+
+def pulled_off(problem: Problem, solution: Solution) -> bool:
+    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
+
+    Further away the traction is less still, so that there is no equilibrium left to find.
+
+    Parameters
+    ----------
+    problem : Problem
+        The contact problem.
+    solution : Solution
+        The last state of the solver, which need not have converged.
+    """
+    load, gap = problem.mean_pressure, solution.gap
+    if load is None or load >= 0 or not problem.interface.attracts:
+        return False
+    return bool(gap.min() > problem.interface.range and problem.interface.traction(gap).max() < -load)
 
 
 # The trajectory of a force is that of the mean pressure, force over cell.

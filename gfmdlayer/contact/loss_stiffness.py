@@ -86,7 +86,7 @@ class LossStiffnessSolver:
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
         if problem.interface.attracts:
-            return replace(state, released_energy=released)
+            return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
         if not state.converged and contact.any():
             state, contact = self._by_pivoting(problem, state, contact)

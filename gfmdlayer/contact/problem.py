@@ -17,6 +17,7 @@ zero in the third. The mean pressure is mean(f) + lambda in each.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol
@@ -131,6 +132,9 @@ class Solution:
         Whether the residual is within the tolerance.
     released_energy : float
         Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
+    margin : float
+        Distance from an instability: the least curvature of the energy, over that without an interface; zero
+        where the branch ends. NaN from solvers that do not know it.
     """
 
     displacement: FloatArray
@@ -145,6 +149,7 @@ class Solution:
     iterations: int
     converged: bool
     released_energy: float = 0.0
+    margin: float = math.nan
 
 
 class Solver(Resumable, Protocol):

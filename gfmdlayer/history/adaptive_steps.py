@@ -57,6 +57,7 @@ class _Position:
     bound: bool = False  # whether a step was shortened because the run ends
     response: float = 0.0
     after_jump: bool = False
+    last_step: float = 0.0  # length of the last step, 0 after a kink
     jump_by: float = 0.0  # a step to this time was rejected for an instability
     over_jump: float = 0.0  # length of a step over it that will be accepted
 
@@ -106,6 +107,7 @@ class AdaptiveSteps:
             if now.after_kink:
                 self._integrator.discard_velocity()
                 now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
+                now.last_step = 0.0
             if now.after_jump:
                 self._integrator.discard_velocity()
                 now.steps_since_kink, now.after_jump = 0, False
@@ -163,7 +165,7 @@ class AdaptiveSteps:
                 self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted, widest)
         if accepted:
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
-            now.response = response
+            now.response, now.last_step = response, self._given.step
             now.time = self._given.time
             now.after_kink = self._given.kink
             now.next_stop += self._lands
@@ -216,9 +218,9 @@ class AdaptiveSteps:
         room = _SAFETY * self._tolerance / max(error, 1e-300)
         if accepted:
             now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
-        elif change.jumps:
+        elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
             now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
-        else:
+        else:  # a step much longer than the last one may end beyond what shorter ones lead to
             now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
         return accepted
 

@@ -62,7 +62,9 @@ class Changes:
         self._drive = 0.0, 0.0  # prescribed depth or load, and strength of the interface
         self._largest = 0.0, 0.0
 
-    def over(self, prescribed: float, problem: Problem, solution: Solution) -> Change | None:
+    def over(
+        self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
+    ) -> Change | None:
         """Return the change since the last accepted step; None beside a hard wall, and at the first step.
 
         Parameters
@@ -71,6 +73,8 @@ class Changes:
             Depth or load at the end of the step.
         problem, solution : Problem, Solution
             The contact problem there.
+        lost : bool
+            Whether the punch is pulled off.
 
         Returns
         -------
@@ -83,7 +87,7 @@ class Changes:
         parts = zip(drive, self._drive, scale, strict=True)
         moved = max(abs(now - before) / most if most else 0.0 for now, before, most in parts)
         separation = self._sums.maximum(_separation(self._gap, solution.gap, reach))
-        return Change(solution.released_energy > 0, separation, moved)
+        return Change(lost or solution.released_energy > 0, separation, moved)
 
     def remember(self, prescribed: float, problem: Problem, solution: Solution) -> None:
         """Take note of an accepted step, see `over`."""

@@ -1,9 +1,10 @@
-"""Observables of a step: contact, effort, friction, energy balance, contact statistics, steady state."""
+"""Observables of a step: contact, effort, friction, adhesion, energy balance, statistics, steady state."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gfmdlayer.observables.adhesion import Adhesion
 from gfmdlayer.observables.contact_means import ContactMeans
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
@@ -28,6 +29,7 @@ __all__ = [
     "Observable",
     "columns",
     "known_columns",
+    "known_numbers",
     "observables",
 ]
 
@@ -39,6 +41,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "effort": Effort,
     "friction": Friction,
     "instabilities": Instabilities,
+    "adhesion": Adhesion,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
     "temperature": Temperature,
@@ -75,3 +78,8 @@ def known_columns() -> dict[str, Column]:
                 raise ValueError(f"{observable.__name__}: another observable has a column {column.name!r}")
             found[column.name] = column
     return found
+
+
+def known_numbers() -> dict[str, Column]:
+    """Return the attributes of cases that sweep files hold as columns, by name."""
+    return {column.name: column for each in OBSERVABLES.values() for column in each.NUMBERS}

@@ -29,7 +29,6 @@ from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.interface.law import InterfaceLaw
 
 _UNITS = "pressure length"
 
@@ -61,17 +60,22 @@ class EnergyBalance(Observable):
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated = step.energy.stored, step.energy.dissipated
         interface = step.problem.interface
-        attraction = self._sums.mean(interface.energy(step.solution.gap)) if interface.attracts else 0.0
+        attraction = float(step.row.get("interface_energy", 0.0))
+        if interface.attracts and "interface_energy" not in step.row:  # an interface beside the configuration
+            attraction = self._sums.mean(interface.energy(step.solution.gap))
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
         if self._normal:
             self._work += _area(*self._normal, normal) + _area(*self._tangential, tangential)
-            self._work += self._work_of_the_field(interface, step.solution.gap)
+            if self._field is not None:
+                self._work += self._work_of_the_field(*self._field, step)
         else:
             self._work = stored + dissipated + attraction
+        if "lost" in step.row and step.solution.released_energy > 0:
+            self._normal.clear()  # no parabola goes through a jump
         self._normal.append(normal)
         self._tangential.append(tangential)
-        if self._interface.kinks:
+        if self._interface.kinks:  # it depends on time
             self._field = step.time, step.solution.gap
         lost = float(step.row.get("lost", 0.0))
         return {
@@ -81,13 +85,11 @@ class EnergyBalance(Observable):
             "energy_residual": self._work - stored - dissipated - attraction - lost,
         }
 
-    def _work_of_the_field(self, law: InterfaceLaw, gap: FloatArray) -> float:
-        """Change of the energy of the interface over a step that is due to time alone."""
-        if self._field is None:
-            return 0.0
-        time, before = self._field
-        last = self._interface.at(time)
-        return float(sum((law.energy(each) - last.energy(each)).mean() for each in (before, gap))) / 2
+    def _work_of_the_field(self, time: float, before: FloatArray, step: AcceptedStep) -> float:
+        """Change of the energy of the interface since a time that is due to the time alone."""
+        law, last = step.problem.interface, self._interface.at(time)
+        gaps = before, step.solution.gap
+        return float(sum((law.energy(gap) - last.energy(gap)).mean() for gap in gaps)) / 2
 
     def state(self) -> State:
         """Return the work, and the last two points of both curves."""

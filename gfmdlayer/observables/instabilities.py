@@ -39,6 +39,8 @@ class Instabilities(Observable):
         """The instabilities: their number, and times, depths and energies in the order of time."""
         import numpy as np
 
+        if not self._found:
+            return {"instabilities": 0}
         time, depth, energy = np.array(self._found).reshape(-1, 3).T
         listed = {"time": time, "depth": depth, "energy": energy}
         return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.arrays import Attribute, FloatArray
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
     from gfmdlayer.contact.loading import Surface
@@ -195,6 +195,8 @@ class Observable(Stateless):
     ----------
     COLUMNS : tuple of Column
         Columns that are the same in every case that has the observable.
+    NUMBERS : tuple of Column
+        Attributes that the sweep file holds too, a number for each case.
     finished : bool
         Whether the run may end after the last accepted step.
     attributes : dict
@@ -204,8 +206,9 @@ class Observable(Stateless):
     """
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    NUMBERS: ClassVar[tuple[Column, ...]] = ()
     finished: bool = False
-    attributes: Mapping[str, str | float | FloatArray] = MappingProxyType({})
+    attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
 
     def __init__(self, case: Parts) -> None:

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import Attribute, FloatArray
 
 HELD = 1 << 24  # bytes held in memory at most, before they are appended
 
@@ -40,7 +40,7 @@ class Recorder(Protocol):
         """Record the surface at a time; arrays of the grid's shape."""
         ...
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run that are known at its end."""
         ...
 
@@ -99,7 +99,7 @@ class Journal:
         self._fields += displacement, pressure, gap
         self._count(3 * gap.nbytes)
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Pass on results of the run as a whole; they come at the end, after the last checkpoint."""
         self._recorder.note(**attributes)
 

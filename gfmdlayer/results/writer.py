@@ -22,6 +22,7 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.arrays import Attribute
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template, rows_of_block
@@ -32,8 +33,6 @@ from gfmdlayer.results.schema import VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
-
-Attribute = str | int | float
 
 
 class CaseWriter:

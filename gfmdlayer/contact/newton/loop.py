@@ -136,10 +136,10 @@ def iterate(
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         change = elastic + after - energy
         uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
-        if done == target and (uphill or (descends and way < _TOO_FAR)):
+        if done == target and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
-            damping = max(_SHORTER * damping, 0.01 * system.softest)
+            damping = max(_SHORTER * damping, _AT_REST * system.softest)
             if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
@@ -148,6 +148,7 @@ def iterate(
             done += way * (target - done)
             continue
         drop -= change
+        unstable = unstable or last < first  # the energy falls ever more steeply
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
         # The error grows as the square of the step, and the step as the inverse of the damping.
         damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way

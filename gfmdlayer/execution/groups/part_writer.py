@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gfmdlayer.arrays import Attribute
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import Column
 from gfmdlayer.results.case_template import rows_of_block
@@ -47,5 +48,5 @@ class PartWriter:
             for _ in self._grid.blocks(field, rows_of_block(self._grid.points)):
                 pass
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Do nothing."""
