@@ -7,7 +7,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 from gfmdlayer import inputs
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config

@@ -263,11 +263,10 @@ class LastGap(DisplacementPrediction):
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
         self._times, self._fields = deque(maxlen=1), deque(maxlen=1)
-        self._zero[:] = np.inf
 
     def at(self, _time: float) -> FloatArray:
         """Return the guess, as a new array."""
-        return (self._fields[-1] if self._fields else self._zero).copy()
+        return self._fields[-1].copy() if self._fields else np.full(self._size, np.inf)
 
 
 PREDICTIONS: dict[str, type[DisplacementPrediction]] = {
