@@ -164,6 +164,8 @@ def simulate(
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break
+            del step, row
+        del kappa, b, problem, solution, surface  # the next step needs their memory
         if progress is not None:
             progress(instant.time)
     for observable in observables:
