@@ -268,8 +268,7 @@ class Case:
         if declared.distributed:
             options["grid"] = self.grid
         moved = self.velocity is not None and not declared.nonsymmetric
-        # The iterations around a solver leave a part of the tolerance to it.
-        inner = tolerance * (SHARE if moved else 1.0)
+        inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
         if moved:
             solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
