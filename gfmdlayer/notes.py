@@ -143,7 +143,7 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
                 continue
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
-            elif abs(math.log(value / _paper(section, key))) > math.log(_FACTOR):
+            elif abs(math.log(abs(value / _paper(section, key)))) > math.log(_FACTOR):
                 foreign.append(dotted((*at, key)))
     return left, foreign
 
