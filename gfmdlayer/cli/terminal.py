@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gfmdlayer.files.shared_folders import printable
+
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
@@ -59,7 +61,7 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 def refuse(*problems: str) -> int:
     """Print what is wrong with the input, a line each, and return the exit status."""
     for problem in problems:
-        print(f"gfmdlayer: {problem}", file=sys.stderr)
+        print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     return REFUSED
 
 
@@ -107,6 +109,6 @@ def count_cases(number: int) -> str:
 
 def cut_short(lines: Iterable[str]) -> list[str]:
     """Return the first lines of a list, and the number of further ones."""
-    every = list(lines)
+    every = list(map(printable, lines))
     more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
     return [*every[:LISTED], *more]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gfmdlayer.resumable import CompositeState
 
 _SHARE = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
-_FORMAT = "3"  # of checkpoint and journal
+_FORMAT = "4"  # of checkpoint and journal
 _KINDS = ("checkpoint", "journal0")
 _VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
 

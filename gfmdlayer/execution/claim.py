@@ -28,6 +28,7 @@ from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
 from gfmdlayer.files.locks import exclusive, try_lock
+from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
@@ -106,7 +107,7 @@ def held(folder: Folder) -> Iterator[bool]:
     """
     shard = folder.shard
     with ExitStack() as stack:
-        common = stack.enter_context((folder.cases / ".lock").open("a+"))
+        common = stack.enter_context(open(folder.cases / ".lock", "a+", opener=no_link))
         granted = try_lock(common)
         if shard is None:
             if granted is False:
@@ -122,7 +123,8 @@ def held(folder: Folder) -> Iterator[bool]:
             try_lock(common, shared=True)
         else:
             _refuse_other_division(folder, common, shard)
-        own = stack.enter_context((folder.cases / f".lock-{shard.number}-of-{shard.count}").open("a+"))
+        lock = folder.cases / f".lock-{shard.number}-of-{shard.count}"
+        own = stack.enter_context(open(lock, "a+", opener=no_link))
         if try_lock(own) is False:
             raise _in_use(folder, f"another run of shard {shard} is writing here")
         yield granted is True
@@ -211,7 +213,7 @@ def _probe(folder: Folder) -> None:
     """Write some bytes, to find a full disk before any work."""
     path = unfinished_path(folder.cases / "probe")
     try:
-        with path.open("wb") as file:
+        with open(path, "xb", opener=no_link) as file:
             file.write(bytes(_PROBE))
             file.flush()
             os.fsync(file.fileno())
