@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from gfmdlayer.indentation.indent import indent
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
+    from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
+    from gfmdlayer.interface.electrostatic import Electrostatic
     from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
     from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
@@ -40,7 +42,10 @@ __all__ = [
     "ConfigError",
     "ConvergenceError",
     "Cylinder",
+    "Dugdale",
     "Elastic",
+    "Electrostatic",
+    "Exponential",
     "Flat",
     "FlatPunch",
     "ForceCurve",
@@ -50,6 +55,7 @@ __all__ = [
     "Layer",
     "LayerStack",
     "LayeredHalfspace",
+    "LennardJones",
     "Parabola",
     "PowerLaw",
     "Prony",
@@ -84,6 +90,8 @@ _MODULES = {
     "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.case": ("Case",),
+    "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
+    "gfmdlayer.interface.electrostatic": ("Electrostatic",),
     "gfmdlayer.punch.flanked_shapes": ("Cone", "Pyramid", "Wedge"),
     "gfmdlayer.punch.simple_shapes": ("Cylinder", "Flat", "Parabola", "Sinusoid", "Sphere"),
     "gfmdlayer.punch.indenters": ("BluntedCone", "FlatPunch", "RadialProfile"),

@@ -12,10 +12,9 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
-from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
-from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction, PressurePrediction
+from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
@@ -28,7 +27,7 @@ from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
 from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
 from gfmdlayer.punch.trajectory import Constant, Table, Trajectory
@@ -96,7 +95,7 @@ class Parts(TypedDict, total=False):
     integrator: Integrator
     steps: Steps
     solver: Solver
-    guess: DisplacementPrediction | PressurePrediction
+    guess: DisplacementPrediction
     observables: dict[str, Observable]
 
 
@@ -208,14 +207,14 @@ class Case:
 
     @cached_property
     def interface(self) -> InterfaceLaw:
-        """Interaction of surface and punch across the gap: the paper's hard wall."""
-        return HARD_WALL
+        """Interaction of surface and punch across the gap, beside the hard wall."""
+        return inputs.make_interface(self.config)
 
     @cached_property
     def kinks(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
         trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
-        return inputs.kinks(trajectory, self.velocity, self.clocks)
+        return inputs.kinks(self.clocks, trajectory, self.velocity, self.interface)
 
     @cached_property
     def loading(self) -> Loading:
@@ -260,24 +259,23 @@ class Case:
 
     @cached_property
     def solver(self) -> Solver:
-        """Solver of the contact problem, within the iterations for an attraction and for a loss stiffness."""
+        """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
         declared, tolerance = SOLVERS[given.method], given.tolerance
-        options = {} if given.inertia is None else {"mass_weighted": given.inertia == "mass_weighted"}
-        attracted = self.interface.attracts and not declared.adhesive
+        if self.interface.attracts and not declared.adhesive:
+            declared = SOLVERS["newton"]
+        weighted = given.inertia is not None and declared is SOLVERS[given.method]
+        options = {"mass_weighted": given.inertia == "mass_weighted"} if weighted else {}
         moved = self.velocity is not None and not declared.nonsymmetric
-        # Each iteration around a solver leaves a part of the tolerance to it.
-        inner = tolerance * (AttractionSolver.SHARE if attracted else 1.0) * (SHARE if moved else 1.0)
+        # The iterations around a solver leave a part of the tolerance to it.
+        inner = tolerance * (SHARE if moved else 1.0)
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
-        if attracted:
-            within = tolerance * (SHARE if moved else 1.0)
-            solver = AttractionSolver(solver, transforms, within, given.max_iterations)
         if moved:
             solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
         return solver
 
     @cached_property
-    def guess(self) -> DisplacementPrediction | PressurePrediction:
+    def guess(self) -> DisplacementPrediction:
         """Extrapolation in time from which the solver starts."""
         return PREDICTIONS[self.solver.starts_from](self.grid.size)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -18,9 +19,19 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.indentation import admissible
+from gfmdlayer.interface.law import Interaction, total
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
+
+
+class Prescribed(Protocol):
+    """A quantity that is prescribed over time."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times at which its slope jumps."""
+        ...
 
 
 def make_grid(config: Config) -> Grid:
@@ -73,9 +84,10 @@ def make_trajectory(config: Config) -> Trajectory:
     if given.file is not None:
         table = Table.read(given.file, given.control)
         return Table(table.times, table.values / unit)
-    target = getattr(given, given.control)
-    assert target is not None and given.ramp_time is not None  # noqa: PT018
-    return RampHold(target / unit, given.ramp_time)
+    if given.ramp_time is not None:
+        return RampHold(getattr(given, given.control) / unit, given.ramp_time)
+    times, values = np.array(given.corners).T
+    return Table(times, values / unit)
 
 
 def make_velocity(config: Config) -> Constant | Table | None:
@@ -132,12 +144,15 @@ def make_reduced_time(config: Config) -> ReducedTime | None:
     return found[0] if len({each.shift for each in found}) == 1 else None
 
 
-def kinks(
-    trajectory: Trajectory, velocity: Constant | Table | None, clocks: Iterable[ReducedTime | None]
-) -> tuple[float, ...]:
+def make_interface(config: Config) -> Interaction:
+    """Return the interaction of surface and punch; TableError if a voltage's file cannot be used."""
+    return total(law.interaction(config.units) for law in config.interfaces)
+
+
+def kinks(clocks: Iterable[ReducedTime | None], *prescribed: Prescribed | None) -> tuple[float, ...]:
     """Return the times at which the slope of a prescribed quantity jumps, that of the temperature too."""
     temperature = next((clock.temperature for clock in clocks if clock is not None), None)
-    every = (trajectory, velocity, temperature)
+    every = (*prescribed, temperature)
     return tuple(time for each in every if each is not None for time in each.kinks)
 
 
@@ -197,7 +212,7 @@ def make_series(config: Config) -> tuple[PronySeries, ...]:
         If a file that the times follow from cannot be used.
     """
     velocity, clocks = make_velocity(config), make_clocks(config)
-    every = kinks(make_trajectory(config), velocity, clocks)
+    every = kinks(clocks, make_trajectory(config), velocity, make_interface(config))
     grid = make_grid(config)
     times = (times_of_response(config, grid, velocity, every, clock) for clock in clocks)
     return tuple(law.prony(*each) for law, each in zip(config.laws, times, strict=True))
@@ -217,7 +232,7 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
     for config in configs:
         held = mean_stiffness(config.stacked, config.halfspace)
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, held),
+            *(config.grid, config.punch, config.trajectory, config.time.steady, held, config.interface),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -256,7 +271,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
     if given.control != "depth":
-        if (values < 0).any():
+        if (values < 0).any() and not config.interfaces:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return

@@ -76,6 +76,8 @@ def _on_values(config: Config) -> Iterator[str]:
     ramp, end = config.trajectory.ramp_time, config.time.end
     if ramp is not None and ramp > end:
         yield f"trajectory.ramp_time = {ramp:g} is beyond time.end = {end:g}: the ramp is not completed"
+    if (duration := config.trajectory.duration) is not None and duration > end:
+        yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
 
 
 def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:

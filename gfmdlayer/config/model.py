@@ -13,22 +13,27 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.adhesion import problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
+from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.indentation import admissible
+from gfmdlayer.interface.interface import Interface
+from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
+from gfmdlayer.validation.several import OneOrMore
 from gfmdlayer.validation.units import Units
 
 Name = Annotated[
@@ -80,9 +85,11 @@ class Config(Section):
     """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
-    trajectory: sections.Trajectory = Field(default_factory=sections.Trajectory)
+    interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
+    """interaction across the gap beside the hard wall: a law, or a list of laws that add"""
+    trajectory: Trajectory = Field(default_factory=Trajectory)
     """what is prescribed over time"""
-    time: sections.Time = Field(default_factory=sections.Time)
+    time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
     """the contact problem of each step"""
@@ -90,6 +97,11 @@ class Config(Section):
     """what is kept besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
     """dotted keys and their values; the cases are their product"""
+
+    @field_validator("time")
+    @classmethod
+    def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
+        return ending_with(info.data.get("trajectory"), time)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -109,21 +121,9 @@ class Config(Section):
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
-        yield from self._problems_of_the_motion()
+        yield from problems_of_the_interface(self)
+        yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
-
-    def _problems_of_the_motion(self) -> Iterator[Problem]:
-        given, time = self.trajectory, self.time
-        velocity = "trajectory.velocity" if given.velocity is not None else "trajectory.velocity_file"
-        if given.moves and time.integrator == "backward_euler":
-            message = "got backward_euler with a moving punch; must be exponential, which follows it"
-            yield Problem(("time", "integrator"), message, (velocity,))
-        if time.steady is not None and (not given.moves or given.velocity == 0):
-            message = (
-                "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
-            )
-            others = ("trajectory.velocity", "trajectory.velocity_file")
-            yield Problem(("time", "steady"), message, others)
 
     def _problems_of_the_output(self) -> Iterator[Problem]:
         time, output = self.time, self.output
@@ -156,11 +156,21 @@ class Config(Section):
         base = self.halfspace.material
         return (*(layer.material for layer in self.stacked), *(() if base is None else (base,)))
 
+    @property
+    def interfaces(self) -> tuple[Interface, ...]:
+        """The interface laws that attract, which add; none with the hard wall alone."""
+        given = self.interface
+        every = given if isinstance(given, tuple) else () if given is None else (given,)
+        return tuple(law for law in every if law.attracts)
+
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
 
-        Without `units` the words stay: "length", "pressure / time".
+        Without `units` the words stay: "length", "pressure / time". A "drive" is what the trajectory
+        prescribes: a length, pressure or force.
         """
+        drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
+        words = words.replace("drive", drive)
         if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
@@ -204,6 +214,8 @@ class Config(Section):
             for key, field in type(section).model_fields.items():
                 if field.default_factory_takes_validated_data and key not in section.model_fields_set:
                     data[head].pop(key, None)
+            if head == "trajectory" and "end" not in self.time.model_fields_set:
+                data["time"].pop("end", None)
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:
@@ -247,6 +259,8 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
+    if not config.interfaces:  # a hard wall that is named is the paper's all the same
+        left_out = left_out | {"interface": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
 
     def contents(value: object) -> str:

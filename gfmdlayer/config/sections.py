@@ -1,8 +1,8 @@
-"""The sections of a configuration besides punch and material, with the paper's case as defaults.
+"""The sections of a configuration besides punch, trajectory and material, the paper's case as defaults.
 
 Lengths are in units of the period, moduli in units of G0 and times in units of tau, unless a configuration
 gives all three in other units consistently. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.
-52 (2024), Eq. (5) for the Zener material and Eq. (30) for the punch and its trajectory.
+52 (2024), Eq. (5) for the Zener material and Eq. (30) for the time axis.
 """
 
 from __future__ import annotations
@@ -25,10 +25,7 @@ from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,
     Count,
-    File,
-    Finite,
     MustBe,
-    NotNegative,
     Optional,
     Positive,
     Word,
@@ -122,78 +119,15 @@ class Grid(Section):
             yield Problem(("points",), f"got {shown(self.points)}, {total}; must be fewer than 2^31 in all")
 
 
-class Trajectory(Section):
-    """What is prescribed over time: the depth of Eq. (30), likewise a mean pressure or a force, or a table.
-
-    Attributes
-    ----------
-    depth, load, force, ramp_time, file
-        None where `control` and `kind` give them no meaning.
-    velocity, velocity_file
-        Of the punch along x, constant or from a table; None where it stays.
-    """
-
-    control: Annotated[str, Word("depth", "load", "force")] = "depth"
-    """what is prescribed: depth, load (mean pressure) or force"""
-    kind: Annotated[str, Word("ramp_hold", "table")] = "ramp_hold"
-    """ramp_hold, or table: from a file"""
-    depth: Annotated[NotNegative | None, given] = Field(
-        default_factory=lambda data: (
-            0.01 if (data.get("control"), data.get("kind")) == ("depth", "ramp_hold") else None
-        )
-    )
-    """depth that is reached and held: length; for control: depth"""
-    load: Annotated[NotNegative | None, given] = None
-    """mean pressure that is reached and held; for control: load"""
-    force: Annotated[NotNegative | None, given] = None
-    """force over the cell, of a line per length; for control: force"""
-    ramp_time: Optional = Field(default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None)
-    """duration of the ramp: time"""
-    file: Annotated[File | None, given] = None
-    """two columns, time and depth, load or force; for kind: table"""
-    velocity: Annotated[Finite | None, given] = None
-    """velocity of the punch along x: length/time"""
-    velocity_file: Annotated[File | None, given] = None
-    """two columns, time and velocity; in place of velocity"""
-
-    @property
-    def moves(self) -> bool:
-        """Whether the punch moves along x."""
-        return self.velocity is not None or self.velocity_file is not None
-
-    def problems(self) -> Iterator[Problem]:
-        """Refuse keys without meaning for this control and kind, and the lack of those that are needed."""
-        table, wrong = self.kind == "table", []
-        if table and self.file is None:
-            wrong.append(("file", "missing; kind: table must be given the name of a file"))
-        if not table and self.file is not None:
-            wrong.append(("file", "given, but kind is ramp_hold; must be left out, or kind be table"))
-        if table and self.ramp_time is not None:
-            wrong.append(("ramp_time", "given, but the table sets the times; must be left out"))
-        if table and getattr(self, self.control) is not None:
-            wrong.append((self.control, "given, but the table sets it; must be left out"))
-        for other in ("depth", "load", "force"):
-            if other != self.control and getattr(self, other) is not None:
-                message = f"given, but control is {self.control}; must be left out, or control be {other}"
-                wrong.append((other, message))
-        if not table and self.control != "depth" and getattr(self, self.control) is None:
-            meant = {"load": "the mean pressure", "force": "the force over the cell, of a line per length"}
-            message = f"missing; control: {self.control} must be given a number >= 0, {meant[self.control]}"
-            wrong.append((self.control, message))
-        yield from (Problem((key,), message, ("control", "kind")) for key, message in wrong)
-        if self.velocity is not None and self.velocity_file is not None:
-            message = "given, but velocity is a number; must be left out, or velocity be left out"
-            yield Problem(("velocity_file",), message, ("velocity",))
-
-
 class Time(Section):
     """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps.
 
-    With `steady` the run of a moving punch ends when it changes by less than this, relative to itself.
+    A trajectory with an end of its own (`kind: approach_retract`) sets the default of `end`. With `steady`
+    the run of a moving punch ends when it changes by less than this, relative to itself.
     """
 
     end: Positive = 8.0
-    """end of the simulation: time"""
+    """end of the simulation: time; by default that of an approach_retract"""
     step: Step = 0.005
     """time step, or adaptive: steps to the tolerance below"""
     integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"

@@ -98,7 +98,7 @@ class DepthControl(_Prescribed):
     ) -> Problem:
         """Contact problem of a step."""
         obstacle = self.punch - self.trajectory(time)
-        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface)
+        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time))
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as the solver found it."""
@@ -116,7 +116,7 @@ class LoadControl(_Prescribed):
         """Contact problem of a step, without the mean."""
         kappa, b = _without_mean(kappa), _without_mean(b)
         load = self.trajectory(time)
-        return Problem(kappa, b, self.punch, load, loss_stiffness, self.height, self.interface)
+        return Problem(kappa, b, self.punch, load, loss_stiffness, self.height, self.interface.at(time))
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""

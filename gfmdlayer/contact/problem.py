@@ -20,8 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-import numpy as np
-
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
@@ -87,8 +85,7 @@ class Problem:
         """Bounds of the residual's scales."""
         if not self.interface.attracts:
             return ResidualFloor(self.softest, self.least_depth)
-        strongest = float(self.interface.traction(np.zeros(1))[0])
-        return ResidualFloor(self.softest, self.least_depth, strongest, self.interface.range)
+        return ResidualFloor(self.softest, self.least_depth, self.interface.strength, self.interface.range)
 
     def wall_pressure(self, pressure: FloatArray, gap: FloatArray) -> FloatArray:
         """Pressure p_c = p + tau(g) of the wall, from the compressive stress p of the surface."""
@@ -119,6 +116,8 @@ class Solution:
         surface count as that part of one, rounded from step to step.
     converged : bool
         Whether the residual is within the tolerance.
+    released_energy : float
+        Energy per area that is lost at a fixed punch in instabilities; zero where the step stays on its branch.
     """
 
     displacement: FloatArray
@@ -132,6 +131,7 @@ class Solution:
     transforms: int
     iterations: int
     converged: bool
+    released_energy: float = 0.0
 
 
 class Solver(Resumable, Protocol):
@@ -141,7 +141,7 @@ class Solver(Resumable, Protocol):
     """
 
     @property
-    def starts_from(self) -> Literal["displacement", "pressure"]:
+    def starts_from(self) -> Literal["displacement", "pressure", "gap"]:
         """The field that a first guess is of."""
         ...
 
@@ -160,6 +160,7 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
+    released_energy: float = 0.0,
 ) -> Solution:
     """A state with its residual and means; it converged if its residual is within a bound.
 
@@ -179,6 +180,8 @@ def make_solution(
         What `assess` returns, where it is known.
     gap : ndarray, optional
         h - u, where it is known.
+    released_energy : float
+        As in `Solution`.
 
     Returns
     -------
@@ -199,4 +202,5 @@ def make_solution(
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
+        released_energy=released_energy,
     )

@@ -217,7 +217,7 @@ def _steps(config: Config) -> tuple[int, int]:
     Also those fixed ones that follow a kink: adaptive ones are short there.
     """
     given = config.trajectory
-    kinks = (given.ramp_time,) if given.ramp_time is not None else _kinks(given.file, given.control)
+    kinks = tuple(time for time, _ in given.corners[1:]) or _kinks(given.file, given.control)
     if given.velocity_file is not None:
         kinks += _kinks(given.velocity_file, "velocity")
     if config.temperature is not None:

@@ -10,36 +10,53 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any, TypeVar
 
 import numpy as np
 import pyfftw
-
-from gfmdlayer.arrays import FloatArray
 
 # Points of a field below which threads are not used: there a transform takes about a millisecond. On busy
 # cores they lost up to 1024 x 1024 points and were even at 2048 x 2048; on idle ones they are not measured.
 WORTH_THREADS = 1 << 18
 
 _MEASURE, _DESTROY_INPUT = 0, 1 << 0  # fftw3.h
+_NEXT = "\n(fftw"  # where the wisdom of the next precision begins
 
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p
 _PLANNER = (_POINTER, [_INT, ctypes.POINTER(_INT), _POINTER, _POINTER, ctypes.c_uint])
+_LAYOUT = [_POINTER, ctypes.POINTER(_INT), _INT, _INT]  # array, embedding, stride and distance
+_MANY = [_INT, ctypes.POINTER(_INT), _INT, *_LAYOUT, *_LAYOUT]
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
-    "fftw_plan_dft_r2c": _PLANNER,
-    "fftw_plan_dft_c2r": _PLANNER,
-    "fftw_execute_dft_r2c": (None, [_POINTER] * 3),
-    "fftw_execute_dft_c2r": (None, [_POINTER] * 3),
-    "fftw_destroy_plan": (None, [_POINTER]),
-    "fftw_sprint_plan": (_POINTER, [_POINTER]),
-    "fftw_set_timelimit": (None, [ctypes.c_double]),
-    "fftw_init_threads": (_INT, []),
-    "fftw_plan_with_nthreads": (None, [_INT]),
-    "free": (None, [_POINTER]),
+    "plan_dft_r2c": _PLANNER,
+    "plan_dft_c2r": _PLANNER,
+    "plan_many_dft_r2c": (_POINTER, [*_MANY, ctypes.c_uint]),
+    "plan_many_dft_c2r": (_POINTER, [*_MANY, ctypes.c_uint]),
+    "plan_many_dft": (_POINTER, [*_MANY, _INT, ctypes.c_uint]),
+    "execute_dft": (None, [_POINTER] * 3),
+    "execute_dft_r2c": (None, [_POINTER] * 3),
+    "execute_dft_c2r": (None, [_POINTER] * 3),
+    "destroy_plan": (None, [_POINTER]),
+    "sprint_plan": (_POINTER, [_POINTER]),
+    "set_timelimit": (None, [ctypes.c_double]),
+    "init_threads": (_INT, []),
+    "plan_with_nthreads": (None, [_INT]),
 }
 C: Any = ctypes.CDLL(pyfftw.pyfftw.__file__)
-for _name, (_result, _arguments) in _SIGNATURES.items():
-    getattr(C, _name).restype, getattr(C, _name).argtypes = _result, _arguments
+C.free.restype, C.free.argtypes = None, [_POINTER]
+
+
+def _functions(prefix: str) -> Any:
+    """FFTW's functions in one precision, whose names begin alike."""
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(C, f"{prefix}_{name}")
+        function.restype, function.argtypes = result, arguments
+    return SimpleNamespace(**{name: getattr(C, f"{prefix}_{name}") for name in _SIGNATURES})
+
+
+DOUBLE, SINGLE = _functions("fftw"), _functions("fftwf")
 
 
 class PlanPair:
@@ -53,6 +70,8 @@ class PlanPair:
         Seconds that measuring may take.
     threads : int
         Threads of a transform of `WORTH_THREADS` points or more.
+    single : bool
+        Whether in single precision.
 
     Raises
     ------
@@ -60,28 +79,82 @@ class PlanPair:
         If FFTW makes no plan.
     """
 
-    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int) -> None:
+    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
         size, modes = math.prod(shape), math.prod(shape[:-1]) * (shape[-1] // 2 + 1)
-        field, spectrum = aligned(size), aligned(2 * modes)  # measured on
+        field, spectrum = aligned(size, single), aligned(2 * modes, single)  # measured on
+        fftw = self._functions = SINGLE if single else DOUBLE
         axes = len(shape), (_INT * len(shape))(*shape)
-        C.fftw_set_timelimit(time_limit)
-        if threads > 1 and size >= WORTH_THREADS and C.fftw_init_threads():
-            C.fftw_plan_with_nthreads(threads)
-        self.forward = C.fftw_plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
-        self.backward = C.fftw_plan_dft_c2r(
-            *axes, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
-        )
-        if threads > 1:
-            C.fftw_plan_with_nthreads(1)
-        for plan in filter(None, (self.forward, self.backward)):
-            weakref.finalize(self, C.fftw_destroy_plan, plan)
-        if not (self.forward and self.backward):
+        with _planning(fftw, time_limit, threads if size >= WORTH_THREADS else 1):
+            self.forward = fftw.plan_dft_r2c(*axes, field.ctypes.data, spectrum.ctypes.data, _MEASURE)
+            self.backward = fftw.plan_dft_c2r(
+                *axes, spectrum.ctypes.data, field.ctypes.data, _MEASURE | _DESTROY_INPUT
+            )
+        self._keep(shape, self.forward, self.backward)
+
+    def _keep(self, shape: tuple[int, ...], *plans: int) -> None:
+        for plan in filter(None, plans):
+            weakref.finalize(self, self._functions.destroy_plan, plan)
+        if not all(plans):
             raise RuntimeError(f"FFTW has no plan for fields of shape {shape}")
+        self._plans = plans
 
     @property
     def description(self) -> str:
-        """Both plans as FFTW prints them: how they split the transform, and by which codelets."""
-        return "\n".join(_description(plan) for plan in (self.forward, self.backward))
+        """The plans as FFTW prints them: how they split the transforms, and by which codelets."""
+        return "\n".join(map(self._described, self._plans))
+
+    def _described(self, plan: int) -> str:
+        text = self._functions.sprint_plan(plan)
+        try:
+            return ctypes.string_at(text).decode()
+        finally:
+            C.free(text)
+
+
+class SlabPlans(PlanPair):
+    """Plans of a rank that holds some rows of a surface and some columns of its transform.
+
+    `forward` and `backward` are those along the rows, `columns_forward` and `columns_backward` those along
+    the columns, complex and in place.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of its rows, and of its columns: (rows, n) and (n, columns), one after the other.
+    time_limit, threads, single
+        As in `PlanPair`.
+    """
+
+    def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
+        count, length, height, width = shape
+        modes = length // 2 + 1
+        sizes = count * length, 2 * count * modes, 2 * height * width
+        field, waves, spectrum = (aligned(size, single) for size in sizes)
+        fftw = self._functions = SINGLE if single else DOUBLE
+        real, complex_ = (field.ctypes.data, None, 1, length), (waves.ctypes.data, None, 1, modes)
+        columns = (spectrum.ctypes.data, None, width, 1)
+        rows, axis = (1, (_INT * 1)(length), count), (1, (_INT * 1)(height), width)
+        with _planning(fftw, time_limit, threads if count * length >= WORTH_THREADS else 1):
+            self.forward = fftw.plan_many_dft_r2c(*rows, *real, *complex_, _MEASURE)
+            self.backward = fftw.plan_many_dft_c2r(*rows, *complex_, *real, _MEASURE | _DESTROY_INPUT)
+            self.columns_forward, self.columns_backward = (
+                fftw.plan_many_dft(*axis, *columns, *columns, sign, _MEASURE) for sign in (-1, 1)
+            )
+        self._keep(shape, self.forward, self.columns_forward, self.columns_backward, self.backward)
+
+
+@contextmanager
+def _planning(fftw: Any, time_limit: float, threads: int) -> Iterator[None]:
+    """Plan in the block within seconds, for a number of threads."""
+    fftw.set_timelimit(time_limit)
+    if threads > 1 and fftw.init_threads():
+        fftw.plan_with_nthreads(threads)
+    yield
+    if threads > 1:
+        fftw.plan_with_nthreads(1)
+
+
+Made = TypeVar("Made", bound=PlanPair)
 
 
 class _Cache:
@@ -89,40 +162,52 @@ class _Cache:
 
     def __init__(self) -> None:
         self.wisdom: str | None = None
-        self.pairs: dict[tuple[tuple[int, ...], float, int], PlanPair] = {}
+        self.pairs: dict[tuple[Any, ...], Any] = {}
 
 
 _cache = _Cache()
 
 
-def plan_pair(shape: tuple[int, ...], wisdom: str | None, time_limit: float, threads: int) -> PlanPair:
+def plan_pair(
+    kind: type[Made],
+    shape: tuple[int, ...],
+    wisdom: str | None,
+    time_limit: float,
+    threads: int,
+    single: bool,
+) -> Made:
     """Plans of a shape, from the cache if they were made from the same wisdom before.
 
     Parameters
     ----------
-    shape, time_limit, threads
-        As in `PlanPair`.
+    kind : type
+        `PlanPair` or `SlabPlans`.
+    shape, time_limit, threads, single
+        As there.
     wisdom : str, optional
         Wisdom that FFTW imports first.
 
     Returns
     -------
-    PlanPair
+    PlanPair or SlabPlans
         Planning takes as long as a time step, and importing wisdom takes longer than planning.
     """
     if wisdom and wisdom != _cache.wisdom:
         forget_wisdom()  # FFTW ignores imported wisdom that it ranks below its own
-        pyfftw.import_wisdom((wisdom.encode(), b"", b""))
+        double, begin, single_too = wisdom.partition(_NEXT)
+        pyfftw.import_wisdom((double.encode(), (begin + single_too).lstrip().encode(), b""))
     _cache.wisdom = wisdom
-    key = shape, time_limit, threads
+    key = kind, shape, time_limit, threads, single
     if key not in _cache.pairs:
-        _cache.pairs[key] = PlanPair(*key)
-    return _cache.pairs[key]
+        _cache.pairs[key] = kind(*key[1:])
+    found: Made = _cache.pairs[key]
+    return found
 
 
 def export_wisdom() -> str:
-    """FFTW's accumulated wisdom in double precision."""
-    return str(pyfftw.export_wisdom()[0].decode())
+    """FFTW's accumulated wisdom in double precision, followed by that in single precision."""
+    double, single, _ = pyfftw.export_wisdom()
+    return str(double.decode().rstrip() + "\n" + single.decode())
 
 
 def forget_wisdom() -> None:
@@ -132,19 +217,11 @@ def forget_wisdom() -> None:
     _cache.pairs.clear()
 
 
-def aligned(size: int) -> FloatArray:
-    """Uninitialised numbers, aligned as any plan accepts them."""
-    return np.asarray(pyfftw.empty_aligned(size, np.float64, n=64))
+def aligned(size: int, single: bool = False) -> Any:
+    """Uninitialised flat real numbers, aligned as any plan accepts them."""
+    return pyfftw.empty_aligned(size, np.float32 if single else np.float64, n=64)
 
 
 def address(function: Any) -> int:
     """Address of a C function, as compiled code calls it."""
     return int(ctypes.cast(function, _POINTER).value or 0)
-
-
-def _description(plan: int) -> str:
-    text = C.fftw_sprint_plan(plan)
-    try:
-        return ctypes.string_at(text).decode()
-    finally:
-        C.free(text)

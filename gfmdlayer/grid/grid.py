@@ -6,13 +6,16 @@ grid's shape; their transforms are real-to-complex, so the last axis of a spectr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, prod
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Sums
 
 _SHORTEST = 64  # points of an axis of the smallest windows
@@ -34,13 +37,23 @@ class Grid:
     period: tuple[float, ...]
 
     @property
+    def ranks(self) -> Ranks:
+        """The processes that hold the grid."""
+        return ALONE
+
+    @property
+    def first_row(self) -> int:
+        """Number of the first row that this process holds."""
+        return 0
+
+    @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of a field on the grid."""
+        """Shape of a field on the grid, or of the part of it that this process holds."""
         return self.points
 
     @property
     def size(self) -> int:
-        """Number of grid points."""
+        """Number of grid points, of all processes."""
         return prod(self.points)
 
     @property
@@ -59,7 +72,7 @@ class Grid:
     @cached_property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
-        squares = sum(np.square(axis) for axis in self._wavevectors())
+        squares = sum(np.square(axis) for axis in self.wavevectors)
         return np.asarray(np.sqrt(squares), dtype=np.float64)
 
     @cached_property
@@ -68,25 +81,59 @@ class Grid:
 
         The two are equal, but for the largest wavenumber of an even grid, where +q and -q share one mode.
         """
-        q = np.broadcast_to(self._wavevectors()[0], self.spectral_shape)
+        q = np.broadcast_to(self.wavevectors[0], self.spectral_shape)
         largest = np.pi * self.points[0] / self.period[0]
         return np.stack((q, np.where(np.abs(q) > (1 - 1e-9) * largest, -q, q)))
 
     @cached_property
     def parseval_weights(self) -> FloatArray:
         """Weight of each mode in a mean over the surface (Parseval): most modes stand for two waves."""
-        weights = np.full(self.spectral_shape, 2.0 / self.size**2)
-        weights[..., 0] /= 2
-        if self.points[-1] % 2 == 0:
-            weights[..., -1] /= 2
-        return weights
+        return np.broadcast_to(self._waves_of_modes() / self.size**2, self.spectral_shape).copy()
 
     @cached_property
     def sums(self) -> Sums:
         """Sums, means and extrema over the points and the waves of the grid."""
-        return Sums(self.parseval_weights)
+        return Sums(self.parseval_weights, self.ranks)
 
-    def _wavevectors(self) -> list[FloatArray]:
+    def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the rows of the periodic surface beside those that this process holds.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (rows, columns)
+            One value a point; a line is one row.
+        before, after : int
+            Numbers of rows before the first and after the last one.
+
+        Returns
+        -------
+        ndarray, ndarray, shapes (before, columns) and (after, columns)
+        """
+        held = len(rows)
+        return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
+
+    def coarser(self, fewest: int) -> Grid | None:
+        """Return the grid with half of the points of each axis that has twice the fewest; else None."""
+        points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
+        return None if points == self.points else replace(self, points=points)
+
+    def from_waves(self, spectrum: ComplexArray) -> FloatArray:
+        """Return the field of a transform; the transform is overwritten."""
+        import scipy.fft
+
+        return np.asarray(scipy.fft.irfftn(spectrum, s=self.shape, overwrite_x=True))
+
+    def _waves_of_modes(self) -> FloatArray:
+        """Number of waves that a mode stands for, along the last axis."""
+        waves = np.full(self.points[-1] // 2 + 1, 2.0)
+        waves[0] = 1.0
+        if self.points[-1] % 2 == 0:
+            waves[-1] = 1.0
+        return waves
+
+    @property
+    def wavevectors(self) -> list[FloatArray]:
+        """Components of the wavevector of each mode, one array an axis, which broadcast together."""
         axes = [
             2 * np.pi * np.fft.fftfreq(n, length / n)
             for n, length in zip(self.points[:-1], self.period[:-1], strict=True)

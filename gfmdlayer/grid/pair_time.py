@@ -83,16 +83,13 @@ def _kept(shape: tuple[int, ...], folder: Path, kind: str = "seconds") -> Path:
 
 def _measured(transforms: Transforms) -> float:
     """Return the shortest time of a pair among some batches: other work on the machine only adds to it."""
-    from gfmdlayer.grid.fftw import C
-
-    field, spectrum, plans = transforms.empty_field(), transforms.empty_spectrum(), transforms.plans
-    places = field.ctypes.data, spectrum.ctypes.data
+    field, spectrum = transforms.empty_field(), transforms.empty_spectrum()
     field[:], number, best = 0.0, 1, math.inf
     for _ in range(_REPEATS):
         begun = time.perf_counter()
         for _ in range(number):
-            C.fftw_execute_dft_r2c(plans.forward_plan, *places)
-            C.fftw_execute_dft_c2r(plans.backward_plan, *reversed(places))
+            transforms.transform(field, spectrum)
+            transforms.transform_back(spectrum, field)
         each = (time.perf_counter() - begun) / number
         best, number = min(best, each), max(1, round(_BATCH / max(each, 1e-9)))
     return best

@@ -8,14 +8,12 @@ complete; on a grid over several ranks the methods communicate, and no caller ch
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.grid.ranks import ALONE, Partial, Ranks
 from gfmdlayer.kernels import kernel
-
-Partial = TypeVar("Partial", float, FloatArray)
 
 
 class Sums:
@@ -26,26 +24,28 @@ class Sums:
     weights : ndarray
         Weight of each wave in a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in any
         shape; f and g are unnormalised transforms.
+    ranks : Ranks
+        The processes that hold the grid.
     """
 
-    def __init__(self, weights: FloatArray) -> None:
-        self.weights = np.ravel(weights)
+    def __init__(self, weights: FloatArray, ranks: Ranks = ALONE) -> None:
+        self.weights, self.ranks = np.ravel(weights), ranks
 
     def total(self, partial: Partial) -> Partial:
-        """Complete a sum."""
-        return partial
+        """Complete a sum; an array is completed element by element."""
+        return self.ranks.total(partial)
 
     def maximum(self, partial: Partial) -> Partial:
         """Complete a maximum; an array is completed element by element."""
-        return partial
+        return self.ranks.maximum(partial)
 
     def minimum(self, partial: Partial) -> Partial:
         """Complete a minimum; an array is completed element by element."""
-        return partial
+        return self.ranks.minimum(partial)
 
     def mean(self, field: FloatArray) -> float:
         """Mean of a field over the surface."""
-        return float(np.mean(field))
+        return mean(field, self.ranks)
 
     def spectral_mean(self, f: ComplexArray, g: ComplexArray) -> float:
         """Mean <f g> over the surface, from the transforms."""
@@ -54,12 +54,20 @@ class Sums:
     def spectral_means(self, v: ComplexArray, f: ComplexArray, g: ComplexArray) -> tuple[float, ...]:
         """Means <v f>, <v g> and <v v> over the surface, from the transforms."""
         numbers = (spectrum.view(np.float64) for spectrum in (v, f, g))
-        return tuple(self.total(part) for part in _products(self._weights_twice, *numbers))
+        return tuple(self.total(np.array(_products(self._weights_twice, *numbers))).tolist())
 
     @cached_property
     def _weights_twice(self) -> FloatArray:
         """Weights of alternating real and imaginary parts."""
         return np.repeat(self.weights, 2)
+
+
+def mean(field: FloatArray, ranks: Ranks) -> float:
+    """Mean over the surface of a field, of which each rank holds its part."""
+    if ranks.count == 1:
+        return float(np.mean(field))
+    total, size = ranks.total(np.array([field.sum(), field.size])).tolist()
+    return float(total / size)
 
 
 @kernel(reorder=True)

@@ -20,7 +20,8 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.grid.fftw import C, address, aligned, export_wisdom, plan_pair
+from gfmdlayer.grid.fftw import DOUBLE, SINGLE, PlanPair, address, aligned, export_wisdom, plan_pair
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.resumable import State
 
 
@@ -86,7 +87,18 @@ class Transforms:
     threads : int
         Threads of a transform of `fftw.WORTH_THREADS` points or more. OpenMP starts no more of them than
         OMP_NUM_THREADS allowed when the process began.
+    single : bool
+        Whether fields and spectra are in single precision.
+
+    Attributes
+    ----------
+    size : int
+        Number of points of the grid.
+    ranks : Ranks
+        The processes that hold it.
     """
+
+    ranks: Ranks = ALONE
 
     def __init__(
         self,
@@ -94,21 +106,28 @@ class Transforms:
         wisdom: str | None = None,
         time_limit: float = 10.0,
         threads: int = 1,
+        single: bool = False,
     ) -> None:
-        self.shape = shape
-        self.spectral_shape = (*shape[:-1], shape[-1] // 2 + 1)
-        self._wisdom, self._time_limit, self._threads = wisdom, time_limit, threads
+        self.shape, self.threads, self.single = shape, threads, single
+        self.size, self.spectral_shape = math.prod(shape), (*shape[:-1], shape[-1] // 2 + 1)
+        self._wisdom, self._time_limit = wisdom, time_limit
+        self._fftw = SINGLE if single else DOUBLE
         self._plan()
 
     def _plan(self) -> None:
-        self._pair = plan_pair(self.shape, self._wisdom, self._time_limit, self._threads)
-        functions = address(C.fftw_execute_dft_r2c), address(C.fftw_execute_dft_c2r)
+        self._pair = plan_pair(
+            PlanPair, self.shape, self._wisdom, self._time_limit, self.threads, self.single
+        )
+        functions = address(self._fftw.execute_dft_r2c), address(self._fftw.execute_dft_c2r)
         self.plans = Plans(self._pair.forward, self._pair.backward, *functions)
 
     def shorter(self, part: int) -> Transforms:
         """Transforms of a window with 1/part of the points of each axis, from the same wisdom."""
-        shape = tuple(points // part for points in self.shape)
-        return Transforms(shape, self._wisdom, self._time_limit, self._threads)
+        return self.of_shape(tuple(points // part for points in self.shape))
+
+    def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
+        """Transforms of another shape or precision, from the same wisdom."""
+        return Transforms(shape, self._wisdom, self._time_limit, self.threads, single)
 
     @property
     def wisdom(self) -> str:
@@ -139,24 +158,49 @@ class Transforms:
         if self.description != str(state["plans"]):
             raise ValueError("FFTW plans the transforms in another way here")
 
-    def empty_field(self) -> FloatArray:
+    def empty_field(self) -> Any:
         """Uninitialised flat field, aligned as the plans need it."""
-        return aligned(math.prod(self.shape))
+        return aligned(math.prod(self.shape), self.single)
 
-    def empty_spectrum(self) -> ComplexArray:
+    def empty_spectrum(self) -> Any:
         """Uninitialised flat spectrum, aligned as the plans need it."""
-        return aligned(2 * math.prod(self.spectral_shape)).view(np.complex128)
+        kind = np.complex64 if self.single else np.complex128
+        return aligned(2 * math.prod(self.spectral_shape), self.single).view(kind)
 
     def forward(self, field: npt.ArrayLike) -> ComplexArray:
         """Return the unnormalised transform of a field of any layout, as a new flat spectrum."""
         source, spectrum = self.empty_field(), self.empty_spectrum()
         source[:] = np.ravel(field)
-        C.fftw_execute_dft_r2c(self._pair.forward, source.ctypes.data, spectrum.ctypes.data)
-        return spectrum
+        self.transform(source, spectrum)
+        return np.asarray(spectrum)
 
     def backward(self, spectrum: npt.ArrayLike) -> FloatArray:
         """Return the unnormalised inverse transform of a spectrum of any layout, as a new flat field."""
         source, field = self.empty_spectrum(), self.empty_field()
         source[:] = np.ravel(spectrum)
-        C.fftw_execute_dft_c2r(self._pair.backward, source.ctypes.data, field.ctypes.data)
-        return field
+        self.transform_back(source, field)
+        return np.asarray(field)
+
+    def transform(self, field: Any, spectrum: Any) -> None:
+        """Write the transform of a field; both flat, from `empty_field` and `empty_spectrum`."""
+        self._fftw.execute_dft_r2c(self._pair.forward, field.ctypes.data, spectrum.ctypes.data)
+
+    def transform_back(self, spectrum: Any, field: Any) -> None:
+        """Write the inverse transform of a spectrum, which is destroyed; both flat."""
+        self._fftw.execute_dft_c2r(self._pair.backward, spectrum.ctypes.data, field.ctypes.data)
+
+    def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
+        """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum.
+
+        Parameters
+        ----------
+        spectrum : ndarray, one value a mode
+            Of these transforms: complex of a field, or real of an even function of the wavevector.
+        coarser : Transforms
+            Of the coarser grid.
+        """
+        modes = spectrum.reshape(self.spectral_shape)[..., : coarser.spectral_shape[-1]]
+        for axis, points in enumerate(coarser.shape[:-1]):
+            positive, negative = np.arange((points + 1) // 2), np.arange(-(points // 2), 0)
+            modes = np.take(modes, np.concatenate((positive, negative)), axis=axis)
+        return np.ravel(modes).copy()

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
-from gfmdlayer.config.sections import Trajectory
 from gfmdlayer.config.sweeps import swept_keys
+from gfmdlayer.config.trajectory import Trajectory
 from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -16,7 +16,8 @@ from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.inputs import too_deep
+from gfmdlayer.inputs import make_interface, too_deep
+from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables.contact_edges import interpolated_area
 from gfmdlayer.observables.distributions import closed_gap, in_contact
@@ -57,7 +58,7 @@ def solve(
     force: float | None = None,
     period: float | tuple[float, float] = 1.0,
     points: int | tuple[int, ...] | None = None,
-    interface: InterfaceLaw = HARD_WALL,
+    interface: Interface | Mapping[str, Any] | Sequence[Any] | InterfaceLaw = HARD_WALL,
     **options: Unpack[Options],
 ) -> xarray.Dataset:
     """Solve the contact of a rigid punch with an elastic body in a periodic cell.
@@ -76,8 +77,9 @@ def solve(
         Length of the cell, along each axis.
     points : int, or pair of int, optional
         Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
-    interface : InterfaceLaw
-        Interaction across the gap; by default the hard wall alone.
+    interface : Interface, mapping or sequence
+        Law of the interaction across the gap, such as `Exponential`, or its keys; those of a sequence add. By
+        default the hard wall alone.
     **options
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. method, tolerance,
         max_iterations : of the solver, as in a configuration.
@@ -140,24 +142,29 @@ def solve(
             f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or bonded_layer(...)"
         )
     instantaneous = options.pop("instantaneous", False)
-    shape = {"punch": punch} if isinstance(punch, Mapping) else {}
-    config = _config({"points": _points(punch, points), "period": period}, options, shape)
+    given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping) else {}
+    if isinstance(interface, Interface | Mapping | Sequence):
+        given["interface"] = interface
+    config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
-    control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), interface)
+    law: InterfaceLaw = make_interface(config) if "interface" in given else interface  # type: ignore[assignment]
+    control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
     if control == "depth" and (message := too_deep(target, heights, body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
-    loading = CONTROLS[control](heights, Constant(target), interface)
+    loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = body.spectrum(grid.wavenumbers)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     problem = loading.problem(kappa, nothing, 0.0)
-    case = Case(config, grid=grid, body=body, punch=heights, interface=interface)
+    case = Case(config, grid=grid, body=body, punch=heights, interface=law)
     solution = case.solver.solve(problem, case.guess.at(0.0))
     if not solution.converged:
-        given = config.solver
-        reached = f"residual {solution.residual:.2e} after {solution.iterations} iterations of {given.method}"
-        raise ConvergenceError(f"{reached}; the tolerance is {given.tolerance:.2e}", problem, solution)
+        solver = config.solver
+        reached = (
+            f"residual {solution.residual:.2e} after {solution.iterations} iterations of {solver.method}"
+        )
+        raise ConvergenceError(f"{reached}; the tolerance is {solver.tolerance:.2e}", problem, solution)
     return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0))
 
 
@@ -168,10 +175,10 @@ def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
     return POINTS if callable(punch) or isinstance(punch, Shape | Mapping) else numbers(punch).shape  # type: ignore[arg-type]
 
 
-def _config(grid: Mapping[str, Any], solver: Mapping[str, object], punch: Mapping[str, Any]) -> Config:
-    """Return grid, solver and, where it is given by its keys, the punch, checked."""
+def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:
+    """Return grid, solver and what else is given by its keys, punch or interface, checked."""
     try:
-        return from_python({"name": "solve", "grid": grid, "solver": solver, **punch})
+        return from_python({"name": "solve", "grid": grid, "solver": solver, **given})
     except ConfigError as error:
         lines = (line.removeprefix("grid.").removeprefix("solver.") for line in error.problems)
         raise ConfigError(lines) from None

@@ -3,19 +3,30 @@
 An interface law gives an energy w(g) per area; tau(g) = dw/dg is the traction that pulls surface and punch
 together where it is positive. No law lets the surface pass through the punch: g >= 0 holds for each, and the
 pressure of the wall, p_c >= 0 with p_c g = 0, is the compressive stress of the surface plus tau.
+
+Every law is a sum of `terms`, a record of arrays that compiled code takes as an argument. Any kernel
+evaluates any law or sum of laws at a point of its loop by `interact(gap, terms)` (`forms`), without being
+compiled anew for another law; `energy`, `traction` and `curvature` are the same over arrays.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.interface.terms import Terms
+from gfmdlayer.punch.trajectory import Table
 
 
 class InterfaceLaw(Protocol):
-    """Energy and traction of an interface, functions of the gap alone; arrays keep their shape."""
+    """Energy and traction of an interface, functions of the gap and perhaps of the time.
+
+    Where the law depends on time, all but `at` and `kinks` are those of its largest strength.
+    """
 
     @property
     def attracts(self) -> bool:
@@ -23,12 +34,36 @@ class InterfaceLaw(Protocol):
         ...
 
     @property
+    def terms(self) -> Terms:
+        """The law as compiled code takes it, see `forms.interact`."""
+        ...
+
+    @property
+    def work(self) -> float:
+        """Work of adhesion, -w(0): energy per area."""
+        ...
+
+    @property
+    def strength(self) -> float:
+        """Largest traction, or a bound on it in a sum of laws: pressure."""
+        ...
+
+    @property
     def range(self) -> float:
-        """Gap over which the traction changes, a length; infinite for the hard wall."""
+        """Gap over which the traction falls, work over strength; infinite for the hard wall: length."""
+        ...
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times t > 0 at which the law or its slope in time jumps."""
+        ...
+
+    def at(self, time: float) -> InterfaceLaw:
+        """Return the law at a time; the same object for one that does not depend on time."""
         ...
 
     def energy(self, gap: FloatArray) -> FloatArray:
-        """Energy w(g) per area, which falls as the gap closes."""
+        """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
         ...
 
     def traction(self, gap: FloatArray) -> FloatArray:
@@ -40,23 +75,145 @@ class InterfaceLaw(Protocol):
         ...
 
 
-class HardWall:
-    """No interaction but that the surface cannot pass through the punch (the paper's contact)."""
+@dataclass(frozen=True, eq=False)
+class Interaction:
+    """An interface law.
 
-    attracts = False
-    range = float("inf")
+    Parameters
+    ----------
+    terms : Terms
+        Its terms.
+    strength : float
+        Largest traction, or a bound on it; pressure.
+    """
+
+    terms: Terms
+    strength: float
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """None: the law does not depend on time."""
+        return ()
+
+    def at(self, time: float) -> Interaction:  # noqa: ARG002
+        """Return the law itself."""
+        return self
+
+    @property
+    def attracts(self) -> bool:
+        """Whether there is a traction at all."""
+        return self.strength > 0
+
+    @property
+    def work(self) -> float:
+        """Work of adhesion, -w(0)."""
+        return -float(self.energy(np.zeros(1))[0])
+
+    @property
+    def range(self) -> float:
+        """Work over strength; infinite without a traction."""
+        return self.work / self.strength if self.attracts else float("inf")
 
     def energy(self, gap: FloatArray) -> FloatArray:
-        """Zero."""
-        return np.zeros_like(gap)
+        """Energy w(g) per area, in the shape of the gap."""
+        return self._sum("add_energy", gap)
 
     def traction(self, gap: FloatArray) -> FloatArray:
-        """Zero."""
-        return np.zeros_like(gap)
+        """Traction dw/dg, positive where it attracts."""
+        return self._sum("add_traction", gap)
 
     def curvature(self, gap: FloatArray) -> FloatArray:
-        """Zero."""
-        return np.zeros_like(gap)
+        """Curvature d^2w/dg^2."""
+        return self._sum("add_curvature", gap)
+
+    def times(self, factor: float) -> Interaction:
+        """Return the law with all of its tractions multiplied by a factor >= 0."""
+        return Interaction(self.terms._replace(stress=factor * self.terms.stress), factor * self.strength)
+
+    def _sum(self, add: str, gap: FloatArray) -> FloatArray:
+        sums = np.zeros(np.shape(gap))
+        if self.attracts:
+            from gfmdlayer.interface import forms  # which configurations and their checks do not compile
+
+            getattr(forms, add)(np.ravel(gap), self.terms, np.ravel(sums))
+        return sums
 
 
-HARD_WALL = HardWall()
+def of_terms(*terms: tuple[int, float, float, float], strength: float) -> Interaction:
+    """Return a law from form, stress, length and width of its terms, and its largest traction."""
+    columns = zip(*terms, strict=True) if terms else ((),) * len(Terms._fields)
+    form, *others = (np.array(column, dtype=np.float64) for column in columns)
+    return Interaction(Terms(form.astype(np.int64), *others), strength)
+
+
+HARD_WALL = of_terms(strength=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven(Interaction):
+    """A law whose tractions are those at one volt times the square of a voltage over time.
+
+    Parameters
+    ----------
+    terms, strength
+        At the largest voltage.
+    one : Interaction
+        The law at one volt.
+    voltage : Table
+        Voltage over time.
+    """
+
+    one: Interaction
+    voltage: Table
+
+    @classmethod
+    def by(cls, one: Interaction, voltage: Table) -> Driven:
+        """Return the law at one volt driven by a voltage over time."""
+        most = one.times(float(np.abs(voltage.values).max()) ** 2)
+        return cls(most.terms, most.strength, one, voltage)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times at which the slope of the voltage jumps."""
+        return self.voltage.kinks
+
+    def at(self, time: float) -> Interaction:
+        """Return the law at the voltage of a time."""
+        return self.one.times(self.voltage(time) ** 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Total(Interaction):
+    """The sum of several laws.
+
+    Parameters
+    ----------
+    terms, strength
+        Those of all parts; the strength is a bound.
+    parts : sequence of Interaction
+        The laws.
+    """
+
+    parts: Sequence[Interaction]
+
+    @classmethod
+    def of(cls, parts: Sequence[Interaction]) -> Total:
+        """Return the sum of laws."""
+        every = [part.terms for part in parts]
+        joined = (np.concatenate(columns) for columns in zip(*every, strict=True))
+        return cls(Terms(*joined), sum(part.strength for part in parts), parts)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Those of all parts."""
+        return tuple(sorted({time for part in self.parts for time in part.kinks}))
+
+    def at(self, time: float) -> Interaction:
+        """Return the sum at a time."""
+        return Total.of([part.at(time) for part in self.parts]) if self.kinks else self
+
+
+def total(parts: Iterable[Interaction]) -> Interaction:
+    """Return the sum of laws; the hard wall where none attracts."""
+    attracting = [part for part in parts if part.attracts]
+    return Total.of(attracting) if len(attracting) > 1 else next(iter(attracting), HARD_WALL)

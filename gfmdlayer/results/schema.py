@@ -77,6 +77,11 @@ PARAMETERS: dict[str, Parameter] = {
     "trajectory.force": Parameter("force on the punch", "F_0", "F_0", "force"),
     "trajectory.velocity": Parameter("velocity of the punch along x", "v", "v", "length / time"),
     "trajectory.ramp_time": Parameter("duration of the ramp", "t_0", "t_0", "time"),
+    "trajectory.approach_speed": Parameter("speed of the approach", "v_in", r"v_\mathrm{in}", "drive / time"),
+    "trajectory.retract_speed": Parameter(
+        "speed of the retraction", "v_out", r"v_\mathrm{out}", "drive / time"
+    ),
+    "trajectory.dwell": Parameter("dwell time", "t_d", r"t_\mathrm{d}", "time"),
     "time.step": Parameter("time step", "dt", r"\Delta t", "time"),
     "grid.points": Parameter("grid points", "n", "n"),
     "grid.period": Parameter("period of the surface", "L", "L", "length"),

@@ -30,6 +30,7 @@ _STRESSES: dict[str, int | None] = {
     **_metric("Pa", ("u", "µ", "μ", "m", "", "k", "M", "G", "T")),
     "hPa": 2, "N/m^2": 0, "N/mm^2": 6, "bar": 5, "atm": None, "psi": None, "ksi": None,
 }  # fmt: skip
+_PERMITTIVITY = 8.8541878128  # of vacuum in 1e-12 F/m, CODATA 2018
 _TIMES: dict[str, int | None] = {
     **_metric("s", ("f", "p", "n", "u", "µ", "μ", "m", "", "k")),
     "min": None, "h": None, "d": None, "yr": None,
@@ -64,6 +65,14 @@ class Units(Section):
 
     def __str__(self) -> str:
         return f"length: {self.length}, stress: {self.stress}, time: {self.time}"
+
+    @property
+    def permittivity_of_vacuum(self) -> float | None:
+        """Permittivity of vacuum, stress length^2/V^2; None where a unit is no power of ten of SI."""
+        stress, length = _STRESSES[self.stress], _LENGTHS[self.length]
+        if stress is None or length is None:
+            return None
+        return float(f"{_PERMITTIVITY}e{-12 - stress - 2 * length}")
 
     @property
     def _newtons(self) -> str:

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer import ConfigError, ConvergenceError, Parabola, Sphere, Zener, bonded_layer, halfspace, solve
-from gfmdlayer.interface.law import HardWall
+from gfmdlayer import (
+    ConfigError,
+    ConvergenceError,
+    Exponential,
+    Parabola,
+    Sphere,
+    Zener,
+    bonded_layer,
+    halfspace,
+    solve,
+)
 
 
 @pytest.mark.parametrize("poisson", [0.5, 0.3, 0.0])
@@ -164,26 +173,11 @@ def test_a_contact_that_does_not_converge_raises_with_its_state() -> None:
     assert caught.value.solution.residual > 1e-6
 
 
-class Weak(HardWall):
-    """A pull of w/rho over gaps of order rho."""
-
-    attracts, range = True, 0.01
-
-    def energy(self, gap: Any) -> Any:
-        return -1e-3 * np.exp(-gap / self.range)
-
-    def traction(self, gap: Any) -> Any:
-        return -self.energy(gap) / self.range
-
-    def curvature(self, gap: Any) -> Any:
-        return self.energy(gap) / self.range**2
-
-
 def test_an_attraction_pulls_the_surface_up() -> None:
     punch = Parabola(radius=0.25)
     alone, pulled = (
         solve(halfspace(1.0), punch, depth=0.005, points=256, **given)
-        for given in ({}, {"interface": Weak()})
+        for given in ({}, {"interface": Exponential(work=1e-3, range=0.01)})
     )
     assert float(pulled.force) < float(alone.force)
     assert float(pulled.gap.min()) >= 0

@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gfmdlayer import inputs
+from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.execution.sweep import cases
 from gfmdlayer.files.tables import TableError, read_columns
 from gfmdlayer.punch.trajectory import RampHold, Table
 
@@ -44,6 +47,69 @@ def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
     assert table.kinks == ramp.kinks
     for time in np.linspace(0, 2, 21).tolist():
         assert table(time) == pytest.approx(ramp(time), rel=1e-15)
+
+
+BACK = {
+    "kind": "approach_retract",
+    "start": -0.01,
+    "approach_speed": 0.02,
+    "dwell": 0.5,
+    "retract_speed": 0.1,
+}
+
+
+def test_a_punch_approaches_dwells_and_retracts() -> None:
+    config = Config(name="back", trajectory=BACK | {"depth": 0.01, "final": -0.03})
+    trajectory = inputs.make_trajectory(config)
+    # Way over speed: 0.02/0.02, a dwell of 0.5, 0.04/0.1.
+    np.testing.assert_allclose(trajectory.kinks, [1.0, 1.5, 1.9], rtol=1e-14)
+    assert config.time.end == trajectory.kinks[-1]
+    expected = [-0.01, 0.0, 0.01, 0.01, 0.0, -0.03, -0.03]
+    at = (0, 0.5, 1.0, 1.5, 1.6, 1.9, 9.0)
+    np.testing.assert_allclose([trajectory(t) for t in at], expected, atol=1e-16)
+
+
+def test_cycles_begin_where_the_one_before_ends() -> None:
+    config = Config(name="cycles", trajectory=BACK | {"dwell": 0.0, "final": 0.0, "cycles": 3})
+    trajectory = inputs.make_trajectory(config)
+    np.testing.assert_allclose(np.diff([0.0, *trajectory.kinks]), [1.0, 0.1, 0.5, 0.1, 0.5, 0.1], rtol=1e-13)
+    values = [trajectory(t) for t in (0.0, *trajectory.kinks)]
+    np.testing.assert_allclose(values, [-0.01, *[0.01, 0.0] * 3], atol=1e-16)
+
+
+def test_a_force_is_one_over_the_cell_with_rates_of_its_own() -> None:
+    there = {"control": "force", "kind": "approach_retract", "force": 3.0, "retract_speed": 6.0}
+    config = Config(name="force", grid={"points": 8, "period": 2.0}, trajectory=there)
+    trajectory = inputs.make_trajectory(config)
+    assert trajectory.kinks == (1.0, 1.5)  # without a speed the peak is reached in a time of one
+    assert trajectory(1.0) == 1.5
+
+
+def test_the_run_ends_with_the_trajectory_unless_its_end_is_given() -> None:
+    swept = Config(name="speeds", trajectory=BACK, sweep={"trajectory.retract_speed": [0.1, 1.0]})
+    assert [case.config.time.end for case in cases(swept)] == [1.7, 1.52]
+    assert "end:" not in swept.dump()
+    assert Config(name="longer", trajectory=BACK, time={"end": 3.0}).time.end == 3.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"start": 0.01}, "trajectory.start: got 0.01; must be below depth = 0.01"),
+        ({"final": 0.5}, "trajectory.final: got 0.5; must be below depth = 0.01"),
+        ({"dwell": 1e-12}, "trajectory.dwell: got 1e-12: this leg lasts 1e-12 of"),
+        ({"ramp_time": 1.0}, "trajectory.ramp_time: given, but kind is approach_retract"),
+        ({"retract_speed": 0.0}, "trajectory.retract_speed: got 0.0; must be a number > 0"),
+        ({"cycles": 0}, "trajectory.cycles: got 0; must be a whole number from 1"),
+        ({"control": "load"}, "trajectory.load: missing"),
+        ({"control": "load", "load": 1.0}, "trajectory.start: got -0.01, a pull on the punch; must be >= 0"),
+        ({"kind": "ramp_hold"}, "trajectory.start: given, but kind is ramp_hold"),
+    ],
+)
+def test_a_cycle_that_cannot_be_is_refused(wrong: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        Config(name="wrong", trajectory=BACK | wrong)
+    assert said in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The code in README.md works, in the order of the file; the Python in CONTRIBUTING.md compiles.
+"""The code of README.md and of the pages of docs/ works, in order of each; that of CONTRIBUTING.md compiles.
 
 A block is left out where the line before it is a comment that begins with "not run" and says why.
 """
@@ -22,29 +22,34 @@ import pytest
 from gfmdlayer.config import load
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").glob("[gt]*/*.md")),
+]
+BLOCK = re.compile(r"^(<!-- not run[^\n]*-->\n)?```([{}\w]*)[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Block:
+    page: Path
     line: int
     language: str
     code: str
     runs: bool
 
     def __str__(self) -> str:
-        return f"line-{self.line}"
+        return f"{self.page.relative_to(ROOT)}-{self.line}"
 
 
-def blocks(text: str) -> Iterator[Block]:
+def blocks(page: Path) -> Iterator[Block]:
+    text = page.read_text(encoding="utf-8")
     for found in BLOCK.finditer(text):
         line = text.count("\n", 0, found.start(2)) + 1
-        yield Block(line, found[2], found[3], runs=found[1] is None)
+        yield Block(page, line, found[2], found[3], runs=found[1] is None)
 
 
-BLOCKS = list(blocks(README))
+BLOCKS = {page: list(blocks(page)) for page in PAGES}
 
 
 @pytest.fixture
@@ -68,36 +73,42 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_each_block_is_in_a_known_language() -> None:
-    assert {block.language for block in BLOCKS} <= {"", "bash", "math", "python", "yaml"}
-    assert README.count("\n```") == 2 * len(BLOCKS)
-    assert sum(block.runs for block in BLOCKS) > len(BLOCKS) // 2
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_each_block_is_in_a_known_language(page: Path) -> None:
+    languages = {block.language for block in BLOCKS[page] if not block.language.startswith("{")}
+    assert languages <= {"", "bash", "math", "python", "text", "yaml"}
+    assert page.read_text(encoding="utf-8").count("\n```") == 2 * len(BLOCKS[page])
 
 
 @pytest.mark.slow  # the verbs are tested on small cases in tests/cli
 @pytest.mark.usefixtures("clone")
-def test_commands_and_scripts_work_one_after_the_other() -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_and_scripts_work_one_after_the_other(page: Path) -> None:
     mpl.use("Agg")
     names: dict[str, Any] = {}
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    for block in BLOCKS:
+    for block in BLOCKS[page]:
         if block.runs and block.language == "bash":
             ran = subprocess.run(
                 ["bash", "-e", "-c", block.code],
                 capture_output=True, text=True, check=False, env=os.environ | {"PATH": path},
             )  # fmt: skip
-            assert ran.returncode == 0, f"README.md, line {block.line}:\n{block.code}\n{ran.stderr}"
+            assert ran.returncode == 0, f"{block}:\n{block.code}\n{ran.stderr}"
         elif block.runs and block.language == "python":
-            exec(compile(block.code, f"README.md, line {block.line}", "exec"), names)
+            exec(compile(block.code, str(block), "exec"), names)
 
 
-@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "yaml"], ids=str)
+@pytest.mark.parametrize(
+    "block", [b for page in PAGES for b in BLOCKS[page] if b.language == "yaml"], ids=str
+)
 def test_configurations_load(block: Block, clone: Path) -> None:
     whole = block.code if "name:" in block.code else f"name: part\n{block.code}"
     (clone / "case.yaml").write_text(whole)
     load("case.yaml")
 
 
-@pytest.mark.parametrize("block", [b for b in blocks(CONTRIBUTING) if "import" in b.code], ids=str)
+@pytest.mark.parametrize(
+    "block", [b for b in blocks(ROOT / "CONTRIBUTING.md") if "import" in b.code], ids=str
+)
 def test_examples_for_contributors_compile(block: Block) -> None:
-    compile(block.code, f"CONTRIBUTING.md, line {block.line}", "exec")
+    compile(block.code, str(block), "exec")

@@ -1,0 +1,105 @@
+"""The processes that hold a grid together, and the completion of partial results over them.
+
+One process holds the whole grid (`ALONE`), or the ranks of an MPI job hold the rows of a surface in slabs
+(`slabs`). Every rank computes with the completed results, so that all take the same decisions.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+Partial = TypeVar("Partial", float, NDArray[Any])
+
+
+class Ranks:
+    """One process, which holds the whole grid.
+
+    Attributes
+    ----------
+    number, count : int
+        Number of this rank, from 0, and of the ranks.
+    """
+
+    number: int = 0
+    count: int = 1
+
+    @property
+    def first(self) -> bool:
+        """Whether this is the rank that holds the first row, the wave q = 0, and the files."""
+        return self.number == 0
+
+    def total(self, partial: Partial) -> Partial:
+        """Complete a sum; an array is completed element by element."""
+        return partial
+
+    def maximum(self, partial: Partial) -> Partial:
+        """Complete a maximum; an array is completed element by element."""
+        return partial
+
+    def minimum(self, partial: Partial) -> Partial:
+        """Complete a minimum; an array is completed element by element."""
+        return partial
+
+    def mean_wave(self, values: NDArray[Any]) -> Any:
+        """Return the value at the wave q = 0, of one value a mode."""
+        return values[0]
+
+    def set_mean_wave(self, values: NDArray[Any], value: complex) -> None:
+        """Set the value at the wave q = 0, of one value a mode."""
+        values[0] = value
+
+
+ALONE = Ranks()
+
+
+class MpiRanks(Ranks):
+    """The ranks of an MPI communicator.
+
+    Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend on the
+    number of ranks alone, and are the same on all of them.
+
+    Parameters
+    ----------
+    communicator : mpi4py.MPI.Comm
+        The ranks.
+    """
+
+    def __init__(self, communicator: Any) -> None:
+        self.communicator = communicator
+        self.number, self.count = communicator.Get_rank(), communicator.Get_size()
+
+    def every(self, partial: Any) -> NDArray[Any]:
+        """Return the partial results of all ranks, shape (count, ...)."""
+        own = np.ascontiguousarray(partial)
+        found = np.empty((self.count, *np.shape(partial)), own.dtype)
+        self.communicator.Allgather(own, found)
+        return found
+
+    def total(self, partial: Partial) -> Partial:
+        """Complete a sum; an array is completed element by element."""
+        return _of_kind(partial, self.every(partial).sum(axis=0))
+
+    def maximum(self, partial: Partial) -> Partial:
+        """Complete a maximum; an array is completed element by element."""
+        return _of_kind(partial, self.every(partial).max(axis=0))
+
+    def minimum(self, partial: Partial) -> Partial:
+        """Complete a minimum; an array is completed element by element."""
+        return _of_kind(partial, self.every(partial).min(axis=0))
+
+    def mean_wave(self, values: NDArray[Any]) -> Any:
+        """Return the value at the wave q = 0, which the first rank holds."""
+        return self.every(values[0])[0]
+
+    def set_mean_wave(self, values: NDArray[Any], value: complex) -> None:
+        """Set the value at the wave q = 0, on the first rank."""
+        if self.first:
+            values[0] = value
+
+
+def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:
+    kind: Any = found if isinstance(partial, np.ndarray) else found.item()
+    return cast(Partial, kind)

@@ -1,0 +1,92 @@
+"""A surface over ranks: transforms, sums and halos agree with those of one process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+MPIRUN = Path(sys.executable).parent / "mpirun"
+
+# On three ranks, and grids that they do not divide. Transforms of numbers below one are exact to
+# eps log2(n) of the largest value, some 1e-15.
+CHECKS = """
+import numba as nb
+import numpy as np
+from mpi4py import MPI
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import MpiRanks
+from gfmdlayer.grid.slab_transforms import SlabTransforms
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.transforms import Transforms, backward, forward
+
+ranks = MpiRanks(MPI.COMM_WORLD)
+
+@nb.njit
+def there_and_back(plans, field, spectrum, found):
+    forward(plans, field, spectrum)
+    backward(plans, spectrum, found)
+
+for points in ((20, 30), (17, 25), (13, 32)):
+    whole, grid = Grid(points, (2.0, 3.0)), SlabGrid(points, (2.0, 3.0), members=ranks)
+    field = np.random.default_rng(1).random(points)
+    spectrum = np.fft.rfftn(field)
+    own, waves = field[grid.rows], spectrum[:, grid.columns]
+    assert (own.shape, waves.shape) == (grid.shape, grid.spectral_shape)
+    assert grid.size == field.size
+    for name in ("wavenumbers", "wavenumbers_x", "parseval_weights"):
+        assert (getattr(grid, name) == getattr(whole, name)[..., grid.columns]).all(), name
+    assert (grid.coordinates[0] == whole.coordinates[0][grid.rows]).all()
+    for shared in (True, False):
+        transforms = SlabTransforms(grid, shared=shared)
+        found = transforms.forward(own)
+        assert abs(found - waves.ravel()).max() < 1e-14 * abs(spectrum).max()
+        assert abs(transforms.backward(waves) / field.size - own.ravel()).max() < 1e-14
+        back = transforms.empty_field()
+        source = transforms.empty_field()
+        source[:] = own.ravel()
+        there_and_back(transforms.plans, source, transforms.empty_spectrum(), back)
+        assert abs(back / field.size - own.ravel()).max() < 1e-14
+        single = transforms.of_shape(points, single=True)
+        assert abs(single.forward(own) - waves.ravel()).max() < 1e-6 * abs(spectrum).max()
+        coarse = SlabGrid((points[0] // 2, points[1] // 2), (2.0, 3.0), members=ranks)
+        those = Transforms(points).truncated(spectrum.ravel(), Transforms(coarse.points))
+        these = transforms.truncated(waves.ravel(), transforms.of_shape(coarse.points))
+        width = coarse.points[1] // 2 + 1
+        assert (these == those.reshape(-1, width)[:, coarse.columns].ravel()).all()
+        again = SlabTransforms(grid, transforms.wisdom, shared=shared)
+        again.restore(transforms.state())
+        assert (again.forward(own) == found).all()
+    assert abs(grid.from_waves(waves.copy()) - own).max() < 1e-14
+
+    sums = grid.sums
+    assert abs(sums.mean(own) - field.mean()) < 1e-15
+    every = MPI.COMM_WORLD.allgather(sums.mean(own))
+    assert len(set(every)) == 1
+    assert abs(sums.spectral_mean(waves.ravel(), waves.ravel()) - (field**2).mean()) < 1e-15
+    assert sums.maximum(float(own.max())) == field.max()
+    assert (sums.minimum(own.min(axis=0)) == field.min(axis=0)).all()
+    assert ranks.mean_wave(waves.ravel()) == spectrum[0, 0]
+    at = np.arange(points[0])[grid.rows]
+    for before, after in ((2, 2), (1, 3), (points[0], points[0])):  # the last from every rank, round about
+        above, below = grid.halo(own, before, after)
+        assert (above == field[(at[0] - np.arange(before, 0, -1)) % points[0]]).all()
+        assert (below == field[(at[-1] + 1 + np.arange(after)) % points[0]]).all()
+        assert all(map(np.array_equal, whole.halo(field, before, after),
+                       (field[-np.arange(before, 0, -1) % points[0]], field[np.arange(after) % points[0]])))
+for points, words in (((64,), "a line"), ((64, 8), "at most 2 ranks")):
+    try:
+        SlabGrid(points, (1.0,) * len(points), members=ranks)
+    except ValueError as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(points)
+if ranks.first:
+    print("all agree")
+"""
+
+
+def test_a_grid_over_ranks_has_the_numbers_of_one_process() -> None:
+    command = [str(MPIRUN), "-n", "3", sys.executable, "-m", "mpi4py", "-c", CHECKS]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout == "all agree\n", done.stderr

@@ -1,0 +1,88 @@
+"""Contact under an interface law: the solver, and a whole case, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gfmdlayer.config import Config
+from gfmdlayer.contact.newton.solver import Newton
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.adhesion import Exponential
+from gfmdlayer.simulation import simulate
+
+LAW = Exponential(work=1e-3, range=4e-3).interaction()
+
+
+def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_balance() -> None:
+    # kappa_0 u = tau(g0 - u) for a uniform surface; of the two roots the one nearer to rest is stable.
+    stiffness, gap = 100.0, 0.01
+    kappa = stiffness + Grid((32,), (1.0,)).wavenumbers
+    problem = Problem(kappa, np.zeros(kappa.size, complex), np.full(32, gap), interface=LAW)
+    found = Newton(Transforms((32,)), 1e-9).solve(problem, np.full(32, np.inf))
+    assert found.converged
+    rise = brentq(lambda u: stiffness * u - LAW.traction(np.array(gap - u)), 0, gap / 2, xtol=1e-16)
+    # The residual bounds the stress that is out of balance by 1e-9 of tau(0) = 0.25; over kappa_0 -
+    # tau'(gap), which is at least half of kappa_0 here.
+    np.testing.assert_allclose(found.displacement, rise, atol=2e-9 * 0.25 / stiffness)
+    assert found.mean_pressure == pytest.approx(-stiffness * rise, abs=1e-9)
+    assert found.contact_area == 0
+
+
+def test_a_parabola_is_pulled_off_at_the_force_of_jkr_theory() -> None:
+    # P = -(E*/(2 pi R)) ln cos(pi a) - sqrt(2 E* w tan(pi a)) per period, E* = 4, R = 1/4, w = 1e-3: the
+    # least is -0.01745. An exponential law of this range stays 11 % below it; of a shorter range, less.
+    n, strongest = 512, 0.0
+    grid, solver = Grid((n,), (1.0,)), Newton(Transforms((n,)))
+    kappa, start = 2 * grid.wavenumbers, np.full(n, np.inf)
+    for depth in (*np.linspace(0.0, 4e-3, 9), *np.linspace(4e-3, -6e-3, 41)):
+        obstacle = 2 * grid.coordinates[0] ** 2 - depth
+        found = solver.solve(Problem(kappa, np.zeros(kappa.size, complex), obstacle, interface=LAW), start)
+        assert found.converged
+        assert found.residual <= 1e-6
+        strongest, start = min(strongest, found.mean_pressure), found.gap
+    assert strongest / -0.017450 == pytest.approx(0.888, abs=0.01)  # steps of the depth: 0.3 %
+
+
+class Rows(list[dict[str, float]]):
+    """Records the rows of a run."""
+
+    def row(self, **values: float) -> None:
+        self.append(values)
+
+    def snapshot(self, *_: object) -> None:
+        """Do nothing."""
+
+    def note(self, **_: object) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.parametrize("control", ["depth", "load"])
+def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> None:
+    config = Config(name="adhesion").with_values(
+        {
+            "grid.points": 512,
+            "halfspace.shear_modulus": 1.0,
+            "layer.material": {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 1.0},
+            "trajectory": {"control": control, control: 0.01},
+            "time": {"end": 2.0, "step": 0.02, "integrator": "exponential"},
+        }
+    )
+    adhesive, hard = Rows(), Rows()
+    simulate(config.with_values({"interface": {"work": 1e-3, "range": 4e-3}}), adhesive)
+    simulate(config, hard)
+    assert all(row["residual"] <= 1e-6 for row in adhesive)
+    after = [row for row in adhesive if row["time"] >= 1.0]
+    # Attraction takes a part of the load at a given depth, and sinks the punch under a given load.
+    if control == "depth":
+        assert after[-1]["mean_pressure"] < hard[-1]["mean_pressure"]
+    else:
+        assert after[-1]["depth"] > hard[-1]["depth"]
+        assert after[-1]["mean_pressure"] == pytest.approx(hard[-1]["mean_pressure"], rel=1e-12)
+    assert after[-1]["contact_area"] > hard[-1]["contact_area"]
+    # In the hold the balance changes by the truncation error of the history, (dt/tau)^2/12 of the heat.
+    change = [row["energy_residual"] - after[0]["energy_residual"] for row in after]
+    assert np.abs(change).max() < 0.02**2 / 12 * after[-1]["dissipated"] + 1e-9 * abs(after[-1]["work"])
