@@ -17,7 +17,8 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.interrupts import Stopped, at_once, stop_requested
+from gfmdlayer.execution.progress import Reporter
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label
@@ -209,3 +210,36 @@ def warm_up(todo: Sequence[Case], threads: int = 1, results: Path | None = None)
                 wisdom[config.grid.points] = warm_up(config, threads=threads, results=results)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))
+
+
+def compile_and_plan(todo: Sequence[Case], threads: int, folder: Folder, reporter: Reporter) -> Wisdom:
+    """Warm up; a request to stop ends this at once, and then the cases before their first step.
+
+    Parameters
+    ----------
+    todo : sequence of Case
+        The cases.
+    threads : int
+        Threads that the transforms may use.
+    folder : Folder
+        A claimed results folder.
+    reporter : Reporter
+        Shows that it goes on.
+
+    Returns
+    -------
+    dict
+        FFTW wisdom for each shape of the grid; empty after a request to stop.
+    """
+    methods = (
+        "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
+    )
+    solvers = ", ".join(dict.fromkeys(methods))
+    work = f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
+    wisdom: Wisdom = {}
+    said: list[str] = []
+    with suppress(KeyboardInterrupt), reporter.preparing(work), at_once():
+        wisdom, said = warm_up(todo, threads, folder.wisdom)
+    for line in said if not stop_requested() else ():
+        reporter.note(f"warning: {line}")
+    return wisdom

@@ -1,7 +1,8 @@
-"""Signals that ask a run to stop, which it does between two time steps.
+"""Signals that ask a run to stop, which it does between two time steps, and at once before the first.
 
 A handler sets a flag and nothing more. The simulation's progress callback checks the flag once a step and
-raises `Stopped`, so that no step and no file is cut in half.
+raises `Stopped`, so that no step and no file is cut in half. While cases are read and kernels compiled there
+is neither, and the handler raises.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+AGAIN = 1.0  # seconds
 
 
 class Stopped(Exception):  # noqa: N818 - requested, not an error
@@ -55,6 +57,34 @@ def listening() -> Iterator[None]:
         for signum, handler in before.items():
             signal.signal(signum, signal.SIG_DFL if handler is None else handler)
         _Flag.raised = False
+
+
+@contextmanager
+def at_once() -> Iterator[None]:
+    """Raise KeyboardInterrupt within the block at a request to stop, or at its begin after an earlier one.
+
+    For work that has no time steps: reading, compiling, planning. Python drops an exception that strikes a
+    destructor or a callback, so that it is raised again after `AGAIN` seconds until the block is left.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(signum: int, frame: FrameType | None) -> None:
+        request_stop(signum, frame)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        raise KeyboardInterrupt
+
+    signals = (*STOP_SIGNALS, signal.SIGALRM)
+    before = {signum: signal.signal(signum, interrupt) for signum in signals}
+    try:
+        if stop_requested():
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        for signum, handler in before.items():
+            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
 
 
 @contextmanager

@@ -190,10 +190,12 @@ class Reporter:
         """Show that `work` goes on in the block, and how long it took, unless it takes less than 2 s."""
         begun, start = time.monotonic(), threading.Timer(PREPARATION, self.note, [work])
         start.start()
-        yield
-        start.cancel()
+        try:
+            yield
+        finally:
+            start.cancel()
         self._ready = time.monotonic()
-        if (taken := time.monotonic() - begun) > PREPARATION:
+        if (taken := time.monotonic() - begun) > PREPARATION and not stop_requested():
             self.note(f"kernels and transforms are ready after {duration(taken)}")
 
     def ended(self, outcome: Outcome) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, preflight
-from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
+from gfmdlayer.execution.case_run import compile_and_plan, record_failure, run_case
 from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
@@ -147,10 +147,7 @@ def run_sweep(
                     reporter.note(line)
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
-            with reporter.preparing(_preparation(work.todo)):
-                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom)
-            for line in said:
-                reporter.note(f"warning: {line}")
+            wisdom = compile_and_plan(work.todo, options.threads, folder, reporter)
             task = partial(
                 run_case,
                 folder=folder,
@@ -230,15 +227,6 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
     space = preflight.disk_warnings(folder.path, sum(estimate(case.config).storage for case in work.todo))
     found = (*notes(case.config for case in work.own), *pool.warnings, *space)
     return [f"warning: {warning}" for warning in found]
-
-
-def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(
-        dict.fromkeys(
-            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
-        )
-    )
-    return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 
 def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:

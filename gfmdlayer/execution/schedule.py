@@ -149,6 +149,11 @@ class Schedule:
 
     def run(self, items: Sequence[Numbered]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
+        if stop_requested():  # before the first case begins: no workers are started
+            for item in items:
+                self._end(Outcome(item.index, "stopped"))
+                yield self._outcomes.get()
+            return
         self._waiting.extend(items)
         # A submitting thread that computes has no time to submit more; a pool of processes is slow with many.
         self._submit(len(items) if self._pool.joins else AHEAD * self._pool.size)
