@@ -1,4 +1,4 @@
-"""Signals that ask a run to stop, which it does between two time steps, and at once before the first.
+"""Signals that ask a run to stop, between two time steps or before the first, and the ends of other processes.
 
 A handler sets a flag and nothing more. The simulation's progress callback checks the flag once a step and
 raises `Stopped`, so that no step and no file is cut in half. While cases are read and kernels compiled there
@@ -7,14 +7,21 @@ is neither, and the handler raises.
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
 from types import FrameType
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 AGAIN = 1.0  # seconds
+WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
 class Stopped(Exception):  # noqa: N818 - requested, not an error
@@ -104,3 +111,31 @@ def listen_and_unblock() -> None:
     """Listen in a child that was started with its stop signals blocked."""
     listen()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+
+
+def end_after(wait: Callable[[], None]) -> None:
+    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
+
+    def watch() -> None:
+        wait()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def end_with(launcher: int) -> None:
+    """End this process when the launcher's process on this host dies.
+
+    MPI keeps the interpreter while it starts, and the thread that watches with it: there the kernel has to do,
+    which is asked where it is known that a single thread of the launcher starts the ranks.
+    """
+    with suppress(OSError):
+        if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):
+            ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    end_after(partial(_wait_for_launcher, launcher))
+
+
+def _wait_for_launcher(launcher: int) -> None:
+    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
+    while os.getppid() == launcher:
+        time.sleep(WATCH_INTERVAL)

@@ -13,14 +13,12 @@ import os
 import socket
 import sys
 import threading
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
@@ -32,7 +30,6 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
-WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
 
 
 class LauncherError(Exception):
@@ -153,6 +150,8 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if jobs < 1:
         raise LauncherError(f"--jobs {jobs}: must be 1 or more")
     size = launched_size(os.environ)
+    if size not in (None, 1):  # from now on: a launcher that dies while MPI starts is not noticed by MPI
+        interrupts.end_with(os.getppid())
     comm = None if size in (None, 1) else _world(size or 0)
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
@@ -217,23 +216,7 @@ def _begin_worker() -> None:
     interrupts.listen_and_unblock()
     parent = parent_process()
     if parent is not None:
-        _end_after(parent.join)
-
-
-def _end_after(wait: Callable[[], None]) -> None:
-    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
-
-    def watch() -> None:
-        wait()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _wait_for_launcher(launcher: int) -> None:
-    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
-    while os.getppid() == launcher:
-        time.sleep(WATCH_INTERVAL)
+        interrupts.end_after(parent.join)
 
 
 def _world(size: int) -> Any:
@@ -265,7 +248,6 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool
         comm.Abort(1)  # the other ranks would wait for this one for ever
         raise AssertionError("unreachable")
 
-    _end_after(partial(_wait_for_launcher, os.getppid()))
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
     members = comm.gather(_host_and_cores())

@@ -207,15 +207,28 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
 # Rank 0 compiles; what the other rank does meanwhile is given.
 COMPILING = """
 import os, sys, time
-from gfmdlayer.execution import case_run, run
-def compile_for_long(todo, threads=1):
+from gfmdlayer.execution import case_run
+def compile_for_long(*_):
     open("compiling", "w").close()
     time.sleep(600)
 def meanwhile():
     while not os.path.exists("compiling"):
         time.sleep(0.01)
     {}
-run.warm_up, case_run.prepare = compile_for_long, meanwhile
+case_run.warm_up, case_run.prepare = compile_for_long, meanwhile
+from gfmdlayer.cli import main
+sys.exit(main(["run", "tiny.yaml"]))
+"""
+
+
+# MPI starts, which keeps the interpreter.
+STARTING = """
+import ctypes, sys
+from gfmdlayer.execution import workers
+def start_for_long(_):
+    open("compiling", "w").close()
+    ctypes.PyDLL(None).sleep(600)
+workers._world = start_for_long
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """
@@ -227,8 +240,11 @@ def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None
     assert process.returncode not in (0, 75)
 
 
-def test_ranks_end_when_the_launcher_dies_while_rank_0_compiles() -> None:
-    Path("compiling.py").write_text(COMPILING.format("time.sleep(600)"))
+@pytest.mark.parametrize(
+    "program", [COMPILING.format("time.sleep(600)"), STARTING], ids=["compiles", "starts"]
+)
+def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
+    Path("compiling.py").write_text(program)
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
