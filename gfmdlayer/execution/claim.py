@@ -16,14 +16,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO
 
 from gfmdlayer.config import Config, sweeps
 from gfmdlayer.execution import growth
-from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.folder import ASIDE, Folder, FolderError
 from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
@@ -32,14 +32,14 @@ from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint|journal\d|state)(\.aside)?")
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
-_OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint|state){_PART})")
-_STATE = re.compile(r"(\d{4,})\.(checkpoint|journal\d)")
+_OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint(\d+[ab])?|state){_PART})")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d+)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
 _FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
@@ -202,6 +202,17 @@ def remove_results(folder: Folder) -> None:
     wisdom = (path for path in _files(folder.wisdom) if _WISDOM.fullmatch(path.name))
     for path in (folder.sweep, *results, *inputs, *wisdom, folder.config):
         path.unlink(missing_ok=True)
+
+
+def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
+    """Rename files of complete cases that cannot be read, among those to be run; return a line on each."""
+    damaged = [index for index in todo if folder.case(index).exists()]
+    for index in damaged:
+        folder.set_aside(folder.case(index))
+    return [
+        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
+        for index in damaged
+    ]
 
 
 def _case_number(path: Path) -> int | None:

@@ -23,7 +23,6 @@ numbers where these do not run from 0, because the sweep has grown (`gfmdlayer.e
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 from collections import defaultdict
@@ -35,8 +34,9 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
+from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
-from gfmdlayer.files.shared_folders import read_small, write_new
+from gfmdlayer.files.shared_folders import write_new
 from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.sections import files_named
 
@@ -218,15 +218,6 @@ class Folder:
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
-    """Read a small JSON file; None where there is none or it cannot be read."""
-    with suppress(OSError, ValueError, RecursionError):
-        content = json.loads(read_small(path))
-        if isinstance(content, dict):
-            return content
-    return None
-
-
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:
     """Yield numbers as text: 0-2, 6, 3-5."""
     first = last = numbers[0]
@@ -255,14 +246,16 @@ def is_result(path: str | Path) -> bool:
         return False
 
 
-def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+def read_config(
+    path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
+) -> Config:
     """Read a configuration, or that of a case's result file, and check its numbers and input files.
 
     Parameters
     ----------
     path : str or Path
         YAML file, or the file of a case.
-    overrides : iterable of str, or mapping
+    overrides, inspect
         As `config.load` takes them.
 
     Raises
@@ -270,10 +263,12 @@ def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object
     ConfigError
         With every error in it.
     """
-    return stored_config(path, overrides) if is_result(path) else load(path, overrides, input_errors)
+    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
 
 
-def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+def stored_config(
+    path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
+) -> Config:
     """Return the configuration from which a case was computed, as `config.load` does.
 
     Raises
@@ -292,7 +287,7 @@ def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, obje
     if "config" not in known:
         raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
     content = str(known["config"])
-    config = load(path, overrides, input_errors, content)
+    config = load(path, overrides, inspect, content)
     files = [str(file) for file in files_named(config).values()]
     if files and not overrides and digest(config) != known.get("digest"):
         raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])

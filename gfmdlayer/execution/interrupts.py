@@ -1,4 +1,4 @@
-"""Signals that ask a run to stop, between two time steps or before the first, and the ends of other processes.
+"""Signals that ask a run to stop, between two time steps or before the first; ends of other processes.
 
 A handler sets a flag and nothing more. The simulation's progress callback checks the flag once a step and
 raises `Stopped`, so that no step and no file is cut in half. While cases are read and kernels compiled there
@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import Self
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 AGAIN = 1.0  # seconds
@@ -113,6 +114,27 @@ def listen_and_unblock() -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
 
 
+class Listener:
+    """Stands in for the status file on a rank that is not the first of its case."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        """Do nothing."""
+
+    def advance(self, _time: float) -> None:
+        """Look for a request to stop.
+
+        Raises
+        ------
+        Stopped
+            Where a signal to this process asked the run to stop.
+        """
+        if stop_requested():
+            raise Stopped
+
+
 def end_after(wait: Callable[[], None]) -> None:
     """End this process when a call returns: no process of a killed run may go on writing into its folder."""
 
@@ -126,8 +148,8 @@ def end_after(wait: Callable[[], None]) -> None:
 def end_with(launcher: int) -> None:
     """End this process when the launcher's process on this host dies.
 
-    MPI keeps the interpreter while it starts, and the thread that watches with it: there the kernel has to do,
-    which is asked where it is known that a single thread of the launcher starts the ranks.
+    MPI keeps the interpreter while it starts, and with it the thread that watches: the kernel has to do. It
+    is asked where it is known that a single thread of the launcher starts the ranks.
     """
     with suppress(OSError):
         if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):

@@ -18,9 +18,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from gfmdlayer.execution.folder import Folder, read_json
+from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped, stop_requested
 from gfmdlayer.files.locks import born
+from gfmdlayer.files.shared_folders import read_json
 from gfmdlayer.files.whole import write_text
 
 WRITE_INTERVAL = 1.0  # seconds between two status files of a case

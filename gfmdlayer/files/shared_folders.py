@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 _LARGEST = 1 << 22  # bytes of a small file
 
@@ -53,6 +56,15 @@ def read_small(path: Path) -> bytes:
     if len(contents) > _LARGEST:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return contents
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Read a small JSON file; None where there is none or it cannot be read."""
+    with suppress(OSError, ValueError, RecursionError):
+        content = json.loads(read_small(path))
+        if isinstance(content, dict):
+            return content
+    return None
 
 
 def _without_waiting(path: str, flags: int) -> int:

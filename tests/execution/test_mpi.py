@@ -207,15 +207,15 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
 # Rank 0 compiles; what the other rank does meanwhile is given.
 COMPILING = """
 import os, sys, time
-from gfmdlayer.execution import case_run
-def compile_for_long(*_):
+from gfmdlayer.execution import case_run, run
+def compile_for_long(*_, **__):
     open("compiling", "w").close()
     time.sleep(600)
 def meanwhile():
     while not os.path.exists("compiling"):
         time.sleep(0.01)
     {}
-case_run.warm_up, case_run.prepare = compile_for_long, meanwhile
+run.warm_up, case_run.prepare = compile_for_long, meanwhile
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """
@@ -223,12 +223,16 @@ sys.exit(main(["run", "tiny.yaml"]))
 
 # MPI starts, which keeps the interpreter.
 STARTING = """
-import ctypes, sys
+import ctypes, glob, os, sys
 from gfmdlayer.execution import workers
-def start_for_long(_):
-    open("compiling", "w").close()
-    ctypes.PyDLL(None).sleep(600)
-workers._world = start_for_long
+class Starting:
+    @property
+    def MPI(self):
+        open(f"started-{os.getpid()}", "w").close()
+        if len(glob.glob("started-*")) == 2:
+            open("compiling", "w").close()
+        ctypes.PyDLL(None).sleep(600)
+sys.modules["mpi4py"] = Starting()
 from gfmdlayer.cli import main
 sys.exit(main(["run", "tiny.yaml"]))
 """

@@ -13,7 +13,8 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
-from gfmdlayer.execution import case_run, interrupts
+from gfmdlayer.execution import interrupts
+from gfmdlayer.execution import run as running
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import AGAIN, STOP_SIGNALS, at_once
 from gfmdlayer.execution.schedule import Outcome, Schedule
@@ -72,7 +73,7 @@ def test_a_signal_ends_the_block_at_once(signum: signal.Signals, dropped: bool) 
 def test_a_run_that_is_stopped_while_compiling_begins_no_case(
     swallowed: bool, monkeypatch: pytest.MonkeyPatch, run_here: Callable[..., Any]
 ) -> None:
-    def compile_long(*_: object) -> Any:
+    def compile_long(*_: object, **__: object) -> Any:
         try:
             signal.raise_signal(signal.SIGTERM)
         except KeyboardInterrupt:
@@ -80,7 +81,7 @@ def test_a_run_that_is_stopped_while_compiling_begins_no_case(
                 raise
         return {}, ["the cases compile their kernels themselves"]
 
-    monkeypatch.setattr(case_run, "warm_up", compile_long)
+    monkeypatch.setattr(running, "warm_up", compile_long)
     config = Config(name="early", sweep={"layer.thickness": [0.1, 0.2]})
     summary, log = run_here(config)
     assert summary.count("stopped") == 2
