@@ -256,10 +256,12 @@ class LastGap(DisplacementPrediction):
     ----------
     size : int
         Number of grid points.
+    ranks : Ranks, optional
+        That share the grid.
     """
 
-    def __init__(self, size: int) -> None:
-        super().__init__(size)
+    def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        super().__init__(size, ranks)
         self._times, self._fields = deque(maxlen=1), deque(maxlen=1)
         self._zero[:] = np.inf
 

@@ -71,6 +71,8 @@ class EnergyBalance(Observable):
                 self._work += self._work_of_the_field(*self._field, step)
         else:
             self._work = stored + dissipated + attraction
+        if "lost" in step.row and step.solution.released_energy > 0:
+            self._normal.clear()  # no parabola goes through a jump
         self._normal.append(normal)
         self._tangential.append(tangential)
         if self._interface.kinks:  # it depends on time
