@@ -20,7 +20,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.observables import OBSERVABLES
-from gfmdlayer.results import journal
+from gfmdlayer.results import journal, provenance
 from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_about, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import attributes
@@ -266,8 +266,8 @@ def test_another_version_is_told_and_the_case_begins_anew(
     stop_after(4)
     run(folder)
     stop_after(0)
-    made_by = checkpoints.made_by
-    monkeypatch.setattr(checkpoints, "made_by", lambda digest: made_by(digest) | {version: "other"})
+    made_by = provenance.made_by
+    monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {version: "other"})
     assert run(folder) == "complete"
     told = capsys.readouterr().err
     assert "case 0007 begins anew, its checkpoint is set aside: it would not give the same bits" in told
