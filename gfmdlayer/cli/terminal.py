@@ -120,8 +120,8 @@ def count_cases(number: int) -> str:
     return "1 case" if number == 1 else f"{number} cases"
 
 
-def cut_short(lines: Iterable[str]) -> list[str]:
-    """Return the first lines of a list, and the number of further ones."""
+def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
+    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
     every = list(map(printable, lines))
-    more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
-    return [*every[:LISTED], *more]
+    further = (len(every) if number is None else number) - LISTED
+    return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]

@@ -27,7 +27,7 @@ from gfmdlayer.execution.folder import ASIDE, Folder, FolderError
 from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
-from gfmdlayer.files.locks import exclusive, try_lock
+from gfmdlayer.files.locks import exclusive, open_for_writing, try_lock
 from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
@@ -202,6 +202,19 @@ def remove_results(folder: Folder) -> None:
     wisdom = (path for path in _files(folder.wisdom) if _WISDOM.fullmatch(path.name))
     for path in (folder.sweep, *results, *inputs, *wisdom, folder.config):
         path.unlink(missing_ok=True)
+
+
+def refuse_open_files(folder: Folder, todo: Iterable[int]) -> None:
+    """Refuse to run cases whose files, or the sweep file, would be replaced while they are open elsewhere.
+
+    Raises
+    ------
+    FolderError
+        Where one is.
+    """
+    for path in (folder.sweep, *map(folder.case, todo)):
+        if path.exists() and open_for_writing(path):
+            raise FolderError(f"{path}: is open for writing in another program; close it there first")
 
 
 def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:

@@ -13,11 +13,11 @@ from functools import partial
 from io import StringIO
 from pathlib import Path
 
-from gfmdlayer.config import Config, digest
+from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
-from gfmdlayer.execution.claim import claimed, set_damaged_aside
+from gfmdlayer.execution.claim import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.groups.pool import run_case_together
@@ -26,7 +26,7 @@ from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Case, Shard, cases
 from gfmdlayer.execution.workers import WorkerPool
-from gfmdlayer.files.locks import exclusive, open_for_writing
+from gfmdlayer.files.locks import exclusive
 from gfmdlayer.files.shared_folders import read_json
 from gfmdlayer.notes import notes
 
@@ -142,7 +142,8 @@ def run_sweep(
         own = growth.with_inputs(folder, found.numbered(own), found.changed)
         own = growth.with_earlier(folder, own) if alone else own
         work = _find_work(folder, own, options.only_failed)
-        _refuse_open_files(folder, work.todo)
+        refuse_open_files(folder, [case.index for case in work.todo])
+        _refuse_too_large(work.todo, pool, options)
         refuse_other_ranks(folder, work.todo, options.ranks_per_case)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
@@ -219,10 +220,12 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _refuse_open_files(folder: Folder, todo: Sequence[Case]) -> None:
-    for path in (folder.sweep, *(folder.case(case.index) for case in todo)):
-        if path.exists() and open_for_writing(path):
-            raise FolderError(f"{path}: is open for writing in another program; close it there first")
+def _refuse_too_large(todo: Sequence[Case], pool: WorkerPool, options: RunOptions) -> None:
+    """Refuse cases that need more memory than this job may have."""
+    largest = max((estimate(case.config).memory for case in todo), default=0.0) / options.ranks_per_case
+    number = min(pool.size, len(todo)) if pool.kind == "processes" else 1
+    if refused := preflight.memory_refusal(largest, number):
+        raise ConfigError(refused)
 
 
 def _opening(work: _Work, pool: WorkerPool, options: RunOptions) -> str:
