@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.validation.problems import Problem
 from gfmdlayer.validation.sections import sections_in
@@ -17,3 +18,9 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
     for at, law in sections_in(config):
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
             yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+    method = config.solver.method
+    default = type(config.solver).model_fields["method"].default
+    if config.interfaces and method != default and not SOLVERS[method].adhesive:
+        able = " or ".join(name for name, solver in SOLVERS.items() if solver.adhesive)
+        message = f"got {method}, which solves without attraction; must be {able}, or be left out"
+        yield Problem(("solver", "method"), message, ("interface",))
