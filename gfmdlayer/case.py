@@ -220,8 +220,9 @@ class Case:
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]
             return stack_modes(self.body, waves, self.clocks, scheme, sums)
-        spectrum, along = self.body.spectrum(waves), self.grid.wavenumbers_x
+        spectrum = self.body.spectrum(waves)
         if self.velocity is not None:
+            along = self.grid.wavenumbers_x
             velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
             if adaptive:
                 return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
@@ -295,5 +296,6 @@ class Case:
             steps=self.steps,
             guess=self.guess,
             changes=self.changes,
+            loading=self.loading,
             observables=CompositeState(**self.observables),
         )

@@ -141,7 +141,9 @@ def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
 
 def _follow(method: Solver, course: _Course) -> _Outcome:
     """Follow a course; the first step, from rest, is left out of the counts."""
-    start, pairs, jumps, seconds = np.full(course.grid.size, np.inf), [], [], 0.0
+    start, seconds = np.full(course.grid.size, np.inf), 0.0
+    pairs: list[int] = []
+    jumps: list[bool] = []
     for problem in course.problems():
         begun = time.process_time()
         found = method.solve(problem, start)
@@ -167,6 +169,8 @@ def _bare(transforms: Transforms) -> float:
 
 class _LastDisplacement(Newton):
     """Starts from the last displacement, but for the points in contact, which stay there."""
+
+    _last: FloatArray
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from the gap of the last step."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.config import Config
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
@@ -108,11 +108,3 @@ def test_an_adhesive_cylinder_rolls_and_its_energy_balances() -> None:
     # residual, 1e-6 of the strength over the way of a point in each of 30 steps, at most the range.
     change = last["energy_residual"] - adhesive[10]["energy_residual"]
     assert abs(change) < 0.05**2 / 12 * last["dissipated"] + 30 * 1e-6 * 1e-3
-
-
-def test_a_solver_for_the_hard_wall_alone_is_refused() -> None:
-    law = {"law": "exponential", "work": 1e-3, "range": 4e-3}
-    with pytest.raises(ConfigError, match=r"solver.method: got conjugate_gradient.*fire or newton"):
-        Config(name="a").with_values({"interface": law, "solver.method": "conjugate_gradient"})
-    for method in ("fire", "newton"):
-        assert Config(name="a").with_values({"interface": law, "solver.method": method}).interfaces
