@@ -10,7 +10,8 @@ definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
 Where GMRES fails, as under a stiff film on a soft base, and the contact is small, the equations are solved
 by elimination. Without contact there is nothing to solve. Where guesses do not end, the contact of a small
 grid is followed from first touch while the punch is pressed in, one point after the other (C. E. Lemke,
-Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter), which ends as C is positive definite.
+Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter), which ends as C is positive
+definite.
 """
 
 from __future__ import annotations
