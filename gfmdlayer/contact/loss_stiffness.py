@@ -23,7 +23,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.pivoting import Pivoting
-from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution
+from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, surface_at
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -86,9 +86,9 @@ class LossStiffnessSolver:
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
         if problem.interface.attracts:
-            return replace(state, released_energy=released)
+            return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
-        if not state.converged and contact.any():
+        if not state.converged:
             state, contact = self._by_pivoting(problem, state, contact)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
@@ -109,32 +109,36 @@ class LossStiffnessSolver:
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray
     ) -> tuple[Solution, BoolArray]:
-        transforms, iterations = so_far.transforms, so_far.iterations
+        state = so_far
         for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
             part = replace(
                 problem,
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
             )
-            pivoting = Pivoting(part, self._transforms, self._tolerance)
-            u, spectrum, pressure, contact = pivoting.solve(contact)
-            transforms, iterations = transforms + pivoting.transforms, iterations + pivoting.rounds
-            state = make_solution(
-                problem,
-                u,
-                pressure,
-                spectrum,
-                spent=(transforms, iterations),
-                within=self._tolerance,
-            )
+            state, contact = self._attempt(problem, part, state, contact)
             if share == 1 and state.converged:
+                return state, contact
+        return self._attempt(problem, problem, state, None)
+
+    def _attempt(
+        self, problem: Problem, part: Problem, so_far: Solution, contact: BoolArray | None
+    ) -> tuple[Solution, BoolArray]:
+        """State of a problem with a part of the loss, from a contact, or followed from first touch."""
+        pivoting = Pivoting(part, self._transforms, self._tolerance)
+        if contact is None:
+            contact = pivoting.pressed_in() if pivoting.follows else so_far.pressure > 0
+        found = pivoting.solve(contact)
+        spent = so_far.transforms + pivoting.transforms, so_far.iterations + pivoting.rounds
+        for u, spectrum, pressure, contact in found:  # noqa: B007
+            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=self._tolerance)
+            if state.converged:
                 break
         return state, contact
 
     def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:
         """Spectrum of the displacement that belongs to a first guess, but for the mean."""
         if self.starts_from == "gap":
-            surface = problem.obstacle - start
-            return self._transforms.forward(np.where(np.isfinite(surface), surface, 0.0))
+            return self._transforms.forward(surface_at(problem, start))
         spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
             return spectrum
