@@ -261,6 +261,7 @@ def visit(browser: Any) -> Iterator[Callable[..., Any]]:
     def visit(path: Path, width: int = 1280, scheme: str = "light") -> Any:
         opened.append(browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme))
         page = opened[-1].new_page()
+        page.set_default_timeout(300_000)  # a machine under load is slow to draw
         page.on(
             "console", lambda each: wrong.append(each.text) if each.type in ("error", "warning") else None
         )
