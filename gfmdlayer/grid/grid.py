@@ -100,11 +100,6 @@ class Grid:
         """Whether this process holds all points."""
         return self.shape == self.points
 
-    @property
-    def first_row(self) -> int:
-        """Row of the whole grid that is the first of this process."""
-        return 0
-
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the rows of the periodic surface beside those that this process holds.
 

@@ -73,11 +73,6 @@ class SlabGrid(Grid):
         """Rows of the grid that this rank holds."""
         return self._part(self.points[0])
 
-    @property
-    def first_row(self) -> int:
-        """Row of the whole grid that is the first of this rank."""
-        return int(self.rows.start)
-
     @cached_property
     def columns(self) -> slice:
         """Columns of a transform that this rank holds."""
