@@ -12,10 +12,9 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
-from gfmdlayer.contact.attraction import AttractionSolver
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
-from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction, PressurePrediction
+from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
@@ -96,7 +95,7 @@ class Parts(TypedDict, total=False):
     integrator: Integrator
     steps: Steps
     solver: Solver
-    guess: DisplacementPrediction | PressurePrediction
+    guess: DisplacementPrediction
     observables: dict[str, Observable]
 
 
@@ -260,28 +259,24 @@ class Case:
 
     @cached_property
     def solver(self) -> Solver:
-        """Solver of the contact problem, within the iterations for an attraction and for a loss stiffness."""
+        """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
         declared, tolerance = SOLVERS[given.method], given.tolerance
-        options: dict[str, object] = {}
-        if given.inertia is not None:
+        if self.interface.attracts and not declared.adhesive:
+            declared = SOLVERS["newton"]
+        options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
+        if given.inertia is not None and declared is SOLVERS[given.method]:
             options["mass_weighted"] = given.inertia == "mass_weighted"
-        if declared.distributed:
-            options["grid"] = self.grid
-        attracted = self.interface.attracts and not declared.adhesive
         moved = self.velocity is not None and not declared.nonsymmetric
-        # Each iteration around a solver leaves a part of the tolerance to it.
-        inner = tolerance * (AttractionSolver.SHARE if attracted else 1.0) * (SHARE if moved else 1.0)
+        # The iterations around a solver leave a part of the tolerance to it.
+        inner = tolerance * (SHARE if moved else 1.0)
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
-        if attracted:
-            within = tolerance * (SHARE if moved else 1.0)
-            solver = AttractionSolver(solver, transforms, within, given.max_iterations)
         if moved:
             solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
         return solver
 
     @cached_property
-    def guess(self) -> DisplacementPrediction | PressurePrediction:
+    def guess(self) -> DisplacementPrediction:
         """Extrapolation in time from which the solver starts."""
         return PREDICTIONS[self.solver.starts_from](self.grid.size)
 

@@ -271,7 +271,7 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
         yield "trajectory.velocity_file", f"{message}; must end with a velocity, or time.steady be left out"
     values = trajectory.values if isinstance(trajectory, Table) else np.array([trajectory(math.inf)])
     if given.control != "depth":
-        if (values < 0).any():
+        if (values < 0).any() and not config.interfaces:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return

@@ -27,8 +27,8 @@ _KEYS = """\
 
 Every key but `name` has a default. Keys are written dotted where they are named outside their section, as
 `layer.thickness` in `--set`, in a sweep and in messages; an entry of a list has its place, from 0:
-`layers.0.thickness`. Most keys can be swept. Meanings give the physical dimension; numbers are in any units that
-are used throughout, see [units](../guides/si-units.md).
+`layers.0.thickness`. Most keys can be swept. Meanings give the physical dimension; numbers are in any units
+that are used throughout, see [units](../guides/si-units.md).
 """
 _COLUMNS = """\
 # Output columns

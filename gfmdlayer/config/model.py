@@ -19,12 +19,12 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config.adhesion import problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.indentation import admissible
-from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -85,17 +85,9 @@ class Config(Section):
     """temperature of the body, over time; for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
-        yield from self._problems_of_the_interface()
-        yield from problems_of_the_motion(self.trajectory, self.time)
-        yield from self._problems_of_the_output()
-
-    def _problems_of_the_interface(self) -> Iterator[Problem]:
-        if self.interface == ():
-            yield Problem(("interface",), "got an empty list; must hold at least one {law: ...}")
-        for at, law in sections_in(self):
-            if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(self.units) is None:
-                yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
-
+    interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
+    """interaction across the gap beside the hard wall: a law, or a list of laws that add"""
+    trajectory: Trajectory = Field(default_factory=Trajectory)
     """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
@@ -129,36 +121,10 @@ class Config(Section):
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
         yield from admissible.problems(self)
-<<<<<<< HEAD
-        yield from self._problems_of_the_interface()
-        yield from self._problems_of_the_motion()
+        yield from problems_of_the_interface(self)
+        yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
 
-    def _problems_of_the_interface(self) -> Iterator[Problem]:
-        if self.interface == ():
-            yield Problem(("interface",), "got an empty list; must hold at least one {law: ...}")
-        for at, law in sections_in(self):
-            if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(self.units) is None:
-                yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
-
-    def _problems_of_the_motion(self) -> Iterator[Problem]:
-        given, time = self.trajectory, self.time
-        velocity = "trajectory.velocity" if given.velocity is not None else "trajectory.velocity_file"
-        if given.moves and time.integrator == "backward_euler":
-            message = "got backward_euler with a moving punch; must be exponential, which follows it"
-            yield Problem(("time", "integrator"), message, (velocity,))
-        if time.steady is not None and (not given.moves or given.velocity == 0):
-            message = (
-                "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
-            )
-            others = ("trajectory.velocity", "trajectory.velocity_file")
-            yield Problem(("time", "steady"), message, others)
-
-=======
-        yield from problems_of_the_motion(self.trajectory, self.time)
-        yield from self._problems_of_the_output()
-
->>>>>>> 2b13f62b7ce3501a2a315b6d4ce88a558569bd56
     def _problems_of_the_output(self) -> Iterator[Problem]:
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))

@@ -203,7 +203,7 @@ def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
     return time
 
 
-def problems_of_the_motion(trajectory: Trajectory, time: Time) -> Iterator[Problem]:
+def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -> Iterator[Problem]:
     """Yield contradictions between a trajectory and the time axis, and loads that nothing carries.
 
     Parameters
@@ -212,6 +212,8 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time) -> Iterator[Probl
         What is prescribed.
     time : Time
         The time axis.
+    pulls : bool
+        Whether the interface can hold a load below zero.
     """
     velocity = "trajectory.velocity" if trajectory.velocity is not None else "trajectory.velocity_file"
     if trajectory.moves and time.integrator == "backward_euler":
@@ -223,6 +225,6 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time) -> Iterator[Probl
         yield Problem(("time", "steady"), message, others)
     for key in ("start", "final"):
         value = getattr(trajectory, key)
-        if trajectory.control != "depth" and value is not None and value < 0:
+        if trajectory.control != "depth" and not pulls and value is not None and value < 0:
             message = f"got {shown(value)}, a pull on the punch; must be >= 0, there is no adhesion"
-            yield Problem(("trajectory", key), message, ("trajectory.control",))
+            yield Problem(("trajectory", key), message, ("trajectory.control", "interface"))

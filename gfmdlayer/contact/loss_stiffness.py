@@ -63,7 +63,7 @@ class LossStiffnessSolver:
         difference = extra - 1j * problem.loss_stiffness
         mixture = _Mixture(symmetric * self._weights)
         last = self._guess(problem, start)
-        transforms, iterations = 1, 0
+        transforms, iterations, released = 1, 0, 0.0
         for _ in range(_MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
             solution = self._solver.solve(
@@ -72,6 +72,7 @@ class LossStiffnessSolver:
             change = self._transforms.backward(difference * (solution.spectrum - last)) / start.size
             transforms += solution.transforms + 1
             iterations += solution.iterations
+            released += solution.released_energy
             state = make_solution(
                 problem,
                 solution.displacement,
@@ -84,6 +85,8 @@ class LossStiffnessSolver:
                 break
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
+        if problem.interface.attracts:
+            return replace(state, released_energy=released)
         contact = solution.pressure > 0
         if not state.converged and contact.any():
             state, contact = self._by_pivoting(problem, state, contact)
@@ -129,6 +132,9 @@ class LossStiffnessSolver:
 
     def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:
         """Spectrum of the displacement that belongs to a first guess, but for the mean."""
+        if self.starts_from == "gap":
+            surface = problem.obstacle - start
+            return self._transforms.forward(np.where(np.isfinite(surface), surface, 0.0))
         spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
             return spectrum

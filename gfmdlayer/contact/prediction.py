@@ -243,7 +243,29 @@ def _two_thirds(gap: float) -> float:
     return float(np.cbrt(gap * gap))
 
 
-PREDICTIONS: dict[str, type[DisplacementPrediction | PressurePrediction]] = {
+class LastGap(DisplacementPrediction):
+    """The gap of the last accepted step, infinite before the first.
+
+    An interface that attracts has instabilities, which no extrapolation may run past.
+
+    Parameters
+    ----------
+    size : int
+        Number of grid points.
+    """
+
+    def __init__(self, size: int) -> None:
+        super().__init__(size)
+        self._times, self._fields = deque(maxlen=1), deque(maxlen=1)
+        self._zero[:] = np.inf
+
+    def at(self, _time: float) -> FloatArray:
+        """Return the guess, as a new array."""
+        return (self._fields[-1] if self._fields else self._zero).copy()
+
+
+PREDICTIONS: dict[str, type[DisplacementPrediction]] = {
     "displacement": DisplacementPrediction,
     "pressure": PressurePrediction,
+    "gap": LastGap,
 }

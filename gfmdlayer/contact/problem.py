@@ -116,6 +116,8 @@ class Solution:
         surface count as that part of one, rounded from step to step.
     converged : bool
         Whether the residual is within the tolerance.
+    released_energy : float
+        Energy per area that is lost at a fixed punch in instabilities; zero where the step stays on its branch.
     """
 
     displacement: FloatArray
@@ -129,6 +131,7 @@ class Solution:
     transforms: int
     iterations: int
     converged: bool
+    released_energy: float = 0.0
 
 
 class Solver(Resumable, Protocol):
@@ -138,7 +141,7 @@ class Solver(Resumable, Protocol):
     """
 
     @property
-    def starts_from(self) -> Literal["displacement", "pressure"]:
+    def starts_from(self) -> Literal["displacement", "pressure", "gap"]:
         """The field that a first guess is of."""
         ...
 
@@ -157,6 +160,7 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
+    released_energy: float = 0.0,
 ) -> Solution:
     """A state with its residual and means; it converged if its residual is within a bound.
 
@@ -176,6 +180,8 @@ def make_solution(
         What `assess` returns, where it is known.
     gap : ndarray, optional
         h - u, where it is known.
+    released_energy : float
+        As in `Solution`.
 
     Returns
     -------
@@ -196,4 +202,5 @@ def make_solution(
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
+        released_energy=released_energy,
     )

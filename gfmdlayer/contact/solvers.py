@@ -19,7 +19,7 @@ class Declaration:
     ----------
     place : str
         Module and class, "package.module:Class"; made with transforms, tolerance and maximum of iterations.
-    starts_from : {"displacement", "pressure"}
+    starts_from : {"displacement", "pressure", "gap"}
         Of what the first guess is.
     pairs, power : float
         FFT pairs a step at 4096 points and a residual of 1e-6, and as a power of the points.
@@ -38,7 +38,7 @@ class Declaration:
     """
 
     place: str
-    starts_from: Literal["displacement", "pressure"]
+    starts_from: Literal["displacement", "pressure", "gap"]
     pairs: float
     power: float
     fields: int
@@ -91,5 +91,8 @@ SOLVERS: Mapping[str, Declaration] = {
         0.03,
         fields=35,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
+    ),
+    "newton": Declaration(
+        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=40, adhesive=True
     ),
 }

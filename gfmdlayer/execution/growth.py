@@ -173,8 +173,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     found = []
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            given = inputs.make_trajectory(case.config), inputs.make_velocity(case.config)
-            kinks = inputs.kinks(*given, inputs.make_clocks(case.config))
+            parts = inputs.make_trajectory, inputs.make_velocity, inputs.make_interface
+            kinks = inputs.kinks(inputs.make_clocks(case.config), *(part(case.config) for part in parts))
             planned = stops(case.config, kinks)
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))

@@ -27,12 +27,12 @@ from gfmdlayer.validation.problems import (
 )
 
 _SHAPES = {
-    "model_type": "a mapping of keys to values",
-    "dict_type": "a mapping of keys to values",
-    "tuple_type": "a list",
-    "list_type": "a list",
+    **dict.fromkeys(("model_type", "dict_type"), "a mapping of keys to values"),
+    **dict.fromkeys(("tuple_type", "list_type"), "a list"),
 }
 
+# Tags of the forms of a value, one or several, which pydantic puts into the places of its errors.
+FORMS = frozenset({"<one>", "<list>", "<number>", "<file>"})
 
 Init = TypeVar("Init", bound=Callable[..., None])
 
@@ -282,8 +282,8 @@ def _resolved(raw: Location, root: type[Section]) -> tuple[Location, type[Sectio
     for part in raw:
         if isinstance(part, int):
             location.append(part)
-        elif part.startswith("<"):
-            pass  # the form of a value, one or list, which is in no configuration
+        elif part in FORMS and (held is None or isinstance(held, OneOf)):  # no key of that name
+            pass
         elif isinstance(held, OneOf):
             held = held.members[part]
         elif held is not None:  # below a value there is the name of its form: number or list

@@ -89,6 +89,22 @@ sweep:
   layers.1.material: [{Ginf: 3}, {model: elastic, G: 2}]
 """,
     LINE + "layer: {material: {file: fitted.yaml}}\n",
+    LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
+    LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
+    LINE
+    + """\
+interface:
+  - {law: dugdale, work: 0.1, stress: 2, smoothing: 0.3}
+  - {law: lennard_jones, work: 0.1, separation: 0.01}
+  - {law: electrostatic, voltage: heights.txt, permittivity: 1.0, insulation: 0.1}
+sweep: {interface.0.work: [0.1, 0.2], interface.2.voltage: [5, heights.txt]}
+""",
+    LINE
+    + """\
+units: {length: mm, stress: MPa, time: s}
+interface: {law: electrostatic, voltage: -100, insulation: [{thickness: 0.01, permittivity: 3}]}
+sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
+""",
     LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",

@@ -1,4 +1,4 @@
-"""The code in README.md and on the pages of docs/ works, in the order of a page; that in CONTRIBUTING.md compiles.
+"""The code of README.md and of the pages of docs/ works, in order of each; that of CONTRIBUTING.md compiles.
 
 A block is left out where the line before it is a comment that begins with "not run" and says why.
 """

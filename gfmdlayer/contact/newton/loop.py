@@ -1,0 +1,192 @@
+"""The loop of Newton's method: along the branch while there is one, down the energy where it ends."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.newton.passes import (
+    Step,
+    Surface,
+    System,
+    apply,
+    balance,
+    begin,
+    compare,
+    interaction_energy,
+    lost,
+    minimise,
+    move,
+    press,
+    set_interaction,
+    set_stress,
+    shorten,
+)
+from gfmdlayer.grid.transforms import Plans
+from gfmdlayer.kernels import kernel
+
+_INEXACT = 0.1  # part of the force that the conjugate gradients may leave, at most
+_WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
+_PASSES = 3  # in which points are put onto the wall
+_SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
+_CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
+_RESOLVED = 0.3  # likewise down the energy
+_LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_AT_REST = 0.1  # damping, over kappa_1, below which there is none
+_SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
+_OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
+_HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
+_LIFTED = 1e-9  # lack of the mean, over the displacements, that is not rounding
+
+
+class Fields(NamedTuple):
+    """Work arrays."""
+
+    at: Surface
+    to: Surface
+    held: FloatArray
+    step: Step
+    spectrum: ComplexArray  # of u at the beginning of the loop
+
+
+class Progress(NamedTuple):
+    """What one call of the loop hands to the next."""
+
+    done: float  # part of the motion of the punch, 1 where the traction that held the surface is gone
+    mean: float  # mean displacement at the beginning of that motion
+    damping: float
+    descends: bool
+    unstable: bool  # whether the descent has met an energy that is not convex
+    drop: float  # sum over the points of the energy lost in this descent
+    released: float  # likewise in those that have ended
+    pulled_off: bool
+    multiplier: float
+    residual: float
+    pairs: int
+    iterations: int
+
+
+@kernel(reorder=True)
+def iterate(
+    plans: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
+) -> Progress:
+    """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
+
+    If it is within the tolerance at once the spectrum is that of the state.
+    """
+    held, step = fields.held, fields.step
+    at, to, swapped = fields.at, fields.to, False
+    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = given
+    iterations, n = 0, at.u.size
+    set_stress(plans, system, at, fields.spectrum, step.work)
+    set_interaction(system, at)
+    pairs += 1
+    while True:
+        target = done if descends else 1.0
+        residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
+        if (done == 1.0 and residual <= tolerance) or iterations == limit or pulled_off:
+            break
+        iterations += 1
+        mean, lack = (1.0 - target) * mean0, 0.0
+        if system.mean_is_fixed and done < target:
+            lack = mean * n - at.u.sum()
+        pairs += begin(plans, system, step, damping, lack)
+        inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
+        floor = _WELL_WITHIN * tolerance * max(system.strength, step.pressure.max())
+        least, exact = 0.0, True
+        for _ in range(_PASSES):
+            turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
+            pairs += 2 * turns
+            if least < 0.0 or not press(system, at, step, lack):
+                break
+            apply(plans, system.kappa, step.d, step.work, step.Kd)
+            pairs += 1
+        if least < 0.0:
+            unstable = True
+            if not descends:
+                descends, done = True, min(1.0, done + _SHORTEST)
+                drop = interaction_energy(system, at.u)
+            damping = max(2.0 * damping, damping - 2.0 * least)
+            continue
+        if move(system, at, step, mean, to):
+            set_stress(plans, system, to, step.work, step.work)
+            pairs += 1
+        else:
+            for i in range(n):
+                to.stress[i] = at.stress[i] - step.Kd[i]
+        set_interaction(system, to)
+        first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+        most, way = (_RESOLVED if descends else _CHANGE), 1.0
+        if done == target and (not first < 0.0 or (descends and error > 2.0 * most)):
+            # Uphill, because the wall has bent the step, or too far: a shorter step of the descent.
+            if not descends:
+                descends, drop = True, interaction_energy(system, at.u)
+            damping = max(_SHORTER * damping, 0.01 * system.softest)
+            if damping > _HOPELESS * (system.softest - at.curvature.min()):
+                break
+            continue
+        if error > most:
+            way = 0.9 * np.sqrt(most / error)
+        if done == target and last > _OVERSHOT * abs(first):
+            way = min(way, first / (first - last))
+        if way < 1.0:
+            if way * (target - done) < _SHORTEST < target - done:
+                descends, done, damping = True, done + _SHORTEST, system.softest
+                drop = interaction_energy(system, at.u)
+                continue
+            shorten(at, way, to)
+            set_interaction(system, to)
+            _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+        at, to, swapped = to, at, not swapped
+        if not descends:
+            done += way * (target - done)
+            continue
+        drop -= elastic
+        settled = damping == 0.0 and way == 1.0 and error < _SETTLED
+        damping *= min(max(error / _RESOLVED, 1.0 / _LONGER), 1.0)
+        damping = 0.0 if damping < _AT_REST * system.softest else damping
+        if settled and done < 1.0:
+            descends = False
+            drop -= interaction_energy(system, at.u)
+            released += drop if unstable else 0.0
+            drop, unstable = 0.0, False
+        if system.load < 0.0 and not system.mean_is_fixed:
+            pulled_off = lost(system, at)
+    if swapped:
+        for i in range(n):
+            to.u[i] = at.u[i]
+            to.stress[i] = at.stress[i]
+            to.traction[i] = at.traction[i]
+            to.curvature[i] = at.curvature[i]
+    iterations += given.iterations
+    return Progress(
+        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, iterations
+    )
+
+
+@kernel(reorder=True)
+def hold(plans: Plans, system: System, fields: Fields) -> None:
+    """Find the traction that holds a surface where it is."""
+    at, held, step = fields.at, fields.held, fields.step
+    set_stress(plans, system, at, fields.spectrum, step.work)
+    set_interaction(system, at)
+    held[:] = 0.0
+    balance(system, at, held, 0.0, step)
+    total, count = 0.0, 0.0
+    for i in range(held.size):
+        held[i] = step.free[i] * step.pressure[i]
+        total += held[i]
+        count += step.free[i]
+    if system.mean_is_fixed and count > 0.0:
+        for i in range(held.size):
+            held[i] -= step.free[i] * total / count
+
+
+@kernel(reorder=True)
+def end_descent(system: System, fields: Fields, progress: Progress) -> float:
+    """Energy released so far, with that of a descent that has come to its end; sum over the points."""
+    if not (progress.descends and progress.unstable):
+        return progress.released
+    return progress.released + progress.drop - interaction_energy(system, fields.at.u)

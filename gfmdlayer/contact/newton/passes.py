@@ -1,0 +1,375 @@
+"""The compiled passes of `newton`: states of the surface, the linear system of a step, and what a step does.
+
+Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.residual import ResidualFloor, assess
+from gfmdlayer.grid.transforms import Plans, backward, forward
+from gfmdlayer.interface.forms import interact
+from gfmdlayer.interface.terms import Terms
+from gfmdlayer.kernels import LANES, kernel
+
+_NO_CURVATURE = 1e-10  # part of the elastic stiffness along a direction below which its curvature is rounding
+_ROUNDING = 1e-15
+
+
+class System(NamedTuple):
+    """The contact problem of a step."""
+
+    kappa: FloatArray
+    b: ComplexArray
+    h: FloatArray
+    terms: Terms
+    strength: float  # largest traction of the interface
+    range: float  # of the interface; the traction falls beyond it
+    reach: float  # gap from which on there is no interaction
+    mean_is_fixed: bool
+    load: float
+    softest: float  # kappa_1
+    floor: ResidualFloor
+
+
+class Surface(NamedTuple):
+    """A state: displacement, stress f without the multiplier, traction and curvature of the interface."""
+
+    u: FloatArray
+    stress: FloatArray
+    traction: FloatArray
+    curvature: FloatArray
+
+
+class Step(NamedTuple):
+    """The linear system of a step, on the free points, and its solution."""
+
+    free: FloatArray  # 1 where the point moves, 0 where it is pressed
+    pressure: FloatArray  # p_c, which is out of balance on the free points
+    force: FloatArray  # what is out of balance after the step, to first order
+    d: FloatArray
+    Kd: FloatArray  # K times d
+    direction: FloatArray
+    applied: FloatArray  # K times the direction
+    z: FloatArray  # preconditioned force
+    softening: FloatArray  # preconditioner, one value a mode
+    work: ComplexArray
+
+
+@kernel(reorder=True, inner=True)
+def apply(plans: Plans, factor: FloatArray, field: FloatArray, work: ComplexArray, out: FloatArray) -> None:
+    """Multiply the modes of a field; one FFT pair."""
+    forward(plans, field, work)
+    for k in range(work.size):
+        work[k] = complex(factor[k] * work[k].real, factor[k] * work[k].imag)
+    backward(plans, work, out)
+
+
+@kernel(reorder=True, inner=True)
+def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray, work: ComplexArray) -> None:
+    """Write the transform of u, and the stress f = b - K u; one FFT pair."""
+    forward(plans, at.u, spectrum)
+    kappa, b = system.kappa, system.b
+    for k in range(work.size):
+        real, imaginary = kappa[k] * spectrum[k].real, kappa[k] * spectrum[k].imag
+        work[k] = complex(b[k].real - real, b[k].imag - imaginary)
+    backward(plans, work, at.stress)
+
+
+@kernel(reorder=True, inner=True)
+def set_interaction(system: System, at: Surface) -> None:
+    """Write traction and curvature of the interface."""
+    h, u, traction, curvature = system.h, at.u, at.traction, at.curvature
+    for i in range(u.size):
+        gap = h[i] - u[i]
+        traction[i], curvature[i] = 0.0, 0.0
+        if gap < system.reach:
+            _, traction[i], curvature[i] = interact(gap, system.terms)
+
+
+@kernel(reorder=True, inner=True)
+def interaction_energy(system: System, u: FloatArray) -> float:
+    """Sum of the interface's energy over the points."""
+    total = 0.0
+    for i in range(u.size):
+        gap = system.h[i] - u[i]
+        if gap < system.reach:
+            total += interact(gap, system.terms)[0]
+    return total
+
+
+@kernel(reorder=True, inner=True)
+def balance(system: System, at: Surface, held: FloatArray, part: float, step: Step) -> tuple[float, float, float]:
+    """Find the free points, and the pressure of the wall, which is out of balance on them.
+
+    Parameters
+    ----------
+    system, at : System, Surface
+        Problem and state.
+    held : ndarray, one value a point
+        A traction that holds the surface, and of which a part is left.
+    part : float
+        That part.
+    step : Step
+        Its free points and pressures are written.
+
+    Returns
+    -------
+    residual, multiplier, largest : float
+        The residual, lambda, and the largest pressure on a free point.
+    """
+    h, u, stress, traction = system.h, at.u, at.stress, at.traction
+    free, pressure = step.free, step.pressure
+    total, count = 0.0, 0.0
+    for i in range(u.size):
+        value = stress[i] + traction[i] - part * held[i]
+        pressure[i] = value
+        is_open = 1.0 if u[i] < h[i] else 0.0
+        total += is_open * value
+        count += is_open
+    multiplier = system.load
+    if system.mean_is_fixed:
+        # In full contact any lambda that keeps the pressure positive will do.
+        multiplier = -total / count if count > 0.0 else -pressure.min()
+    total, count = 0.0, 0.0
+    for i in range(u.size):
+        value = pressure[i] + multiplier
+        pressure[i] = value
+        moves = 0.0 if (u[i] >= h[i]) & (value > 0.0) else 1.0
+        free[i] = moves
+        total += moves * value
+        count += moves
+    residual = assess(pressure, u, h, system.floor)[0]
+    mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
+    most = np.zeros(LANES)
+    for first in range(0, u.size, LANES):
+        ps, moves_ = pressure[first : first + LANES], free[first : first + LANES]
+        for i in range(ps.size):
+            size = abs(ps[i] - mean) * moves_[i]
+            most[i] = size if size > most[i] else most[i]
+    return residual, multiplier, most.max()
+
+
+@kernel(reorder=True, inner=True)
+def begin(plans: Plans, system: System, step: Step, damping: float, lack: float) -> int:
+    """Begin with no step, or where the mean has to change with one that lifts all free points.
+
+    Returns
+    -------
+    int
+        FFT pairs.
+    """
+    n, d = step.d.size, step.d
+    for k in range(step.softening.size):
+        # The factor n^2 turns the stiffness per point into that for a backward transform.
+        step.softening[k] = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
+    if lack == 0.0:
+        for i in range(n):
+            d[i], step.Kd[i] = 0.0, 0.0
+        return 0
+    apply(plans, step.softening, step.free, step.work, d)
+    total = 0.0
+    for i in range(n):
+        d[i] *= step.free[i]
+        total += d[i]
+    for i in range(n):
+        d[i] *= lack / total
+    apply(plans, system.kappa, d, step.work, step.Kd)
+    return 2
+
+
+@kernel(reorder=True, inner=True)
+def minimise(
+    plans: Plans, system: System, curvature: FloatArray, damping: float, step: Step, floor: float, inexact: float
+) -> tuple[int, float]:
+    """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
+
+    They go on from the d that they are given, with the mean of its change zero where the mean is fixed.
+
+    Parameters
+    ----------
+    plans, system : Plans, System
+        Transforms and problem.
+    curvature : ndarray, one value a point
+        w''.
+    damping : float
+        Added to the curvature.
+    step : Step
+        The linear system.
+    floor, inexact : float
+        Largest force that may be left on a point, and as a part of that at the beginning.
+
+    Returns
+    -------
+    iterations : int
+        Of two FFT pairs each.
+    least : float
+        The curvature along the last direction, per area, where it is negative and ended the iteration; else 0.
+    """
+    free, _, force, d, Kd, direction, applied, z, softening, work = step
+    n = d.size
+    count = free.sum()
+    for i in range(n):
+        force[i] = free[i] * (step.pressure[i] - Kd[i] - (curvature[i] + damping) * d[i])
+        direction[i] = 0.0
+    if count == 0.0:
+        return 0, 0.0
+    aim, last = max(floor, inexact * _centre(system, force, free, count)), 1.0
+    for iteration in range(_MOST):
+        apply(plans, softening, force, work, z)
+        total = 0.0
+        for i in range(n):
+            z[i] *= free[i]
+            total += z[i]
+        mean = total / count if system.mean_is_fixed else 0.0
+        across = 0.0
+        for i in range(n):
+            z[i] -= mean * free[i]
+            across += force[i] * z[i]
+        beta = across / last if iteration > 0 else 0.0
+        last = across
+        for i in range(n):
+            direction[i] = z[i] + beta * direction[i]
+        apply(plans, system.kappa, direction, work, applied)
+        elastic, along, square = 0.0, 0.0, 0.0
+        for i in range(n):
+            s = direction[i]
+            elastic += s * applied[i]
+            along += s * (applied[i] + (curvature[i] + damping) * s)
+            square += s * s
+        if square == 0.0:
+            return iteration + 1, 0.0
+        if not along > _NO_CURVATURE * elastic:
+            return iteration + 1, min(along / square, -1e-300)
+        way = across / along
+        for i in range(n):
+            s = direction[i]
+            d[i] += way * s
+            Kd[i] += way * applied[i]
+            force[i] -= way * free[i] * (applied[i] + (curvature[i] + damping) * s)
+        if _centre(system, force, free, count) <= aim:
+            return iteration + 1, 0.0
+    return _MOST, 0.0
+
+
+_MOST = 400  # iterations
+
+
+@kernel(reorder=True, inner=True)
+def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -> float:
+    """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
+    mean = force.sum() / count if system.mean_is_fixed else 0.0
+    most = np.zeros(LANES)
+    for first in range(0, force.size, LANES):
+        values, moves = force[first : first + LANES], free[first : first + LANES]
+        for i in range(values.size):
+            value = values[i] - mean * moves[i]
+            values[i] = value
+            most[i] = abs(value) if abs(value) > most[i] else most[i]
+    return most.max()
+
+
+@kernel(reorder=True, inner=True)
+def press(system: System, at: Surface, step: Step, lack: float) -> bool:
+    """Put the points that a step drives through the wall onto it; return whether there are any.
+
+    The others keep the change of the mean.
+    """
+    h, u, d, free = system.h, at.u, step.d, step.free
+    hits, total, count = 0.0, 0.0, 0.0
+    for i in range(u.size):
+        through = (u[i] + d[i] > h[i]) & (free[i] > 0.0)
+        hits += 1.0 if through else 0.0
+        d[i] = h[i] - u[i] if through else d[i]
+        free[i] = 0.0 if through else free[i]
+        total += d[i]
+        count += free[i]
+    if hits > 0.0 and count > 0.0 and system.mean_is_fixed:
+        shift = (lack - total) / count
+        for i in range(u.size):
+            d[i] += shift * free[i]
+    return hits > 0.0
+
+
+@kernel(reorder=True, inner=True)
+def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> bool:
+    """Write the displacement after a step, kept below the punch; return whether it was bent.
+
+    Where the mean is fixed it is restored by a shift of the points below the punch.
+    """
+    h, u, v, bent = system.h, at.u, to.u, 0.0
+    for i in range(v.size):
+        moved = u[i] + step.d[i]
+        # Of a point that is pressed down to the wall the sum may differ from h by rounding.
+        reaches = (moved > h[i]) | ((step.free[i] == 0.0) & (u[i] < h[i]))
+        bent += 1.0 if (moved > h[i]) & (step.free[i] > 0.0) else 0.0
+        v[i] = h[i] if reaches else moved
+    if bent > 0.0 and system.mean_is_fixed:
+        for _ in range(60):
+            total, free, largest = 0.0, 0.0, 0.0
+            for i in range(v.size):
+                total += v[i]
+                free += 1.0 if v[i] < h[i] else 0.0
+                largest = max(largest, abs(v[i]))
+            lack = mean * v.size - total
+            if abs(lack) <= _ROUNDING * largest * v.size or free == 0.0:
+                break
+            for i in range(v.size):
+                v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
+    return bent > 0.0
+
+
+@kernel(reorder=True, inner=True)
+def compare(
+    system: System,
+    at: Surface,
+    pressure: FloatArray,
+    held: FloatArray,
+    part: float,
+    multiplier: float,
+    to: Surface,
+) -> tuple[float, float, float, float]:
+    """Compare two states, with the arguments of `balance` and what it found in the first.
+
+    Returns
+    -------
+    first, last : float
+        Slope of the energy along the straight way from one to the other, at its beginning and at its end.
+    elastic : float
+        Change of the energy but for that of the interface: exact, by the mean of both stresses.
+    error : float
+        Largest difference of the traction from that which the curvature predicts, over the strength.
+    """
+    first, last, elastic, most = 0.0, 0.0, 0.0, np.zeros(LANES)
+    for begun in range(0, at.u.size, LANES):
+        end = begun + LANES
+        u, v, hold = at.u[begun:end], to.u[begun:end], held[begun:end]
+        stress0, stress1 = at.stress[begun:end], to.stress[begun:end]
+        traction0, traction1 = at.traction[begun:end], to.traction[begun:end]
+        curvature, ps = at.curvature[begun:end], pressure[begun:end]
+        for i in range(u.size):
+            way, dead = v[i] - u[i], multiplier - part * hold[i]
+            first -= ps[i] * way
+            last -= (stress1[i] + dead + traction1[i]) * way
+            elastic -= (0.5 * (stress0[i] + stress1[i]) + dead) * way
+            off = abs(traction1[i] - traction0[i] + curvature[i] * way)
+            most[i] = off if off > most[i] else most[i]
+    return first, last, elastic, most.max() / system.strength
+
+
+@kernel(reorder=True, inner=True)
+def shorten(at: Surface, part: float, to: Surface) -> None:
+    """Go back to a part of the way."""
+    for i in range(at.u.size):
+        to.u[i] = at.u[i] + part * (to.u[i] - at.u[i])
+        to.stress[i] = at.stress[i] + part * (to.stress[i] - at.stress[i])
+
+
+@kernel(reorder=True, inner=True)
+def lost(system: System, at: Surface) -> bool:
+    """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
+    return (system.h - at.u).min() > system.range and at.traction.max() < -system.load

@@ -1,0 +1,142 @@
+"""Newton's method for interfaces that attract, along the path that the surface takes.
+
+TODO
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact.newton.loop import Fields, Progress, end_descent, hold, iterate
+from gfmdlayer.contact.newton.passes import Step, Surface, System
+from gfmdlayer.contact.pressure_form import trivial_solution
+from gfmdlayer.contact.problem import Problem, Solution, make_solution
+from gfmdlayer.contact.projection import project
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.interface.terms import COHESIVE_ZONE, EXPONENTIAL
+from gfmdlayer.resumable import Stateless
+
+_CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
+_DECAYED = 45.0  # exp(-45) = 3e-20
+
+
+class Newton(Stateless):
+    """Newton's method with truncated conjugate gradients, for the steps of one run.
+
+    Parameters
+    ----------
+    transforms : Transforms
+        Plans for the grid's shape.
+    tolerance : float
+        Residual at which a step is accepted.
+    max_iterations : int
+        Iterations after which the step counts as not converged.
+    """
+
+    starts_from: ClassVar[Literal["gap"]] = "gap"
+
+    def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
+        self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
+        field, spectrum = transforms.empty_field, transforms.empty_spectrum
+        at, to = (Surface(*(field() for _ in Surface._fields)) for _ in range(2))
+        work = spectrum()
+        step = Step(*(field() for _ in Step._fields[:-2]), np.empty(work.size), work)
+        self._fields = Fields(at, to, field(), step, spectrum())
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from the gap of the last step.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem.
+        start : ndarray, one value a point
+            The gap of the last step; infinite where there is none, and the surface at rest.
+
+        Returns
+        -------
+        Solution
+
+        Raises
+        ------
+        ValueError
+            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
+        """
+        if (problem.mean_is_fixed or not problem.interface.attracts) and (
+            trivial := trivial_solution(problem, self._transforms)
+        ):
+            return trivial
+        system, fields, plans = _system(problem), self._fields, self._transforms.plans
+        progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
+        limit, converged = max(4, _CHUNK // u.size), False
+        while not converged and progress.iterations < self._most and not progress.pulled_off:
+            if progress.done == 1.0:
+                # The loop keeps the mean but for rounding. An accepted state has it exactly.
+                project(u, h, problem.mean_is_fixed)
+            before, limit = progress, min(limit, self._most - progress.iterations)
+            progress = iterate(plans, system, fields, progress, self._tolerance, limit)
+            within = progress.done == 1.0 and progress.residual <= self._tolerance
+            converged = within and progress.iterations == before.iterations
+            if not within and progress.iterations < before.iterations + limit:
+                break
+        spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
+        return make_solution(
+            problem,
+            u.copy(),
+            fields.at.stress + progress.multiplier,
+            spectrum,
+            spent=(progress.pairs, progress.iterations),
+            within=np.inf if converged else -1.0,
+            released_energy=end_descent(system, fields, progress) / u.size,
+        )
+
+    def _begin(self, system: System, start: FloatArray) -> Progress:
+        """Set the surface where it begins; return where the path is."""
+        fields, done, mean = self._fields, 1.0, 0.0
+        u = fields.at.u
+        np.subtract(system.h, start, out=u)
+        fields.held[:] = 0.0
+        if np.isfinite(u).all():
+            done, mean = 0.0, float(u.mean())
+            hold(self._transforms.plans, system, fields)
+        else:
+            u[:] = 0.0
+            project(u, system.h, system.mean_is_fixed)
+        return Progress(
+            done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
+            multiplier=0.0, residual=np.inf, pairs=int(done == 0.0), iterations=0,
+        )  # fmt: skip
+
+
+def _system(problem: Problem) -> System:
+    n, law = problem.obstacle.size, problem.interface
+    return System(
+        problem.stiffness / n,
+        problem.intercept / n,
+        problem.obstacle,
+        law.terms,
+        max(law.strength, 1e-300),
+        law.range,
+        _reach(law),
+        problem.mean_is_fixed,
+        problem.applied_pressure,
+        problem.softest,
+        problem.residual_floor,
+    )
+
+
+def _reach(law: InterfaceLaw) -> float:
+    """Gap from which on the law is zero, or nothing to double precision; infinite where it falls as a power."""
+    reach = 0.0
+    for form, _, length, width in zip(*law.terms, strict=True):
+        if form == EXPONENTIAL:
+            reach = max(reach, _DECAYED * length)
+        elif form == COHESIVE_ZONE:
+            reach = max(reach, length + width)
+        else:
+            return np.inf
+    return reach
