@@ -6,13 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.stencil import REACH, stencil
 from gfmdlayer.contact.nested.sweep import Sweep
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import ResidualFloor, scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+
+
+def displacement(problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
+    """Write the transform of the displacement in the place of that of the pressure, and in a second array."""
+    given = problem.intercept.view(np.float64)
+    passes.displace(problem.stiffness, given, spectrum.view(np.float64), work.view(np.float64))
 
 
 @dataclass

@@ -11,7 +11,7 @@ from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.coarser import prolong
 from gfmdlayer.contact.nested.iteration import iterate
-from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.level import Fields, Level, displacement
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
@@ -45,7 +45,7 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
         grids.append(coarser)
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
-    passes.displace(problem.stiffness, problem.intercept, free, free)
+    displacement(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(grids[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
