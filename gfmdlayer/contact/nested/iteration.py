@@ -21,6 +21,8 @@ the points that it lets go, and at last along r.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gfmdlayer.contact.nested import passes
@@ -29,7 +31,7 @@ from gfmdlayer.contact.nested.passes import Move
 
 _SHORTEST, _LONGEST = 0.1, 2.0  # of the lengths that are tried
 _LET_GO = 0.5  # beyond this part of a step that ends pressures it is taken as a whole
-_LOAD = 1e-8  # relative error of the load that the projection leaves
+_LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
@@ -73,8 +75,6 @@ class _Search:
             stale[:] = 0.0
         self._alpha, self._shift = 1.0, 0.0
         self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew
-        self._above = 0.0, 0.0  # sum beyond the load, and number, of the positive pressures at the last shift
-        self._slope, self._ended = 0.0, 0.0  # of the step, see `passes.project`
         self._move(0.0, 1.0)
 
     def advance(self) -> None:
@@ -90,7 +90,18 @@ class _Search:
         if along_r:
             self._move(0.0, 1.0)
             np.copyto(self._on.d, self._on.r)
-            self._alpha, self._shift, self._above = 0.5 * self._on.stiffest, 0.0, (0.0, 0.0)
+            self._alpha, self._shift = 0.5 * self._on.stiffest, 0.0
+            self._note(
+                self._on.sweep(
+                    passes.project,
+                    self._alpha,
+                    self._shift,
+                    self._at.p,
+                    self._on.r,
+                    self._on.d,
+                    self._on.step,
+                )[0]
+            )
             self._project()
         self._on.respond()
         optimum, length, scale = self._lengths()
@@ -109,24 +120,27 @@ class _Search:
         if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
         self._product = product
-        found, _ = on.sweep(passes.direct, excess, beta, self._alpha, self._shift, at.p, on.r, on.z, on.d)
-        self._above = found[0] - (at.load or 0.0), found[1]
+        given = at.load is not None and count > 0
+        self._shift = (self._load - at.load) / count if given else 0.0
+        self._note(
+            on.sweep(passes.direct, excess, beta, self._alpha, self._shift, at.p, on.r, on.z, on.d, on.step)[
+                0
+            ]
+        )
 
     def _project(self) -> None:
-        """Write the step, and note how the energy falls along it."""
+        """Write the step of the given load."""
         on, at = self._on, self._at
         for _ in range(_PROJECTIONS):
-            if at.load is not None:
-                more, count = self._above
-                self._shift += more / count if count else min(more, 0.0)
-            (total, count, self._slope, self._ended), _ = on.sweep(
-                passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step
-            )
-            if at.load is None:
+            if at.load is None or abs(self._above) <= _LOAD * at.load:
                 break
-            self._above = total - at.load, count
-            if abs(total - at.load) <= _LOAD * at.load:
-                break
+            self._shift += self._above / self._count if self._count else min(self._above, 0.0)
+            self._note(on.sweep(passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step)[0])
+
+    def _note(self, found: Sequence[float]) -> None:
+        """Note the load beyond the given one, the number of pressures, and how the energy falls."""
+        total, self._count, self._slope, self._ended = found
+        self._above = total - (self._at.load or 0.0)
 
     def _lengths(self) -> tuple[float, float, float]:
         """Return the length of the step of the lowest energy, the one to take, and the scale after it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,7 +93,7 @@ class Level:
         self.transforms.transform_back(self._spectrum, self.change)
         self.pairs += 1
 
-    def precondition(self) -> list[float]:
+    def precondition(self) -> Sequence[float]:
         """Write z = M r in the place of the last r; see `passes.precondition` for the sums."""
         r = self.r.reshape(-1, self.grid.shape[-1])
         beside = self.grid.halo(r, REACH, REACH)

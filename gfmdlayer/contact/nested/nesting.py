@@ -17,7 +17,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
 _COARSEST = 64  # points of an axis, at least
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-3
 _LIMIT = 60  # iterations on a coarser grid
 
 
@@ -51,6 +51,7 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
         _begin(level, state, last)
+        level.add_response(state)
         iterate(level, state, _TOLERANCE, _LIMIT)
         level.set_scales(state)
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
@@ -79,7 +80,7 @@ def _coarse(
 
 
 def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
-    """Write a first pressure, from a coarser grid or where the punch lies lowest, and its gap."""
+    """Write a first pressure, from a coarser grid or where the punch lies lowest, of the given load."""
     if last is not None:
         prolong(*last, level, at.p)
     if last is None or not level.set_load(at):
@@ -89,4 +90,3 @@ def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
         height = 0.0 if at.load is None else 0.5 * (lowest + mean)
         level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
         level.set_load(at)
-    level.add_response(at)

@@ -45,7 +45,7 @@ def advance(
     load, weighted, free = 0.0, 0.0, 0.0
     opened, below = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
     length, level, per_pressure, per_gap = move.length, move.level, move.per_pressure, move.per_gap
-    none = np.float32(0.0)
+    none, per_r = np.float32(0.0), np.float32(-per_gap)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         ps, gaps, rs = p[begin:stop], gap[begin:stop], r[begin:stop]
@@ -66,12 +66,12 @@ def advance(
             load += ps[i]
             weighted += ps[i] * gaps[i]
         for i in range(ps.size):
-            press, apart = np.float32(ps[i] * per_pressure), np.float32(-rs[i] * per_gap)
+            press, apart = np.float32(ps[i] * per_pressure), rs[i] * per_r
             off = press if press < apart else apart
             opened[i] = off if off > opened[i] else opened[i]
         for i in range(ps.size):
             below[i] = rs[i] if rs[i] > below[i] else below[i]
-    return (load, weighted, free), (np.float64(opened.max()), below.max() * per_gap)
+    return (load, weighted, free), (float(opened.max()), below.max() * per_gap)
 
 
 @kernel(reorder=True, inner=True)
@@ -133,27 +133,20 @@ def precondition(
 @kernel(reorder=True)
 def direct(
     first: int, end: int, excess: float, memory: float, length: float, shift: float, p: FloatArray, r: Any,
-    z: Any, d: Any,
-) -> tuple[tuple[float, float], tuple[float]]:  # fmt: skip
-    """Write the direction d = z - excess + memory d on C.
-
-    Returns
-    -------
-    Sum and number of the positive p + length d - shift; no maximum.
-    """
-    total, count = 0.0, 0.0
+    z: Any, d: Any, step: Any,
+) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
+    """Write the direction d = z - excess + memory d on C, and the step as `project` does, with its results."""
+    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
+    less, part = np.float32(excess), np.float32(memory)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, rs, zs, ds = p[begin:stop], r[begin:stop], z[begin:stop], d[begin:stop]
-        for i in range(ps.size):
-            along = zs[i] - excess + memory * ds[i]
-            ds[i] = np.float32(along) if rs[i] != 0.0 else np.float32(0.0)
-        for i in range(ps.size):
-            now = ps[i] + length * ds[i] - shift
-            inside = 1.0 if now > 0.0 and rs[i] != 0.0 else 0.0
-            count += inside
-            total += inside * now
-    return (total, count), (0.0,)
+        rs, zs, ds = r[begin:stop], z[begin:stop], d[begin:stop]
+        for i in range(ds.size):
+            along = zs[i] - less + part * ds[i]
+            ds[i] = along if rs[i] != 0.0 else np.float32(0.0)
+        found = _project(length, shift, p[begin:stop], rs, ds, step[begin:stop])
+        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
+    return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True)
@@ -170,18 +163,27 @@ def project(
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, rs, ds, steps = p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop]
-        for i in range(ps.size):
-            now = ps[i] + length * ds[i] - shift
-            now = now if rs[i] != 0.0 else 0.0
-            now = now if now > 0.0 else 0.0
-            total += now
-            count += 1.0 if now > 0.0 else 0.0
-            ended += 1.0 if now <= 0.0 and ps[i] > 0.0 else 0.0
-            steps[i] = np.float32(now - ps[i])
-        for i in range(ps.size):
-            slope += np.float64(rs[i]) * steps[i]
+        found = _project(length, shift, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
     return (total, count, slope, ended), (0.0,)
+
+
+@kernel(reorder=True, inner=True)
+def _project(
+    length: float, shift: float, p: FloatArray, r: Any, d: Any, step: Any
+) -> tuple[float, float, float, float]:
+    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
+    for i in range(p.size):
+        now = p[i] + length * d[i] - shift
+        now = now if r[i] != 0.0 else 0.0
+        now = now if now > 0.0 else 0.0
+        total += now
+        count += 1.0 if now > 0.0 else 0.0
+        ended += 1.0 if now <= 0.0 and p[i] > 0.0 else 0.0
+        step[i] = np.float32(now - p[i])
+    for i in range(p.size):
+        slope += np.float64(r[i]) * step[i]
+    return total, count, slope, ended
 
 
 @kernel(reorder=True)
