@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 from gfmdlayer.config import Config
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import Section, files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 _DIMENSIONS = {
@@ -19,11 +20,12 @@ _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
 
-def notes(configs: Iterable[Config]) -> list[str]:
+def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """Return notes on the cases, each once.
 
-    These are the changes made to measured surfaces, tables that end before the run does, a ramp that is not
-    completed, and defaults beside numbers in other units.
+    These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
+    tables that end before the run does, a ramp that is not completed, and defaults beside numbers in other
+    units.
 
     Raises
     ------
@@ -31,17 +33,17 @@ def notes(configs: Iterable[Config]) -> list[str]:
         If a file cannot be used.
     """
     every = list(configs)
-    surfaces = dict.fromkeys(
-        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    measured = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if surfaces and not config.grid.axisymmetric
     )
-    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
-    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
+    found = [note for cell, punch in measured for note in punch.notes(cell)]
+    if any(map(files_named, every)):
         found += _short_tables(every)
     found += [note for config in every for note in _on_values(config)]
     return list(dict.fromkeys(found))
 
 
-def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
+def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     """Yield notes on the tables of cases that end before their runs do.
 
     Raises
@@ -54,8 +56,13 @@ def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
     every = [(config.trajectory, config.time.end) for config in configs]
     depths = [(given.file, given.control, end) for given, end in every]
     velocities = [(given.velocity_file, "velocity", end) for given, end in every]
-    for file, quantity, end in dict.fromkeys(depths + velocities):
-        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+    voltages = [
+        (getattr(law, "voltage", None), "voltage", config.time.end)
+        for config in configs
+        for law in config.interfaces
+    ]
+    for file, quantity, end in dict.fromkeys(depths + velocities + voltages):
+        if isinstance(file, Path) and (last := float(Table.read(file, quantity).times[-1])) < end:
             yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.contact.loading import pulled_off
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
@@ -20,6 +21,7 @@ from gfmdlayer.resumable import CompositeState
 if TYPE_CHECKING:
     import xarray
 
+    from gfmdlayer.config.sections import Solver as SolverSection
     from gfmdlayer.contact.problem import Problem, Solution
 
 
@@ -88,7 +90,8 @@ def simulate(
     Returns
     -------
     list of str
-        Warnings of the observables, such as that no steady state was reached.
+        Why the run ended early, if so, and warnings of the observables, such as that no steady state was
+        reached.
 
     Raises
     ------
@@ -122,7 +125,7 @@ def simulate(
         case.loading, case.integrator, case.steps, case.solver, case.guess,
     )  # fmt: skip
     shape, observables = case.grid.shape, tuple(case.observables.values())
-    keeps_all = case.config.output.snapshots == "every"
+    keeps_all, ended = case.config.output.snapshots == "every", ""
     if resume is not None:
         resume(case.resumable)
 
@@ -131,24 +134,25 @@ def simulate(
         problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
         before = solver.state()
         solution = solver.solve(problem, guess.at(instant.time))  # 7
-        if not solution.converged:
+        lost = pulled_off(problem, solution)
+        if not (solution.converged or lost):
             solver.restore(before)  # the state as a whole is then that before the step
-            given = case.config.solver
-            raise ConvergenceError(
-                f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
-                problem,
-                solution,
-                instant.time,
-            )
+            raise _not_converged(case.config.solver, problem, solution, instant.time)
         for observable in observables:
             observable.attempt(solution)
         surface = loading.surface(solution, kappa, b, instant.time)
-        if steps.accepts(surface.spectrum, surface.response, surface.depth):
+        prescribed = loading.trajectory(instant.time)
+        change = case.changes.over(prescribed, problem, solution, lost=lost)
+        if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
+            if lost:
+                ended = f"PULLED OFF at t = {instant.time:.6g}: nothing holds the load of {prescribed:.6g}"
+                recorder.note(ended=ended, pull_off_time=instant.time)
+                break
             integrator.advance(surface.spectrum)  # 8, 9
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
+            case.changes.remember(prescribed, problem, solution)
             row: dict[str, float | FloatArray] = {}
             step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
             for observable in observables:
@@ -165,7 +169,18 @@ def simulate(
     for observable in observables:
         if observable.attributes:
             recorder.note(**observable.attributes)
-    return [observable.warning for observable in observables if observable.warning]
+    return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+
+
+def _not_converged(
+    given: SolverSection, problem: Problem, solution: Solution, time: float
+) -> ConvergenceError:
+    """Return the error of a step that misses the solver's tolerance."""
+    message = (
+        f"t = {time:.6g}: residual {solution.residual:.2e} after {solution.iterations} iterations of "
+        f"{given.method}; the tolerance is {given.tolerance:.2e}"
+    )
+    return ConvergenceError(message, problem, solution, time)
 
 
 def _indent(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,8 +80,15 @@ def input_problems(error: Exception) -> Sequence[str]:
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
-def read_config(options: argparse.Namespace) -> Config:
+def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
     """Read the configuration named on the command line, or that of a case's result file.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The command line.
+    ranks_per_case : int
+        Ranks that are to compute a case together.
 
     Raises
     ------
@@ -89,7 +97,12 @@ def read_config(options: argparse.Namespace) -> Config:
     """
     from gfmdlayer.execution import folder
 
-    return folder.read_config(options.config, options.set)
+    if ranks_per_case == 1:
+        return folder.read_config(options.config, options.set)
+    from gfmdlayer.execution.groups.refusals import input_errors_together
+
+    inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
+    return folder.read_config(options.config, options.set, inspect)
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:

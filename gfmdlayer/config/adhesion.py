@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.validation.problems import Problem
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import sections_in
 
 
-def problems_of_the_interface(config: Section) -> Iterator[Problem]:
-    """Yield contradictions between the interface laws of a configuration and its other sections."""
+def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+    """Yield contradictions between the interface laws of a `Config` and its other sections."""
     if config.interface == ():
         yield Problem(("interface",), "got an empty list; must hold at least one {law: ...}")
     for at, law in sections_in(config):

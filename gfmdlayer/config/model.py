@@ -24,6 +24,7 @@ from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
+from gfmdlayer.contact.choice import Choice, choose
 from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
@@ -163,6 +164,16 @@ class Config(Section):
         every = given if isinstance(given, tuple) else () if given is None else (given,)
         return tuple(law for law in every if law.attracts)
 
+    @property
+    def contact_solver(self) -> Choice:
+        """The solver that `solver.method` means, and why."""
+        return choose(
+            self.solver.method,
+            axes=len(self.grid.points),
+            rough=self.punch.rough,
+            attracts=bool(self.interfaces),
+        )
+
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
 
@@ -262,6 +273,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     if not config.interfaces:  # a hard wall that is named is the paper's all the same
         left_out = left_out | {"interface": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
+    data["solver"]["method"] = config.contact_solver.method
 
     def contents(value: object) -> str:
         if isinstance(value, Path):

@@ -18,6 +18,8 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.punch.trajectory import Trajectory
 
@@ -82,11 +84,18 @@ class _Prescribed:
     punch: FloatArray
     trajectory: Trajectory
     interface: InterfaceLaw = HARD_WALL
+    ranks: Ranks = ALONE
 
     @cached_property
     def height(self) -> float:
         """Range of the punch's heights."""
-        return float(self.punch.max() - self.punch.min())
+        highest, lowest = self.ranks.maximum(np.array([self.punch.max(), -self.punch.min()])).tolist()
+        return float(highest + lowest)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of points of the grid."""
+        return self.ranks.total(self.punch.size)
 
 
 @dataclass(frozen=True)
@@ -98,7 +107,9 @@ class DepthControl(_Prescribed):
     ) -> Problem:
         """Contact problem of a step."""
         obstacle = self.punch - self.trajectory(time)
-        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time))
+        return Problem(
+            kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time), self.ranks
+        )
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as the solver found it."""
@@ -114,29 +125,48 @@ class LoadControl(_Prescribed):
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
     ) -> Problem:
         """Contact problem of a step, without the mean."""
-        kappa, b = _without_mean(kappa), _without_mean(b)
+        kappa, b = self._without_mean(kappa), self._without_mean(b)
         load = self.trajectory(time)
-        return Problem(kappa, b, self.punch, load, loss_stiffness, self.height, self.interface.at(time))
+        others = self.height, self.interface.at(time), self.ranks
+        return Problem(kappa, b, self.punch, load, loss_stiffness, *others)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""
-        size, mean = self.punch.size, 0.0
-        if kappa[0] > 0:
-            mean = (float(b[0].real) / size - self.trajectory(time)) / float(kappa[0])
-        depth = float(np.mean(solution.displacement)) - mean
-        spectrum = _without_mean(solution.spectrum)
-        spectrum[0] = mean * size
+        ranks, height = self.ranks, 0.0
+        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
+        if stiffness > 0:
+            height = (history.real / self.size - self.trajectory(time)) / stiffness
+        depth = mean(solution.displacement, ranks) - height
+        spectrum = solution.spectrum.copy()
+        ranks.set_mean_wave(spectrum, height * self.size)
         return Surface(solution.displacement - depth, spectrum, depth, depth)
 
+    def _without_mean(self, values: Values) -> Values:
+        rest = values.copy()
+        self.ranks.set_mean_wave(rest, 0.0)
+        return rest
 
-def _without_mean(values: Values) -> Values:
-    rest = values.copy()
-    rest[0] = 0.0
-    return rest
+
+def pulled_off(problem: Problem, solution: Solution) -> bool:
+    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
+
+    Further away the traction is less still, so that there is no equilibrium left to find.
+
+    Parameters
+    ----------
+    problem : Problem
+        The contact problem.
+    solution : Solution
+        The last state of the solver, which need not have converged.
+    """
+    load, gap = problem.mean_pressure, solution.gap
+    if load is None or load >= 0 or not problem.interface.attracts:
+        return False
+    return bool(gap.min() > problem.interface.range and problem.interface.traction(gap).max() < -load)
 
 
 # The trajectory of a force is that of the mean pressure, force over cell.
-CONTROLS: dict[str, Callable[[FloatArray, Trajectory, InterfaceLaw], Loading]] = {
+CONTROLS: dict[str, Callable[..., Loading]] = {
     "depth": DepthControl,
     "load": LoadControl,
     "force": LoadControl,

@@ -90,9 +90,8 @@ SOLVERS: Mapping[str, Declaration] = {
         93,
         0.03,
         fields=35,
+        adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
-    "newton": Declaration(
-        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=40, adhesive=True
-    ),
+    "newton": Declaration("gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=40, adhesive=True),
 }

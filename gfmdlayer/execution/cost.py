@@ -84,7 +84,7 @@ def estimate(config: Config) -> Cost:
     steps, turns = _steps(config)
     if config.grid.axisymmetric:
         return _of_indentation(config, steps)
-    solver = SOLVERS[config.solver.method]
+    solver = SOLVERS[config.contact_solver.method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
@@ -199,7 +199,7 @@ class CostModel:
 def kind(config: Config) -> Hashable:
     """Return the settings that decide which kernels and plans a case uses, and so its seconds per work."""
     solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
-    numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
+    numerics = config.contact_solver.method, solver.inertia, time.integrator, time.step == "adaptive"
     histograms = kept.pressure is not None or kept.gap is not None
     return (
         config.grid.geometry,

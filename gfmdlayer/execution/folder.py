@@ -33,6 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
+from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
 from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.sections import files_named
@@ -251,14 +252,16 @@ def is_result(path: str | Path) -> bool:
         return False
 
 
-def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+def read_config(
+    path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
+) -> Config:
     """Read a configuration, or that of a case's result file, and check its numbers and input files.
 
     Parameters
     ----------
     path : str or Path
         YAML file, or the file of a case.
-    overrides : iterable of str, or mapping
+    overrides, inspect
         As `config.load` takes them.
 
     Raises
@@ -266,10 +269,12 @@ def read_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object
     ConfigError
         With every error in it.
     """
-    return stored_config(path, overrides) if is_result(path) else load(path, overrides, input_errors)
+    return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
 
 
-def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, object] = ()) -> Config:
+def stored_config(
+    path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
+) -> Config:
     """Return the configuration from which a case was computed, as `config.load` does.
 
     Raises
@@ -288,7 +293,7 @@ def stored_config(path: str | Path, overrides: Iterable[str] | Mapping[str, obje
     if "config" not in known:
         raise ConfigError([f"{path}: holds no configuration; must be YAML, or the file of a case"])
     content = str(known["config"])
-    config = load(path, overrides, input_errors, content)
+    config = load(path, overrides, inspect, content)
     files = [str(file) for file in files_named(config).values()]
     if files and not overrides and digest(config) != known.get("digest"):
         raise ConfigError([f"{path}: {' or '.join(files)} has changed since this case was computed from it"])

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Self
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
@@ -74,3 +75,24 @@ def listen_and_unblock() -> None:
     """Listen in a child that was started with its stop signals blocked."""
     listen()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+
+
+class Listener:
+    """Stands in for the status file on a rank that is not the first of its case."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        """Do nothing."""
+
+    def advance(self, _time: float) -> None:
+        """Look for a request to stop.
+
+        Raises
+        ------
+        Stopped
+            Where a signal to this process asked the run to stop.
+        """
+        if stop_requested():
+            raise Stopped

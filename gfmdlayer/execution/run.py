@@ -19,6 +19,8 @@ from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
 from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
+from gfmdlayer.execution.groups.pool import run_case_together
+from gfmdlayer.execution.groups.refusals import refuse_other_ranks
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Case, Shard, cases
@@ -43,6 +45,8 @@ class RunOptions:
         Threads that the transforms of a case may use.
     checkpoint_every : float
         Seconds between two checkpoints of a case.
+    ranks_per_case : int
+        Ranks that compute a case together.
     """
 
     restart: bool = False
@@ -50,6 +54,7 @@ class RunOptions:
     shard: Shard | None = None
     threads: int = 1
     checkpoint_every: float = CHECKPOINT_EVERY
+    ranks_per_case: int = 1
 
 
 @dataclass(frozen=True)
@@ -126,14 +131,17 @@ def run_sweep(
         Where the sweep file cannot be written.
     """
     options = options or RunOptions()
+    alone = options.ranks_per_case == 1
     folder = Folder(Path(directory), options.shard)
     every: Sequence[Case] = cases(config)
     own = every if options.shard is None else options.shard.share(every)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
         every = found.numbered(every)
-        own = growth.with_earlier(folder, growth.with_inputs(folder, found.numbered(own), found.changed))
+        own = growth.with_inputs(folder, found.numbered(own), found.changed)
+        own = growth.with_earlier(folder, own) if alone else own
         work = _find_work(folder, own, options.only_failed)
         _refuse_open_files(folder, work.todo)
+        refuse_other_ranks(folder, work.todo, options.ranks_per_case)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
         indices = frozenset(outcomes)
@@ -148,16 +156,12 @@ def run_sweep(
             for line in _set_damaged_aside(folder, work.todo):
                 reporter.note(line)
             with reporter.preparing(_preparation(work.todo)):
-                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom)
+                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom, plan=alone)
             for line in said:
                 reporter.note(f"warning: {line}")
-            task = partial(
-                run_case,
-                folder=folder,
-                wisdom=wisdom,
-                threads=options.threads,
-                checkpoint_every=options.checkpoint_every,
-            )
+            run, threads = run_case if alone else run_case_together, options.threads
+            interval = options.checkpoint_every
+            task = partial(run, folder=folder, wisdom=wisdom, threads=threads, checkpoint_every=interval)
             for outcome in Schedule(pool, task, folder, reporter.ended).run(
                 _ordered(work.todo, seconds, pool)
             ):
@@ -235,7 +239,8 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 def _preparation(todo: Sequence[Case]) -> str:
     solvers = ", ".join(
         dict.fromkeys(
-            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
+            "axisymmetric" if case.config.grid.axisymmetric else case.config.contact_solver.method
+            for case in todo
         )
     )
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"

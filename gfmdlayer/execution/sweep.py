@@ -12,12 +12,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.sweeps import as_label, combinations
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.validation.sections import Section
+
+if TYPE_CHECKING:
+    from gfmdlayer.grid.ranks import Ranks
 
 Part = TypeVar("Part", bound=Section)
 
@@ -88,14 +91,23 @@ def cases(config: Config) -> list[Case]:
     return found
 
 
-def input_errors(config: Config) -> Iterable[tuple[str, str]]:
-    """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files."""
+def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:
+    """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    ranks : Ranks, optional
+        The processes that check it together.
+    """
     doubtful = [case.config for case in cases(config) if not case.config.plainly_possible]
     if not doubtful:
         return ()
     from gfmdlayer import inputs
+    from gfmdlayer.grid.ranks import ALONE
 
-    return inputs.input_errors(doubtful)
+    return inputs.input_errors(doubtful, ranks or ALONE)
 
 
 def with_files(section: Part, files: Mapping[Path, Path]) -> Part:

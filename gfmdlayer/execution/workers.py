@@ -153,11 +153,11 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if jobs < 1:
         raise LauncherError(f"--jobs {jobs}: must be 1 or more")
     size = launched_size(os.environ)
-    comm = None if size in (None, 1) else _world(size or 0)
+    comm = None if size in (None, 1) else world(size or 0)
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        with _ranks(comm, prepare) as pool:
+        with ranks(comm, prepare) as pool:
             yield pool
     elif jobs > 1:
         with processes(jobs) as pool:
@@ -236,7 +236,8 @@ def _wait_for_launcher(launcher: int) -> None:
         time.sleep(WATCH_INTERVAL)
 
 
-def _world(size: int) -> Any:
+def world(size: int) -> Any:
+    """Return the communicator of all ranks; a launcher started `size` of them, 0 where it does not tell."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -256,8 +257,8 @@ def _world(size: int) -> Any:
 
 
 @contextmanager
-def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool | None]:
-    from mpi4py.futures import MPICommExecutor
+def guarded(comm: Any) -> Iterator[Callable[..., NoReturn]]:
+    """End all ranks with any of them; give the function that ends them after an exception."""
 
     def abort(*details: Any) -> NoReturn:
         traceback.print_exception(*details)
@@ -268,21 +269,30 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool
     _end_after(partial(_wait_for_launcher, os.getppid()))
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
-    members = comm.gather(_host_and_cores())
-    if comm.Get_rank() != 0 and prepare is not None:
-        try:
+    try:
+        yield abort
+    except (Exception, SystemExit, KeyboardInterrupt):  # Python would wait for the other ranks at its end
+        abort(*sys.exc_info())
+
+
+@contextmanager
+def ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool | None]:
+    """Assemble the pool of the ranks of a communicator; see `assemble`."""
+    from mpi4py.futures import MPICommExecutor
+
+    with guarded(comm) as abort:
+        members = comm.gather(_host_and_cores())
+        if comm.Get_rank() != 0 and prepare is not None:
             prepare()
-        except BaseException:  # SystemExit included, after which Python would wait for rank 0
-            abort(*sys.exc_info())
-    executor: Any
-    with MPICommExecutor(comm, root=0) as executor:
-        if executor is not None:
-            # The thread that serves the other ranks waits until this one releases the interpreter.
-            sys.setswitchinterval(SWITCH_INTERVAL)
-            try:
-                warnings = (*_warnings(members), *preflight.several_mpi_libraries())
-                yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
-            except (Exception, SystemExit, KeyboardInterrupt):
-                abort(*sys.exc_info())  # the other ranks would finish their cases first
-    if comm.Get_rank() != 0:
-        yield None
+        executor: Any
+        with MPICommExecutor(comm, root=0) as executor:
+            if executor is not None:
+                # The thread that serves the other ranks waits until this one releases the interpreter.
+                sys.setswitchinterval(SWITCH_INTERVAL)
+                try:
+                    warnings = (*_warnings(members), *preflight.several_mpi_libraries())
+                    yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
+                except (Exception, SystemExit, KeyboardInterrupt):
+                    abort(*sys.exc_info())  # the other ranks would finish their cases first
+        if comm.Get_rank() != 0:
+            yield None

@@ -6,6 +6,7 @@ grid's shape; their transforms are real-to-complex, so the last axis of a spectr
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, prod
@@ -18,6 +19,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Sums
 
+COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
 _SHORTEST = 64  # points of an axis of the smallest windows
 
 
@@ -60,6 +62,15 @@ class Grid:
     def spectral_shape(self) -> tuple[int, ...]:
         """Shape of the real-to-complex transform of a field."""
         return (*self.points[:-1], self.points[-1] // 2 + 1)
+
+    @property
+    def waves_y(self) -> range:
+        """Numbers of waves along the last axis of the modes that this process holds."""
+        return range(self.points[-1] // 2 + 1)
+
+    def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the part of arrays along each axis that belongs to the points of this process."""
+        return list(axes)
 
     @property
     def coordinates(self) -> tuple[FloatArray, ...]:
@@ -121,6 +132,27 @@ class Grid:
         """Return the grid with half of the points of each axis that has twice the fewest; else None."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if points == self.points else replace(self, points=points)
+
+    @property
+    def nested(self) -> list[Grid]:
+        """The grid and ever coarser ones, to the last with no axis of twice `COARSEST` points."""
+        grids = [self]
+        while coarser := grids[-1].coarser(COARSEST):
+            grids.append(coarser)
+        return grids
+
+    def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:  # noqa: ARG002
+        """Bring a field together: yield the number of a first row, and rows from it on.
+
+        Parameters
+        ----------
+        field : ndarray, of the grid's shape
+            The part of it that this process holds.
+        rows : int
+            Rows that are yielded at a time, at most, where several processes hold the field; the first of
+            them alone gets them.
+        """
+        yield 0, field
 
     def from_waves(self, spectrum: ComplexArray) -> FloatArray:
         """Return the field of a transform; the transform is overwritten."""

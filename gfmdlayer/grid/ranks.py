@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-Partial = TypeVar("Partial", float, NDArray[Any])
+Partial = TypeVar("Partial", int, float, NDArray[Any])
 
 
 class Ranks:
@@ -51,6 +51,22 @@ class Ranks:
         """Set the value at the wave q = 0, of one value a mode."""
         values[0] = value
 
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return value
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return [value]
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        return 0, number
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        return rows
+
 
 ALONE = Ranks()
 
@@ -65,10 +81,15 @@ class MpiRanks(Ranks):
     ----------
     communicator : mpi4py.MPI.Comm
         The ranks.
+
+    Attributes
+    ----------
+    control : mpi4py.MPI.Comm
+        The same ranks, for messages that are not part of the computation.
     """
 
     def __init__(self, communicator: Any) -> None:
-        self.communicator = communicator
+        self.communicator, self.control = communicator, communicator.Dup()
         self.number, self.count = communicator.Get_rank(), communicator.Get_size()
 
     def every(self, partial: Any) -> NDArray[Any]:
@@ -98,6 +119,24 @@ class MpiRanks(Ranks):
         """Set the value at the wave q = 0, on the first rank."""
         if self.first:
             values[0] = value
+
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return self.communicator.bcast(value)
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return list(self.communicator.allgather(value))
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        every = self.every(number)
+        return int(every[: self.number].sum()), int(every.sum())
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        parts = self.communicator.gather(rows)
+        return np.concatenate(parts) if self.first else rows[:0]
 
 
 def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:

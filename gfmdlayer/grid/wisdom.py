@@ -15,14 +15,15 @@ from llvmlite.binding import get_host_cpu_name
 
 from gfmdlayer.files.seals import read_sealed, write_sealed
 from gfmdlayer.grid.fftw import forget_wisdom
-from gfmdlayer.grid.grid import parts
+from gfmdlayer.grid.grid import Grid, parts
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Transforms
 
 _MAY_DIFFER = "results may differ from those of other runs in their last bits"
 
 
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Path | None = None) -> str:
-    """Wisdom for the transforms of a grid and of its windows, read from a folder or measured and kept there.
+    """Wisdom for the transforms of a grid, its windows and coarser grids, from a folder or measured.
 
     Of several runs that measure at the same time, all use the wisdom of the first one that is done. A warning
     says where kept wisdom cannot be used, which is replaced, or where none can be kept.
@@ -45,7 +46,8 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Pat
     """
     with_threads = f"-{threads}threads" if threads > 1 else ""
     made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
-    name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-parts.wisdom"
+    others = "parts" if len(shape) == 1 else "coarser"
+    name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-{others}.wisdom"
     places = [place / name for place in (results, folder) if place is not None]
     wisdom = next(filter(None, (_read(place, shape, threads) for place in places)), None)
     wisdom = wisdom or _measured(shape, threads, None)
@@ -59,6 +61,9 @@ def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
     transforms = Transforms(shape, wisdom, threads=threads)
     for part in parts(shape):
         transforms.shorter(part)
+    if len(shape) > 1:
+        for grid in Grid(shape, (1.0,) * len(shape)).nested:
+            transforms.of_shape(grid.points, single=True)
     return transforms.wisdom
 
 
@@ -100,3 +105,36 @@ def _keep(path: Path, wisdom: str) -> str:
         reason = f"cannot be kept ({error.strerror})"
         warnings.warn(f"{path}: FFTW's plans {reason}; {_MAY_DIFFER}", stacklevel=4)
     return wisdom
+
+
+class RankWisdom:
+    """Wisdom that a rank of several keeps with the results, from its first case to the next.
+
+    Parameters
+    ----------
+    ranks : Ranks
+        The processes that hold the grid; one alone has its wisdom by `planned`.
+    points : tuple of int
+        Points of the grid.
+    folder : Path
+        Where the wisdom of the results is kept.
+    threads : int
+        Threads of a transform.
+    """
+
+    def __init__(self, ranks: Ranks, points: tuple[int, ...], folder: Path, threads: int) -> None:
+        self._alone = ranks.count == 1
+        share = f"{'x'.join(map(str, points))}-rank{ranks.number}of{ranks.count}-{threads}threads"
+        made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
+        self._path = folder / f"{made_by}-{share}-and-parts.wisdom"
+
+    def read(self) -> str | None:
+        """Return the wisdom that is kept, if any."""
+        with suppress(OSError):
+            return None if self._alone else (read_sealed(self._path) or b"").decode() or None
+        return None
+
+    def keep(self, transforms: Transforms) -> None:
+        """Keep the wisdom of a run, where none is kept."""
+        if not self._alone:
+            _keep(self._path, transforms.wisdom)

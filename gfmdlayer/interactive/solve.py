@@ -228,7 +228,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
 
     touching = in_contact(problem, solution)
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
-    area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape))
+    area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape), grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,

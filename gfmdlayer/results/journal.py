@@ -17,11 +17,12 @@ import zlib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import Attribute, FloatArray
 
 HELD = 1 << 24  # bytes held in memory at most, before they are appended
 
@@ -39,7 +40,7 @@ class Recorder(Protocol):
         """Record the surface at a time; arrays of the grid's shape."""
         ...
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run that are known at its end."""
         ...
 
@@ -98,17 +99,17 @@ class Journal:
         self._fields += displacement, pressure, gap
         self._count(3 * gap.nbytes)
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Pass on results of the run as a whole; they come at the end, after the last checkpoint."""
         self._recorder.note(**attributes)
 
-    def replay(self, position: Position) -> None:
-        """Pass on the contents of the file up to a position, behind which later records are appended.
+    def accept(self, position: Position) -> None:
+        """Go on behind a position in the file.
 
         Raises
         ------
         ValueError
-            If the file is damaged before the position; then nothing is passed on.
+            If the file is damaged before the position.
         """
         if position.size == 0:  # an empty journal has no file
             return
@@ -122,6 +123,21 @@ class Journal:
             left, checksum = left - len(part), zlib.crc32(part, checksum)
         if left or checksum != position.checksum:
             raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
+        self._good, self._columns = position, position.columns
+
+    def replay(self, position: Position) -> None:
+        """Pass on the contents of the file up to a position, behind which later records are appended.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged before the position; then nothing is passed on.
+        """
+        if self._file is None:
+            self.accept(position)
+        if self._file is None:
+            return
+        file = self._file
         file.seek(0)
         while file.tell() < position.size:
             values = [np.load(file) for _ in range(int(np.load(file)[0]))]
@@ -129,7 +145,6 @@ class Journal:
                 self._recorder.row(**dict(zip(position.columns, row, strict=True)))
             for time in np.load(file).tolist():
                 self._recorder.snapshot(time, np.load(file), np.load(file), np.load(file))
-        self._good, self._columns = position, position.columns
 
     def kept(self) -> Position:
         """Bring all records to the disk and return the position behind them.
@@ -178,9 +193,15 @@ class Journal:
         columns = [np.array(values) for values in zip(*self._rows, strict=True)]
         size, checksum = self._good.size, self._good.checksum
         for array in (np.array([len(columns)]), *columns, np.array(self._times), *self._fields):
-            part = io.BytesIO()
-            np.save(part, array, allow_pickle=False)
-            size, checksum = size + self._file.write(part.getbuffer()), zlib.crc32(part.getbuffer(), checksum)
+            for part in _npy(array):
+                size, checksum = size + self._file.write(part), zlib.crc32(part, checksum)
         self._file.flush()
         self._good = Position(self._columns, size, checksum)
         self._clear()
+
+
+def _npy(array: NDArray[Any]) -> tuple[Any, Any]:
+    """Return the head and the contents of a .npy file of an array, without a copy of a field."""
+    whole, head = np.ascontiguousarray(array), io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, np.lib.format.header_data_from_array_1_0(whole))
+    return head.getbuffer(), whole.reshape(-1).view(np.uint8).data

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
@@ -24,7 +24,7 @@ class Recording:
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
         self.fields: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
-        self.noted: dict[str, float] = {}
+        self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
     def row(self, **values: float | FloatArray) -> None:
@@ -37,7 +37,7 @@ class Recording:
         """Keep time, displacement, pressure and gap."""
         self.fields.append((time, displacement, pressure, gap))
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Keep attributes of the run."""
         self.noted.update(attributes)
 

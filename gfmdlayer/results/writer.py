@@ -22,17 +22,17 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.arrays import Attribute
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import Column, known_columns
-from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
-from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
+from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template, rows_of_block
+from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes, write_at
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
 from gfmdlayer.results.schema import VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
-
-Attribute = str | int | float
 
 
 class CaseWriter:
@@ -59,6 +59,8 @@ class CaseWriter:
         Seconds spent on the case by earlier runs, added to `wall_seconds`.
     unit
         Label of a unit, from the words in which it is declared; by default the words themselves.
+    grid
+        The grid, where several ranks hold the snapshots.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class CaseWriter:
         flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
+        grid: Grid | None = None,
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
@@ -82,6 +85,7 @@ class CaseWriter:
         self._attributes = dict(attributes or {})
         declared = known_columns().values() if columns is None else columns
         self._declared = {column.name: column.in_units(unit) for column in declared}
+        self._grid = grid
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
         self._noted: dict[str, Attribute] = {}
         self._flush_interval, self._elapsed = flush_interval, elapsed
@@ -180,12 +184,23 @@ class CaseWriter:
                 self._growing["gap"] = gap_field.id
         if ("gap" in fields) != ("gap" in self._growing):
             raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
+        shape = self._shape if self._grid is None else self._grid.shape
         for name, field in fields.items():
-            if np.shape(field) != self._shape:
-                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
-        for name, values in {"snapshot": time, **fields}.items():
-            append(self._growing[name], np.asarray(values)[np.newaxis])
+            if np.shape(field) != shape:
+                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {shape}")
+        append(self._growing["snapshot"], [time])
+        for name, field in fields.items():
+            self._append_field(self._growing[name], field)
         self._file.check()
+
+    def _append_field(self, dataset: h5d.DatasetID, field: NDArray[np.float64]) -> None:
+        if self._grid is None:
+            append(dataset, np.asarray(field)[np.newaxis])
+            return
+        held, *rest = dataset.shape
+        dataset.set_extent((held + 1, *rest))
+        for first, rows in self._grid.blocks(field, rows_of_block(self._shape)):
+            write_at(dataset, (held, first, 0), rows[np.newaxis])
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that are known at the end of the run."""

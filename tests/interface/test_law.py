@@ -64,6 +64,7 @@ def test_laws_attract_and_fade(law: Interaction) -> None:
 def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(name: str) -> None:
     law = EXAMPLES[name].interaction()
     assert law.work == pytest.approx(WORK, rel=1e-12)
+    assert law.energy(np.zeros(1))[0] == pytest.approx(-WORK, rel=1e-12)
 
     def traction(gap: float) -> float:
         return float(law.traction(np.array([gap]))[0])

@@ -120,8 +120,7 @@ class _Search:
         if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
         self._product = product
-        given = at.load is not None and count > 0
-        self._shift = (self._load - at.load) / count if given else 0.0
+        self._shift = (self._load - at.load) / count if at.load is not None and count else 0.0
         self._note(
             on.sweep(passes.direct, excess, beta, self._alpha, self._shift, at.p, on.r, on.z, on.d, on.step)[
                 0

@@ -16,7 +16,6 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
-_COARSEST = 64  # points of an axis, at least
 _TOLERANCE = 1e-3
 _LIMIT = 60  # iterations on a coarser grid
 
@@ -40,14 +39,11 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     float
         Pairs of transforms in single precision, as parts of those of the given grid.
     """
-    grids = [fine.grid]
-    while coarser := grids[-1].coarser(_COARSEST):
-        grids.append(coarser)
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
     displacement(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
-    for grid in reversed(grids[1:]):
+    for grid in reversed(fine.grid.nested[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
         _begin(level, state, last)

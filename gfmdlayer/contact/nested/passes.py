@@ -32,8 +32,8 @@ class Move(NamedTuple):
 
 @kernel(reorder=True)
 def advance(
-    first: int, end: int, move: Move, p: FloatArray, gap: FloatArray, gap0: FloatArray, step: Any, change: Any,
-    r: Any,
+    first: int, end: int, move: Move, p: FloatArray, gap: FloatArray, gap0: FloatArray, step: Any,
+    change: Any, r: Any,
 ) -> tuple[tuple[float, float, float], tuple[float, float]]:  # fmt: skip
     """Take a step, and write r = level - gap on the new C.
 
@@ -121,10 +121,10 @@ def precondition(
             along += np.float64(row[j]) * rs[j]
         for j in range(columns):
             across += np.float64(row[j]) * zs[j]
-            last += zs[j] if rs[j] != 0.0 else np.float32(0.0)
+            last += zs[j] if rs[j] != 0.0 else 0.0
         for j in range(columns):
             memory += np.float64(rs[j]) * ds[j]
-            mean += ds[j] if rs[j] != 0.0 else np.float32(0.0)
+            mean += ds[j] if rs[j] != 0.0 else 0.0
         for j in range(columns):
             zs[j] = row[j]
     return (count, total, pull, along, across, last, memory, mean), (0.0,)
@@ -135,7 +135,7 @@ def direct(
     first: int, end: int, excess: float, memory: float, length: float, shift: float, p: FloatArray, r: Any,
     z: Any, d: Any, step: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
-    """Write the direction d = z - excess + memory d on C, and the step as `project` does, with its results."""
+    """Write the direction d = z - excess + memory d on C, and do what `project` does."""
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     less, part = np.float32(excess), np.float32(memory)
     for begin in range(first, end, LANES):

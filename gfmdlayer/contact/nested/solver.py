@@ -93,9 +93,9 @@ class NestedGradient:
         """
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
+        self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, 0, 0)
-        self._doubles, coarse = 0.0, 0.0
         fine, at = self._level_of(problem), self._fields(problem, start)
         if not self._is_near(fine, problem, at):
             coarse = nest(fine, self._transforms, problem, at)
@@ -116,8 +116,9 @@ class NestedGradient:
         if solution.converged or not self._grid.is_whole:
             self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
             return solution
-        self._failures += 1
-        return self._by_active_set(problem, at.p, int(pairs), iterations)
+        found = self._by_active_set(problem, at.p, int(pairs), iterations)
+        self._failures += found.converged
+        return found
 
     def state(self) -> State:
         """Return the number of steps handed over in a row, and the count of a part of a pair."""

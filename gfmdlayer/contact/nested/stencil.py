@@ -101,8 +101,8 @@ def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, resu
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
     top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)
     w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
-    # Several loops over few arrays that begin where they are read: so they need no checks of indices and overlap,
-    # and are vectorised.
+    # Several loops over few arrays that begin where they are read: so they need no checks of indices and
+    # overlap, and are vectorised.
     inner = result[2:]
     left, middle, right, last = here[1:], here[2:], here[3:], here[4:]
     for j in range(n - 4):

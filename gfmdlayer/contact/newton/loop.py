@@ -15,7 +15,6 @@ from gfmdlayer.contact.newton.passes import (
     balance,
     begin,
     compare,
-    interaction_energy,
     lost,
     minimise,
     move,
@@ -34,11 +33,12 @@ _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two sta
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
 _RESOLVED = 0.3  # likewise down the energy
 _LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_TOO_FAR = 0.25  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
-_LIFTED = 1e-9  # lack of the mean, over the displacements, that is not rounding
+_ROUNDING = 1e-13  # of energies, over their parts
 
 
 class Fields(NamedTuple):
@@ -78,36 +78,40 @@ def iterate(
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
-    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = given
-    iterations, n = 0, at.u.size
+    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = (
+        given
+    )
+    iterations, n, settled = 0, at.u.size, False
     set_stress(plans, system, at, fields.spectrum, step.work)
-    set_interaction(system, at)
+    energy = set_interaction(system, at)
     pairs += 1
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
         if (done == 1.0 and residual <= tolerance) or iterations == limit or pulled_off:
             break
+        aim = tolerance * max(system.strength, step.pressure.max())
+        if descends and done < 1.0 and (largest <= aim or settled):
+            released += drop if unstable else 0.0
+            descends, unstable, drop, damping = False, False, 0.0, 0.0
+            continue
         iterations += 1
         mean, lack = (1.0 - target) * mean0, 0.0
         if system.mean_is_fixed and done < target:
             lack = mean * n - at.u.sum()
         pairs += begin(plans, system, step, damping, lack)
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
-        floor = _WELL_WITHIN * tolerance * max(system.strength, step.pressure.max())
-        least, exact = 0.0, True
+        least = 0.0
         for _ in range(_PASSES):
-            turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
+            turns, least = minimise(plans, system, at.curvature, damping, step, _WELL_WITHIN * aim, inexact)
             pairs += 2 * turns
             if least < 0.0 or not press(system, at, step, lack):
                 break
             apply(plans, system.kappa, step.d, step.work, step.Kd)
             pairs += 1
         if least < 0.0:
-            unstable = True
-            if not descends:
-                descends, done = True, min(1.0, done + _SHORTEST)
-                drop = interaction_energy(system, at.u)
+            done = done if descends else min(1.0, done + _SHORTEST)
+            descends, settled, unstable = True, False, True
             damping = max(2.0 * damping, damping - 2.0 * least)
             continue
         if move(system, at, step, mean, to):
@@ -116,42 +120,39 @@ def iterate(
         else:
             for i in range(n):
                 to.stress[i] = at.stress[i] - step.Kd[i]
-        set_interaction(system, to)
+        after = set_interaction(system, to)
         first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
-        if done == target and (not first < 0.0 or (descends and error > 2.0 * most)):
-            # Uphill, because the wall has bent the step, or too far: a shorter step of the descent.
-            if not descends:
-                descends, drop = True, interaction_energy(system, at.u)
-            damping = max(_SHORTER * damping, 0.01 * system.softest)
-            if damping > _HOPELESS * (system.softest - at.curvature.min()):
-                break
-            continue
         if error > most:
             way = 0.9 * np.sqrt(most / error)
         if done == target and last > _OVERSHOT * abs(first):
             way = min(way, first / (first - last))
         if way < 1.0:
-            if way * (target - done) < _SHORTEST < target - done:
-                descends, done, damping = True, done + _SHORTEST, system.softest
-                drop = interaction_energy(system, at.u)
+            if not descends and way * (target - done) < _SHORTEST < target - done:
+                descends, settled, done, damping = True, False, done + _SHORTEST, system.softest
                 continue
             shorten(at, way, to)
-            set_interaction(system, to)
+            after = set_interaction(system, to)
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
-        at, to, swapped = to, at, not swapped
+        change = elastic + after - energy
+        uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
+        if done == target and (uphill or way < _TOO_FAR):
+            # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
+            descends, settled = True, False
+            damping = max(_SHORTER * damping, _AT_REST * system.softest)
+            if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
+                break
+            continue
+        at, to, swapped, energy = to, at, not swapped, after
         if not descends:
             done += way * (target - done)
             continue
-        drop -= elastic
+        drop -= change
+        unstable = unstable or last < first  # the energy falls ever more steeply
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
-        damping *= min(max(error / _RESOLVED, 1.0 / _LONGER), 1.0)
+        # The error grows as the square of the step, and the step as the inverse of the damping.
+        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
         damping = 0.0 if damping < _AT_REST * system.softest else damping
-        if settled and done < 1.0:
-            descends = False
-            drop -= interaction_energy(system, at.u)
-            released += drop if unstable else 0.0
-            drop, unstable = 0.0, False
         if system.load < 0.0 and not system.mean_is_fixed:
             pulled_off = lost(system, at)
     if swapped:
@@ -162,7 +163,18 @@ def iterate(
             to.curvature[i] = at.curvature[i]
     iterations += given.iterations
     return Progress(
-        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, iterations
+        done,
+        mean0,
+        damping,
+        descends,
+        unstable,
+        drop,
+        released,
+        pulled_off,
+        multiplier,
+        residual,
+        pairs,
+        iterations,
     )
 
 
@@ -182,11 +194,3 @@ def hold(plans: Plans, system: System, fields: Fields) -> None:
     if system.mean_is_fixed and count > 0.0:
         for i in range(held.size):
             held[i] -= step.free[i] * total / count
-
-
-@kernel(reorder=True)
-def end_descent(system: System, fields: Fields, progress: Progress) -> float:
-    """Energy released so far, with that of a descent that has come to its end; sum over the points."""
-    if not (progress.descends and progress.unstable):
-        return progress.released
-    return progress.released + progress.drop - interaction_energy(system, fields.at.u)

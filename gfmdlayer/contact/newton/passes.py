@@ -81,29 +81,22 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 
 
 @kernel(reorder=True, inner=True)
-def set_interaction(system: System, at: Surface) -> None:
-    """Write traction and curvature of the interface."""
-    h, u, traction, curvature = system.h, at.u, at.traction, at.curvature
+def set_interaction(system: System, at: Surface) -> float:
+    """Write traction and curvature of the interface; return the sum of its energy over the points."""
+    h, u, traction, curvature, total = system.h, at.u, at.traction, at.curvature, 0.0
     for i in range(u.size):
         gap = h[i] - u[i]
-        traction[i], curvature[i] = 0.0, 0.0
+        energy, traction[i], curvature[i] = 0.0, 0.0, 0.0
         if gap < system.reach:
-            _, traction[i], curvature[i] = interact(gap, system.terms)
-
-
-@kernel(reorder=True, inner=True)
-def interaction_energy(system: System, u: FloatArray) -> float:
-    """Sum of the interface's energy over the points."""
-    total = 0.0
-    for i in range(u.size):
-        gap = system.h[i] - u[i]
-        if gap < system.reach:
-            total += interact(gap, system.terms)[0]
+            energy, traction[i], curvature[i] = interact(gap, system.terms)
+        total += energy
     return total
 
 
 @kernel(reorder=True, inner=True)
-def balance(system: System, at: Surface, held: FloatArray, part: float, step: Step) -> tuple[float, float, float]:
+def balance(
+    system: System, at: Surface, held: FloatArray, part: float, step: Step
+) -> tuple[float, float, float]:
     """Find the free points, and the pressure of the wall, which is out of balance on them.
 
     Parameters
@@ -184,7 +177,13 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    plans: Plans, system: System, curvature: FloatArray, damping: float, step: Step, floor: float, inexact: float
+    plans: Plans,
+    system: System,
+    curvature: FloatArray,
+    damping: float,
+    step: Step,
+    floor: float,
+    inexact: float,
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
@@ -208,7 +207,7 @@ def minimise(
     iterations : int
         Of two FFT pairs each.
     least : float
-        The curvature along the last direction, per area, where it is negative and ended the iteration; else 0.
+        The curvature along the last direction, per area, where it is negative; else 0.
     """
     free, _, force, d, Kd, direction, applied, z, softening, work = step
     n = d.size
@@ -270,7 +269,7 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
             value = values[i] - mean * moves[i]
             values[i] = value
             most[i] = abs(value) if abs(value) > most[i] else most[i]
-    return most.max()
+    return float(most.max())
 
 
 @kernel(reorder=True, inner=True)
@@ -372,4 +371,4 @@ def shorten(at: Surface, part: float, to: Surface) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: System, at: Surface) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return (system.h - at.u).min() > system.range and at.traction.max() < -system.load
+    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)

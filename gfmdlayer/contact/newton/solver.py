@@ -5,26 +5,29 @@ TODO
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, end_descent, hold, iterate
+from gfmdlayer.contact.newton.loop import Fields, Progress, hold, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
+from gfmdlayer.contact.newton.soft_mode import find_margin, leave
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.interface.terms import COHESIVE_ZONE, EXPONENTIAL
-from gfmdlayer.resumable import Stateless
+from gfmdlayer.resumable import State
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
 _DECAYED = 45.0  # exp(-45) = 3e-20
 
 
-class Newton(Stateless):
+class Newton:
     """Newton's method with truncated conjugate gradients, for the steps of one run.
 
     Parameters
@@ -42,10 +45,13 @@ class Newton(Stateless):
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        at, to = (Surface(*(field() for _ in Surface._fields)) for _ in range(2))
+        at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
         work = spectrum()
-        step = Step(*(field() for _ in Step._fields[:-2]), np.empty(work.size), work)
+        free, pressure, force, d, Kd, direction, applied, z = (field() for _ in range(8))
+        step = Step(free, pressure, force, d, Kd, direction, applied, z, np.empty(work.size), work)
         self._fields = Fields(at, to, field(), step, spectrum())
+        self._mode = np.random.default_rng(0).normal(size=at.u.size)  # any that no symmetry rules out
+        self._margin = math.nan
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from the gap of the last step.
@@ -66,33 +72,60 @@ class Newton(Stateless):
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if (problem.mean_is_fixed or not problem.interface.attracts) and (
-            trivial := trivial_solution(problem, self._transforms)
-        ):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, fields, plans = _system(problem), self._fields, self._transforms.plans
         progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
-        limit, converged = max(4, _CHUNK // u.size), False
+        chunk, converged, mode = max(4, _CHUNK // u.size), False, self._mode.copy()
         while not converged and progress.iterations < self._most and not progress.pulled_off:
             if progress.done == 1.0:
                 # The loop keeps the mean but for rounding. An accepted state has it exactly.
                 project(u, h, problem.mean_is_fixed)
-            before, limit = progress, min(limit, self._most - progress.iterations)
+            before, limit = progress.iterations, min(chunk, self._most - progress.iterations)
             progress = iterate(plans, system, fields, progress, self._tolerance, limit)
             within = progress.done == 1.0 and progress.residual <= self._tolerance
-            converged = within and progress.iterations == before.iterations
-            if not within and progress.iterations < before.iterations + limit:
+            if within and progress.iterations == before:
+                progress, converged = self._check(system, progress)
+            elif not within and progress.iterations < before + limit:
                 break
-        spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
-        return make_solution(
+        if not converged:
+            self._mode[:] = mode
+        released = progress.released + (progress.drop if progress.unstable else 0.0)
+        solution = make_solution(
             problem,
             u.copy(),
             fields.at.stress + progress.multiplier,
-            spectrum,
+            fields.spectrum.copy() if converged else self._transforms.forward(u),
             spent=(progress.pairs, progress.iterations),
             within=np.inf if converged else -1.0,
-            released_energy=end_descent(system, fields, progress) / u.size,
         )
+        return replace(solution, released_energy=released / u.size, margin=self._margin)
+
+    def _check(self, system: System, progress: Progress) -> tuple[Progress, bool]:
+        """Leave a state in balance that is no minimum; return whether it is one."""
+        fields, plans = self._fields, self._transforms.plans
+        margin, curvature, attraction, pairs = find_margin(plans, system, fields.at, fields.step, self._mode)
+        self._margin, progress = margin, progress._replace(pairs=progress.pairs + pairs)
+        # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
+        if curvature >= -math.sqrt(2 * self._tolerance) * abs(attraction):
+            return progress, True
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, self._mode)
+        return progress._replace(
+            pairs=progress.pairs + pairs,
+            iterations=progress.iterations + 1,
+            descends=True,
+            unstable=True,
+            drop=progress.drop - change,
+            damping=-2 * curvature,
+        ), change == 0.0
+
+    def state(self) -> State:
+        """Return the softest deformation."""
+        return {"mode": self._mode}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._mode[:] = state["mode"]
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
@@ -130,7 +163,7 @@ def _system(problem: Problem) -> System:
 
 
 def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is zero, or nothing to double precision; infinite where it falls as a power."""
+    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
     reach = 0.0
     for form, _, length, width in zip(*law.terms, strict=True):
         if form == EXPONENTIAL:
