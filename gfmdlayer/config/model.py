@@ -19,7 +19,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
-from gfmdlayer.config.adhesion import problems_of_the_interface
+from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
@@ -160,19 +160,13 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract, which add; none with the hard wall alone."""
-        given = self.interface
-        every = given if isinstance(given, tuple) else () if given is None else (given,)
-        return tuple(law for law in every if law.attracts)
+        return attracting(self.interface)
 
     @property
     def contact_solver(self) -> Choice:
         """The solver that `solver.method` means, and why."""
-        return choose(
-            self.solver.method,
-            axes=len(self.grid.points),
-            rough=self.punch.rough,
-            attracts=bool(self.interfaces),
-        )
+        axes, attracts = len(self.grid.points), bool(self.interfaces)
+        return choose(self.solver.method, axes=axes, rough=self.punch.rough, attracts=attracts)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
@@ -227,6 +221,8 @@ class Config(Section):
                     data[head].pop(key, None)
             if head == "trajectory" and "end" not in self.time.model_fields_set:
                 data["time"].pop("end", None)
+            if head == "interface" and "method" not in self.solver.model_fields_set:
+                data["solver"].pop("method", None)
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:

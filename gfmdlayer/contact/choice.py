@@ -43,7 +43,7 @@ def choose(method: str, *, axes: int, rough: bool, attracts: bool) -> Choice:
     -------
     Choice
     """
-    if attracts and not (method in SOLVERS and SOLVERS[method].adhesive):
+    if attracts and (method == AUTO or not SOLVERS[method].adhesive):
         return Choice("newton", "the interface attracts")
     if method != AUTO:
         return Choice(method, "as configured")

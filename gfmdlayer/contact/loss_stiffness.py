@@ -88,7 +88,7 @@ class LossStiffnessSolver:
         if problem.interface.attracts:
             return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
-        if not state.converged and contact.any():
+        if not state.converged:
             state, contact = self._by_pivoting(problem, state, contact)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
@@ -116,16 +116,20 @@ class LossStiffnessSolver:
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
             )
             pivoting = Pivoting(part, self._transforms, self._tolerance)
-            u, spectrum, pressure, contact = pivoting.solve(contact)
+            found = pivoting.solve(contact)
+            contact = found[0].contact
             transforms, iterations = transforms + pivoting.transforms, iterations + pivoting.rounds
-            state = make_solution(
-                problem,
-                u,
-                pressure,
-                spectrum,
-                spent=(transforms, iterations),
-                within=self._tolerance,
-            )
+            for u, spectrum, pressure, _ in found:
+                state = make_solution(
+                    problem,
+                    u,
+                    pressure,
+                    spectrum,
+                    spent=(transforms, iterations),
+                    within=self._tolerance,
+                )
+                if state.converged:
+                    break
             if share == 1 and state.converged:
                 break
         return state, contact

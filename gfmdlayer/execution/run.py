@@ -237,12 +237,9 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(
-        dict.fromkeys(
-            "axisymmetric" if case.config.grid.axisymmetric else case.config.contact_solver.method
-            for case in todo
-        )
-    )
+    configs = (case.config for case in todo)
+    every = ("axisymmetric" if each.grid.axisymmetric else each.contact_solver.method for each in configs)
+    solvers = ", ".join(dict.fromkeys(every))
     return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 

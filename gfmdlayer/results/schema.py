@@ -51,10 +51,11 @@ VARIABLES: dict[str, Variable] = {
     "displacement": Variable("normal displacement of the surface, positive upward", "length"),
     "pressure": Variable("contact pressure, positive in compression", "pressure"),
     "gap": Variable("gap between surface and punch, zero in contact", "length"),
+    "traction": Variable("traction across the gap, positive in attraction", "pressure"),
     "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
 }
 
-FIELDS = ("displacement", "pressure", "gap")
+FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
 
 PARAMETERS: dict[str, Parameter] = {
     "layer.thickness": Parameter("thickness of the layer", "d", "d", "length"),

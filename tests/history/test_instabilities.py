@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+import gfmdlayer
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.simulation import simulate
@@ -162,3 +163,54 @@ def test_a_relaxing_film_is_pulled_in_late(tolerance: float, tmp_path: Path) -> 
     found = recording.noted
     assert found["instabilities"] == 1
     assert found["instability_time"][0] == pytest.approx(expected, rel=20 * tolerance)
+
+
+SOFT: dict[str, Any] = {
+    "grid": {"points": 64},
+    "layer": {"thickness": math.inf, "poisson": 0.5, "material": {"model": "elastic", "G": 1.0}},
+    "halfspace": {"shear_modulus": 1.0},
+    "interface": {"law": "exponential", "work": 1e-3, "range": 0.02},
+    "time": {"step": "adaptive", "tolerance": 1e-3},
+}
+PULL = {"control": "load", "kind": "approach_retract", "load": 0.02, "retract_speed": 0.02, "final": -0.04}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Path) -> None:
+    held = gfmdlayer.run(SOFT, trajectory=CYCLE | {"final": -0.05})
+    strongest = float(held["mean_pressure"].min())
+    pulled = gfmdlayer.run(SOFT | {"trajectory": PULL})
+    last = float(pulled["mean_pressure"][-1])
+    # The load goes on by the tolerance of the largest load; the rows in depth control miss the least pressure
+    # by half of its curvature, P/range^2 at most, times the square of half a step, 0.5 ranges.
+    assert last == pytest.approx(strongest, abs=1e-3 * 0.01 + 0.25**2 / 2 * abs(strongest))
+    assert pulled.attrs["ended"].startswith(f"PULLED OFF at t = {pulled.attrs['pull_off_time']:.6g}")
+    assert pulled["time"][-1] <= pulled.attrs["pull_off_time"] < pulled["time"][-1] + 1e-2
+    # A sweep goes on to the end of the cases that hold, and has nothing where the others have ended.
+    swept = {"trajectory": PULL, "sweep": {"interface.work": [1e-3, 1.0]}}
+    found = gfmdlayer.run(SOFT | swept, out=tmp_path / "out")
+    assert found.attrs["failed"] == ""
+    assert found["time"][-1] == 3.0 + 1.0
+    ended = found["mean_pressure"].isel(work=0)
+    np.testing.assert_array_equal(np.isnan(ended), found["time"] > pulled.attrs["pull_off_time"])
+    assert not found["mean_pressure"].isel(work=1).isnull().any()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_punch_that_is_pulled_off_rests_until_its_load_presses_again() -> None:
+    relaxing = {"material": {"model": "zener", "G0": 1.0, "Ginf": 2.0, "tau": 1.0}}
+    layer = {"layer": SOFT["layer"] | relaxing}
+    found = gfmdlayer.run(SOFT | layer | {"trajectory": PULL | {"cycles": 2}})
+    # Pulled off at some load < 0 of the first retraction; from 6 on, after 0.04/0.02 of approach, it presses.
+    time, pressure = found["time"].to_numpy(), found["mean_pressure"].to_numpy()
+    away = (time > 3.0) & (time < 5.99)
+    assert away.sum() > 3
+    assert np.abs(pressure[away]).max() < 1e-12
+    assert (found["contact_area"].to_numpy()[away] == 0).all()
+    assert (np.diff(found["stored"].to_numpy()[away]) < 0).all()  # the surface recovers
+    pressing = time > 6.1
+    load = np.interp(time[pressing], [6, 7, 10], [0, 0.02, -0.04])
+    np.testing.assert_allclose(2 * pressure[pressing], load, atol=1e-12)
+    assert found.attrs["pull_off_time"] > 7.0  # the second one ends the case
+    # The balance holds over both, as over the steps between: to the trapezium of steps of half a range.
+    assert np.abs(found["energy_residual"]).max() < 0.5**2 / 12 * float(np.abs(found["work"]).max())
