@@ -261,12 +261,10 @@ class Case:
         declared, tolerance = SOLVERS[given.method], given.tolerance
         if self.interface.attracts and not declared.adhesive:
             declared = SOLVERS["newton"]
-        options: dict[str, object] = {}
+        options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
         if given.inertia is not None:
             options["mass_weighted"] = given.inertia == "mass_weighted"
             options["starts_from"] = "gap" if self.interface.attracts else "displacement"
-        if declared.distributed:
-            options["grid"] = self.grid
         moved = self.velocity is not None and not declared.nonsymmetric
         inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
