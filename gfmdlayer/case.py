@@ -220,8 +220,9 @@ class Case:
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]
             return stack_modes(self.body, waves, self.clocks, scheme, sums)
-        spectrum, along = self.body.spectrum(waves), self.grid.wavenumbers_x
+        spectrum = self.body.spectrum(waves)
         if self.velocity is not None:
+            along = self.grid.wavenumbers_x
             velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
             if adaptive:
                 return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
@@ -267,8 +268,7 @@ class Case:
         if declared.distributed:
             options["grid"] = self.grid
         moved = self.velocity is not None and not declared.nonsymmetric
-        # The iterations around a solver leave a part of the tolerance to it.
-        inner = tolerance * (SHARE if moved else 1.0)
+        inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
         if moved:
             solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)

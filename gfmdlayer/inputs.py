@@ -61,17 +61,8 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     TableError
         If the heights come from a file that cannot be used, or are not finite.
     """
-    ranks = grid.ranks
-    if ranks.count == 1:
+    with grid.ranks.agreeing(TableError):
         return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
-    failure, found = "", np.empty(0)
-    try:
-        found = np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
-    except TableError as error:
-        failure = str(error)
-    if failure := next(filter(None, ranks.all_of(failure)), ""):
-        raise TableError(failure)
-    return found
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -228,13 +219,6 @@ def make_series(config: Config) -> tuple[PronySeries, ...]:
 def input_errors(configs: Iterable[Config], ranks: Ranks = ALONE) -> Iterator[tuple[str, str]]:
     """Read the files of the cases and check that the cases are possible.
 
-    Parameters
-    ----------
-    configs : iterable of Config
-        The cases.
-    ranks : Ranks
-        The processes that check them together.
-
     Yields
     ------
     key, message : str
@@ -292,25 +276,22 @@ def _input_errors(config: Config, ranks: Ranks) -> Iterator[tuple[str, str]]:
             yield "trajectory.file", message
         return
     stiffness = mean_stiffness(config.stacked, config.halfspace)
-    if message := too_deep(float(values.max()), heights, stiffness, ranks):
+    if message := too_deep(float(values.max()), mean(heights, ranks), stiffness):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 
-def too_deep(depth: float, heights: FloatArray, mean_stiffness: float, ranks: Ranks = ALONE) -> str:
+def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
     """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
 
     Parameters
     ----------
     depth : float
         The largest depth.
-    heights : ndarray, one value a point
-        Height of the punch above its lowest point.
+    mean_height : float
+        Of the punch, above its lowest point.
     mean_stiffness : float
         Of the body; see `body.body.Body`.
-    ranks : Ranks
-        The processes that hold the points.
     """
-    mean_height = mean(heights, ranks)
     if mean_stiffness > 0 or depth < mean_height:
         return ""
     return (

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from gfmdlayer.config import Config
+from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Location, dotted
 from gfmdlayer.validation.sections import Section, files_named, sections_in
 
@@ -24,8 +25,8 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """Return notes on the cases, each once.
 
     These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
-    tables that end before the run does, a ramp that is not completed, and defaults beside numbers in other
-    units.
+    tables that end before the run does, a ramp that is not completed, defaults beside numbers in other units,
+    and interface laws that the grid does not resolve.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     found = [note for cell, punch in measured for note in punch.notes(cell)]
     if any(map(files_named, every)):
         found += _short_tables(every)
-    found += [note for config in every for note in _on_values(config)]
+    found += [note for config in every for note in (*_on_values(config), *_unresolved_zones(config))]
     return list(dict.fromkeys(found))
 
 
@@ -87,6 +88,38 @@ def _on_values(config: Config) -> Iterator[str]:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
 
 
+def _unresolved_zones(config: Config) -> Iterator[str]:
+    """Yield notes on interface laws whose cohesive zone is too narrow for the grid.
+
+    At the edge of a contact the traction acts over l = (pi/4) E* range^2/work (D. Maugis, J. Colloid
+    Interface Sci. 150 (1992) 243-269), with range = work/strength and the relaxed E* = 2 G0/(1 - nu).
+    """
+    for at, law in sections_in(config):
+        if not isinstance(law, Interface) or not (found := law.interaction(config.units)).attracts:
+            continue
+        zone = math.pi / 4 * _relaxed_modulus(config) * found.range**2 / found.work
+        cell = list(zip(config.grid.points, config.grid.period, strict=True))
+        in_zone = min(zone * points / period for points, period in cell)
+        if in_zone < (wanted := law.points_in_zone):
+            enough = [max(points, 1 << math.ceil(math.log2(wanted * x / zone))) for points, x in cell]
+            yield (
+                f"{dotted(at)}: its cohesive zone, (pi/4) E* range^2/work = {zone:.3g} with the relaxed "
+                f"modulus, is {in_zone:.2g} points wide; edges of the contact are resolved from {wanted} on: "
+                f"grid.points: {enough[0] if len(enough) == 1 else enough} would do"
+            )
+
+
+def _relaxed_modulus(config: Config) -> float:
+    """Relaxed E* = 2 G/(1 - nu) of the uppermost material; where it relaxes to zero, the unit of its law."""
+    for layer in config.stacked:
+        if layer.thickness > 0:
+            return 2 * layer.material.unit / (1 - layer.poisson)
+    base = config.halfspace
+    modulus = base.shear_modulus if base.material is None else base.material.unit
+    assert modulus is not None
+    return 2 * modulus / (1 - base.poisson)
+
+
 def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
     """Return the dimensional keys left out, with their defaults, and those given in another unit."""
     left: dict[str, float] = {}
@@ -110,7 +143,7 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
                 continue
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
-            elif abs(math.log(value / _paper(section, key))) > math.log(_FACTOR):
+            elif abs(math.log(abs(value / _paper(section, key)))) > math.log(_FACTOR):
                 foreign.append(dotted((*at, key)))
     return left, foreign
 

@@ -159,10 +159,13 @@ def simulate(
                 finished = finished or observable.finished
             recorder.row(**row)
             if instant.snapshot or finished or keeps_all:
-                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
+                fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+                fields += [problem.interface.traction(fields[-1])] if case.interface.attracts else []
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break
+            del step, row
+        del kappa, b, problem, solution, surface  # the next step needs their memory
         if progress is not None:
             progress(instant.time)
     for observable in observables:

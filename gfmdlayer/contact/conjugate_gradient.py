@@ -124,7 +124,7 @@ def iterate(
     longest = 1.0 / (system.compliance.max() * p.size)
     load = p.sum()
     transforms, iteration, exact, trial, curvature = 2, 0, True, longest, 0.0
-    _evaluate(plans, system, at, work)
+    evaluate(plans, system, at, work)
     found, step[:] = False, 0.0
     while iteration < limit and trial > _SHORTEST * longest:
         if system.load_given:
@@ -133,13 +133,13 @@ def iterate(
             if exact:
                 found = True
                 break
-            _restore_load(system, p, load)
-            _evaluate(plans, system, at, work)
+            restore_load(system, p, load)
+            evaluate(plans, system, at, work)
             transforms, exact = transforms + 2, True
             continue
         cut = _try_step(system, at, search, shift, trial, curvature)
         iteration += 1
-        _comply(plans, system, step, work, work, change)
+        comply(plans, system, step, work, work, change)
         transforms += 2
         slope, curvature = 0.0, 0.0
         for i in range(p.size):
@@ -157,8 +157,8 @@ def iterate(
             # The cut or the rescaling has turned the step uphill.
             trial, curvature = 0.1 * trial, 0.0
     if not exact:
-        _restore_load(system, p, load)
-        _evaluate(plans, system, at, work)
+        restore_load(system, p, load)
+        evaluate(plans, system, at, work)
         transforms += 2
     if system.load_given:
         _set_depth(p, gap, shift)
@@ -166,22 +166,22 @@ def iterate(
 
 
 @kernel(inner=True)
-def _restore_load(system: System, p: FloatArray, load: float) -> None:
+def restore_load(system: System, p: FloatArray, load: float) -> None:
     """Scale the pressure to a given load, which rounding has changed over the steps."""
     if system.load_given:
         p *= load / p.sum()
 
 
 @kernel(reorder=True, inner=True)
-def _evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
+def evaluate(plans: Plans, system: System, at: Iterate, work: ComplexArray) -> None:
     """Gap of the pressure."""
-    _comply(plans, system, at.p, at.spectrum, work, at.gap)
+    comply(plans, system, at.p, at.spectrum, work, at.gap)
     for i in range(at.gap.size):
         at.gap[i] += system.gap0[i]
 
 
 @kernel(reorder=True, inner=True)
-def _comply(
+def comply(
     plans: Plans, system: System, p: FloatArray, spectrum: ComplexArray, work: ComplexArray, gap: FloatArray
 ) -> None:
     """Write A p as the gap, and the transform of p unless that is the work array."""

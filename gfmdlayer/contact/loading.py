@@ -39,20 +39,28 @@ class Surface:
 
     Attributes
     ----------
-    displacement : ndarray, one value a point
-        u; length.
+    found : ndarray, one value a point
+        Displacement as the solver found it; length.
     spectrum : ndarray of complex
         Its unnormalised transform.
     depth : float
         Of the punch, below the height at which it touches the surface at rest; length.
     response : float
         The quantity that is not prescribed: the mean pressure, or the depth.
+    shift : float
+        Height at which the solver found it.
     """
 
-    displacement: FloatArray
+    found: FloatArray
     spectrum: ComplexArray
     depth: float
     response: float
+    shift: float = 0.0
+
+    @property
+    def displacement(self) -> FloatArray:
+        """u, one value a point: a new array where the solver found it at another height."""
+        return self.found - self.shift if self.shift else self.found
 
 
 class Loading(Resumable, Protocol):
@@ -187,7 +195,7 @@ class LoadControl(_Prescribed):
         depth = mean(solution.displacement, ranks) - height
         spectrum = solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement - depth, spectrum, depth, depth)
+        return Surface(solution.displacement, spectrum, depth, depth, shift=depth)
 
     def _load(self, time: float) -> float:
         return 0.0 if self.flight.covers(time) else self.trajectory(time)

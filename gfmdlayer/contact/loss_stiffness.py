@@ -88,7 +88,7 @@ class LossStiffnessSolver:
         if problem.interface.attracts:
             return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
-        if not state.converged and contact.any():
+        if not state.converged:
             state, contact = self._by_pivoting(problem, state, contact)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
@@ -109,24 +109,29 @@ class LossStiffnessSolver:
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray
     ) -> tuple[Solution, BoolArray]:
-        transforms, iterations = so_far.transforms, so_far.iterations
+        state = so_far
         for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
             part = replace(
                 problem,
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
             )
-            pivoting = Pivoting(part, self._transforms, self._tolerance)
-            u, spectrum, pressure, contact = pivoting.solve(contact)
-            transforms, iterations = transforms + pivoting.transforms, iterations + pivoting.rounds
-            state = make_solution(
-                problem,
-                u,
-                pressure,
-                spectrum,
-                spent=(transforms, iterations),
-                within=self._tolerance,
-            )
+            state, contact = self._attempt(problem, part, state, contact)
             if share == 1 and state.converged:
+                return state, contact
+        return self._attempt(problem, problem, state, None)
+
+    def _attempt(
+        self, problem: Problem, part: Problem, so_far: Solution, contact: BoolArray | None
+    ) -> tuple[Solution, BoolArray]:
+        """State of a problem with a part of the loss, from a contact, or followed from first touch."""
+        pivoting = Pivoting(part, self._transforms, self._tolerance)
+        if contact is None:
+            contact = pivoting.pressed_in() if pivoting.follows else so_far.pressure > 0
+        found = pivoting.solve(contact)
+        spent = so_far.transforms + pivoting.transforms, so_far.iterations + pivoting.rounds
+        for u, spectrum, pressure, contact in found:  # noqa: B007
+            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=self._tolerance)
+            if state.converged:
                 break
         return state, contact
 

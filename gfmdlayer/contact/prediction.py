@@ -44,7 +44,7 @@ class DisplacementPrediction:
         self._ranks = ranks
         self._times: deque[float] = deque(maxlen=3)
         self._fields: deque[FloatArray] = deque(maxlen=3)
-        self._zero = np.zeros(size)
+        self._size = size
 
     def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
         """Add an accepted step.
@@ -67,7 +67,7 @@ class DisplacementPrediction:
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
-            return self._zero.copy()
+            return np.zeros(self._size)
         return _combined(_lagrange(self._times, time), _last_three(self._fields))
 
     def state(self) -> State:
@@ -114,10 +114,10 @@ class PressurePrediction(DisplacementPrediction):
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
-            return self._zero.copy()
+            return np.zeros(self._size)
         pressures, gaps = _last_three(self._fields), _last_three(self._gaps)
         first, end = self._contact
-        reach, size = max(self._zero.size // _REACH, (end - first) // 2), self._zero.size
+        reach, size = max(self._size // _REACH, (end - first) // 2), self._size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
         return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
 
@@ -263,11 +263,10 @@ class LastGap(DisplacementPrediction):
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
         self._times, self._fields = deque(maxlen=1), deque(maxlen=1)
-        self._zero[:] = np.inf
 
     def at(self, _time: float) -> FloatArray:
         """Return the guess, as a new array."""
-        return (self._fields[-1] if self._fields else self._zero).copy()
+        return self._fields[-1].copy() if self._fields else np.full(self._size, np.inf)
 
 
 PREDICTIONS: dict[str, type[DisplacementPrediction]] = {

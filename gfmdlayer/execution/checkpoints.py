@@ -85,10 +85,9 @@ class Checkpoints:
         from gfmdlayer.grid.ranks import ALONE
         from gfmdlayer.results.provenance import made_by
 
-        self._folder, self._index = folder, index
-        self._share = Share(folder, index, ranks or ALONE)
+        self._folder, self._index, self._path = folder, index, folder.case(index, "checkpoint")
+        self._ranks, self._share = ranks or ALONE, Share(folder, index, ranks or ALONE)
         self._interval, self._report_time = interval, report_time
-        self._path = folder.case(index, "checkpoint")
         self._made_by = made_by(digest) | self._share.made_by
         self._stem, self._earlier = stem, earlier
         self._begin()
@@ -107,11 +106,11 @@ class Checkpoints:
         """
         from gfmdlayer.results.checkpoint import CheckpointError
 
-        with self._share.agreeing(CheckpointError):
+        with self._ranks.agreeing(CheckpointError):
             if self._share.first:
                 self._find()
         path = self._share.found(None if self._found is None else self._found.about)
-        with self._share.agreeing(CheckpointError):
+        with self._ranks.agreeing(CheckpointError):
             if path is not None and not self._share.first:
                 self._read(path, self._made_by)
 
@@ -158,7 +157,7 @@ class Checkpoints:
             self._replay(self._folder.case(self._earlier.index), self._earlier)
         elif self._found is not None:
             position = Position(*self._found.about["journal"])
-            with self._share.agreeing(CheckpointError):
+            with self._ranks.agreeing(CheckpointError):
                 if position.columns and (changed := writer.declared ^ set(position.columns)):
                     raise CheckpointError(f"its rows have other columns, see {', '.join(sorted(changed))}")
                 try:
@@ -194,7 +193,7 @@ class Checkpoints:
         from gfmdlayer.results.checkpoint import CheckpointError
 
         if self._found is not None:
-            with self._share.agreeing(CheckpointError):
+            with self._ranks.agreeing(CheckpointError):
                 try:
                     memory.restore(self._found.state)
                 except (KeyError, ValueError) as error:
@@ -223,7 +222,6 @@ class Checkpoints:
             stopped = False
         except Stopped:
             stopped = True
-        # Any rank may have got a signal; the first one has the clock.
         stop, due = self._share.any_of(stopped, time.monotonic() >= self._due)
         if stop or due:
             self._write()

@@ -79,7 +79,7 @@ class Grid:
             for n, length in zip(self.points, self.period, strict=True)
         )
 
-    @cached_property
+    @property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
         squares = sum(np.square(axis) for axis in self.wavevectors)

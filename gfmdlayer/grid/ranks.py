@@ -6,6 +6,8 @@ One process holds the whole grid (`ALONE`), or the ranks of an MPI job hold the 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -58,6 +60,17 @@ class Ranks:
     def all_of(self, value: Any) -> list[Any]:
         """Return the values of all ranks."""
         return [value]
+
+    @contextmanager
+    def agreeing(self, kind: type[Exception]) -> Iterator[None]:
+        """Raise an exception of this kind on all ranks where one raises it in the block."""
+        failure = ""
+        try:
+            yield
+        except kind as error:
+            failure = str(error) or type(error).__name__
+        if failure := next(filter(None, self.all_of(failure)), ""):
+            raise kind(failure)
 
     def counted(self, number: int) -> tuple[int, int]:
         """Return the sum of a number over the ranks before this one, and over all."""

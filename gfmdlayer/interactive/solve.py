@@ -150,7 +150,7 @@ def solve(
     law: InterfaceLaw = make_interface(config) if "interface" in given else interface  # type: ignore[assignment]
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
-    if control == "depth" and (message := too_deep(target, heights, body.mean_stiffness)):
+    if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = body.spectrum(grid.wavenumbers)

@@ -75,6 +75,8 @@ class Dugdale(Interface):
     array([0.25 , 0.125, 0.   ])
     """
 
+    points_in_zone: ClassVar[int] = 8
+
     law: Literal["dugdale"] = "dugdale"
     """constant traction up to the range work/stress"""
     work: Positive

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Adhesion
-from gfmdlayer.observables.contact_means import ContactMeans
+from gfmdlayer.observables.contact_means import ContactMeans, Force
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
 from gfmdlayer.observables.energy_balance import EnergyBalance, Instabilities
-from gfmdlayer.observables.force import Force
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts

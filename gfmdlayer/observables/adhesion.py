@@ -17,7 +17,8 @@ PART = 0.1  # of the largest traction, from which on a point counts as attracted
 class Adhesion(Observable):
     """Energy of the interface, area that it attracts and largest tension; pull-off and work of separation.
 
-    The pull-off is the largest pull on the punch during the run. The work of separation is the area between
+    The pull-off is the largest pull on the punch in the steps in which the depth falls or rests: not that of
+    a surface that snaps into contact during the approach. The work of separation is the area between
     the curve of mean pressure against depth and zero, where the punch pulls while it retracts:
 
         - integral of min(pbar, 0) d(-depth)        over the steps in which the depth falls
@@ -34,7 +35,7 @@ class Adhesion(Observable):
         Column("largest_tension", "largest tension of the surface", "pressure"),
     )
     NUMBERS = (
-        Column("pull_off_force", "pull-off force, the largest pull on the punch", "force"),
+        Column("pull_off_force", "pull-off force, the largest pull in retraction", "force"),
         Column("pull_off_stress", "pull-off force over the area of the cell", "pressure"),
         Column("work_of_separation", "work of separation per area of the cell", "pressure length"),
     )
@@ -70,8 +71,8 @@ class Adhesion(Observable):
         }
 
     def _pull(self, depth: float, pressure: float, force: float) -> None:
-        self._force, self._stress = max(self._force, -force), max(self._stress, -pressure)
-        if self._last is not None and depth < self._last[0]:
+        if self._last is not None and depth <= self._last[0]:
+            self._force, self._stress = max(self._force, -force), max(self._stress, -pressure)
             before, now = max(-self._last[1], 0.0), max(-pressure, 0.0)
             part = 1.0  # of the step in which it pulls
             if min(self._last[1], pressure) < 0 < max(self._last[1], pressure):

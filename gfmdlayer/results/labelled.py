@@ -79,7 +79,7 @@ def labelled(
             )
     same = all(_surface(case) == _surface(complete[0]) for case in complete)
     if same and complete[0].sizes["snapshot"]:
-        for name in FIELDS:
+        for name in (each for each in FIELDS if all(each in case for case in complete)):
             example = complete[0][name]
             fields = [None if case is None else case[name].to_numpy() for case in cases]
             found = _gathered(layout, fields, example.shape)

@@ -1,7 +1,7 @@
 """The file of one case: rows in time, snapshots of the surface, and where they come from.
 
     time(time), the columns of the observables                    x(x)[, y(y)]
-    snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
+    snapshot(snapshot), displacement, pressure, gap, and with attraction traction (snapshot, x[, y])
 
 Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
 snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
@@ -29,7 +29,7 @@ from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template,
 from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes, write_at
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
-from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.results.schema import FIELDS, VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
@@ -164,26 +164,35 @@ class CaseWriter:
         displacement: NDArray[np.float64],
         pressure: NDArray[np.float64],
         gap: NDArray[np.float64] | None = None,
+        traction: NDArray[np.float64] | None = None,
     ) -> None:
-        """Record the surface at a time: displacement, contact pressure and gap, arrays of the grid's shape.
+        """Record the surface at a time, by arrays of the grid's shape.
 
-        The gap is left out from the first snapshot on, or never.
+        Parameters
+        ----------
+        time : float
+            The time.
+        displacement, pressure : ndarray
+            Of the surface.
+        gap, traction : ndarray, optional
+            Each is left out from the first snapshot on, or never.
 
         Raises
         ------
         ValueError
-            For arrays of another shape, or a gap that some snapshots lack.
+            For arrays of another shape, or a field that some snapshots lack.
         """
         if self._columns is None:
             self._begin(("time",))
-        fields = {"displacement": displacement, "pressure": pressure}
-        if gap is not None:
-            fields["gap"] = gap
-            if not self._growing["snapshot"].shape[0]:
-                gap_field = add_field(self._h5, "gap", tuple(self._coordinates), dict(self._fields)["gap"])
-                self._growing["gap"] = gap_field.id
-        if ("gap" in fields) != ("gap" in self._growing):
-            raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
+        given = dict(zip(FIELDS, (displacement, pressure, gap, traction), strict=True))
+        fields = {name: field for name, field in given.items() if field is not None}
+        if not self._growing["snapshot"].shape[0]:
+            for name in fields.keys() - self._growing.keys():
+                added = add_field(self._h5, name, tuple(self._coordinates), dict(self._fields)[name])
+                self._growing[name] = added.id
+        for name in FIELDS:
+            if (name in fields) != (name in self._growing):
+                raise ValueError(f"{self.path}: some snapshots have a {name} and others have none")
         shape = self._shape if self._grid is None else self._grid.shape
         for name, field in fields.items():
             if np.shape(field) != shape:

@@ -26,7 +26,7 @@ nowhere above the punch; or, where scaling the pressure does not do that, a gap 
 is aimed at.
 
 Termination: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
-problem goes to `safeguard`, whose last resort decreases the energy monotonically and converges for every
+problem goes to `safeguard`, where each step lowers the energy, and which ends on every
 convex problem.
 """
 

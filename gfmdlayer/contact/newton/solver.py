@@ -1,6 +1,32 @@
 """Newton's method for interfaces that attract, along the path that the surface takes.
 
-TODO
+The energy E(u) = elastic energy + sum of w(h - u) is to be least over u <= h. Where w is concave E has many
+minima. The surface is in the one to which the state before leads:
+
+branch
+    A step begins with the last gap, at the new punch, history and load. Traction r_0 holds it there; the
+    mean of u differs by m_0 from that prescribed. Both are taken away, (1 - s) r_0 and (1 - s) m_0 with s
+    from 0 to 1: of an elastic body this is the motion of the punch. Newton steps in which the traction
+    differs little from its tangent follow the minimum (Davidenko's path), in most steps all the way at
+    once. Points at the wall stay there.
+descent
+    Where the energy is not convex along the free points, or that path comes to a standstill, a branch ends.
+    The punch stops (s is kept) and the surface descends overdamped, each point at a speed in proportion to
+    the pressure p_c that is out of balance on it, eta du/dt = p_c with one eta for all points, and u <= h.
+    Steps are linearly implicit (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35
+    (1998) 508), (K + w'' + c) d = p_c with c = eta/dt. c is chosen for the change of the traction, whose
+    difference from the tangent is the error, and large enough that the matrix is positive and the energy
+    falls; it vanishes as a minimum comes near, and Newton's method ends there. Then s grows again.
+
+So a landing depends neither on the time step nor on a start or tolerance, so long as there is one instability
+on the way of a step at most. `Solution.released_energy` is the energy that a descent with a concave stretch
+has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
+part of the step, so that its error is of first order in the step. Elsewhere it is zero.
+
+Linear systems are solved on the free points by conjugate gradients with the preconditioner
+1/(K + c + kappa_1/2), two FFT pairs an iteration; a direction of negative curvature ends them and begins a
+descent. Points that a step drives through the wall are put onto it, and the rest is solved again. In balance
+`soft_mode` looks for a deformation of negative curvature, which no symmetry hides.
 """
 
 from __future__ import annotations
@@ -12,7 +38,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, hold, iterate
+from gfmdlayer.contact.newton.loop import Fields, Progress, hold, is_lost, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
 from gfmdlayer.contact.newton.soft_mode import find_margin, leave
 from gfmdlayer.contact.pressure_form import trivial_solution
@@ -90,7 +116,8 @@ class Newton:
                 break
         if not converged:
             self._mode[:] = mode
-        released = progress.released + (progress.drop if progress.unstable else 0.0)
+        lost = is_lost(system, progress.drop, progress.unstable)
+        released = progress.released + (progress.drop if lost else 0.0)
         solution = make_solution(
             problem,
             u.copy(),
@@ -134,7 +161,7 @@ class Newton:
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         if np.isfinite(u).all():
-            done, mean = 0.0, float(u.mean())
+            done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
             hold(self._transforms.plans, system, fields)
         else:
             u[:] = 0.0
@@ -146,19 +173,19 @@ class Newton:
 
 
 def _system(problem: Problem) -> System:
-    n, law = problem.obstacle.size, problem.interface
+    n, law, floor = problem.obstacle.size, problem.interface, problem.residual_floor
     return System(
         problem.stiffness / n,
         problem.intercept / n,
         problem.obstacle,
         law.terms,
         max(law.strength, 1e-300),
-        law.range,
+        floor.range,
         _reach(law),
         problem.mean_is_fixed,
         problem.applied_pressure,
-        problem.softest,
-        problem.residual_floor,
+        floor.stiffness,
+        floor,
     )
 
 

@@ -42,9 +42,9 @@ class PartWriter:
     def row(self, **values: float | NDArray[np.float64]) -> None:
         """Do nothing: the first rank has the same row."""
 
-    def snapshot(self, _time: float, *fields: NDArray[np.float64]) -> None:
-        """Hand on displacement, pressure and gap."""
-        for field in fields:
+    def snapshot(self, _time: float, *fields: NDArray[np.float64] | None) -> None:
+        """Hand on the fields."""
+        for field in (each for each in fields if each is not None):
             for _ in self._grid.blocks(field, rows_of_block(self._grid.points)):
                 pass
 

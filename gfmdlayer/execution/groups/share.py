@@ -10,8 +10,7 @@ A checkpoint counts when that of the first rank has its name: it says whether th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,17 +110,6 @@ class Share:
     def agreed(self, failure: str) -> str:
         """Return the first failure of a rank; empty where there is none."""
         return next(filter(None, self._ranks.all_of(failure)), "")
-
-    @contextmanager
-    def agreeing(self, kind: type[Exception]) -> Iterator[None]:
-        """Raise an exception of this kind on all ranks where one raises it in the block."""
-        failure = ""
-        try:
-            yield
-        except kind as error:
-            failure = str(error) or type(error).__name__
-        if failure := self.agreed(failure):
-            raise kind(failure)
 
     @property
     def _next(self) -> str:

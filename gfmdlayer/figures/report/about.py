@@ -39,11 +39,14 @@ def provenance(complete: Sequence[Contents]) -> dict[str, str]:
 
 def notes(cases: Sequence[Listed], complete: Sequence[Contents]) -> dict[str, str]:
     """Return what the page leaves out of curves and of surfaces."""
-    thinned = [each for each in complete if len(each.columns["time"]) < each.rows]
+    drawn = [each for each in complete if each.columns]
+    thinned = [each for each in drawn if len(each.columns["time"]) < each.rows]
     found = {"curves": "", "surfaces": ""}
+    if len(drawn) < len(complete):
+        found["curves"] = f"The page holds the curves of {len(drawn)} of {len(complete)} complete cases. "
     if thinned:
         widest = max(thinned, key=lambda each: each.rows)
-        found["curves"] = (
+        found["curves"] += (
             f"The page holds up to {len(widest.columns['time'])} of {widest.rows} rows of a case."
         )
     have = sum(int(each.attributes.get("snapshots", 0)) > 0 for each in complete)

@@ -18,11 +18,12 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.figures.plot_style import spread
 from gfmdlayer.results.schema import FIELDS
 
-CURVE_NUMBERS = SURFACE_NUMBERS = 2_000_000  # on a page; 11 MB each
+CURVE_NUMBERS = SURFACE_NUMBERS = 1_200_000  # on a page; 6.4 MB each
 LEAST_ROWS = 64
 LEAST_POINTS = {1: 256, 2: 64 * 64}  # of a line and of a surface
 MOST_POINTS = {1: 4096, 2: 512 * 512}
 MOST_OF_LISTS = 1000  # entries
+IN_TABLE = ("residual", "work", "energy_residual")  # columns whose extremes are in the table of cases
 
 
 class Listed(NamedTuple):
@@ -93,10 +94,11 @@ class Contents:
         In the file.
     columns : dict
         Columns along time, time itself included, at the rows that are kept; also distributions (rows, bins).
+        Empty where the page has no room for the case.
     extremes : dict
-        Column -> largest magnitude in the file.
+        Column -> largest magnitude in the file; of a case without room, for those in the table.
     lists : dict
-        Variables along any other dimension.
+        Variables along any other dimension, and attributes that are arrays.
     surfaces : Surfaces, optional
         The snapshots, if it has any and the page has room for them.
     """
@@ -125,6 +127,7 @@ class Reader:
 
     def __init__(self, cases: Sequence[Listed]) -> None:
         self._files = [case.number for case in cases if case.state == "complete"]
+        self._with_curves: list[int] | None = None
         self._with_surfaces: set[int] | None = None
         self.described: dict[str, Described] = {}
 
@@ -145,29 +148,36 @@ class Reader:
         along = {name: self.described[name].dimensions for name in variables}
         columns = [name for name, axes in along.items() if axes[:1] == ("time",)]
         each_row = sum(variables[name].size for name in columns) / max(found.rows, 1)
-        most = int(CURVE_NUMBERS / max(len(self._files) * each_row, 1))
-        kept = kept_rows(found.rows, max(most, LEAST_ROWS))
-        for name in columns:
+        if self._with_curves is None:
+            least = max(int(min(LEAST_ROWS, found.rows) * each_row), 1)
+            self._with_curves = [self._files[i] for i in spread(len(self._files), CURVE_NUMBERS // least)]
+        has_curves = number in self._with_curves
+        kept = kept_rows(found.rows, max(int(CURVE_NUMBERS / (len(self._with_curves) * each_row)), 2))
+        for name in columns if has_curves else set(columns).intersection(IN_TABLE):
             values = variables[name][...]
-            found.columns[name] = np.asarray(values[kept], dtype=float)
             finite = np.abs(values[np.isfinite(values)])
             found.extremes[name] = float(finite.max(initial=0.0))
+            if has_curves:
+                found.columns[name] = np.asarray(values[kept], dtype=float)
         held = {"time", "snapshot", "x", "y"}
         for name, axes in along.items():
             if axes and not held & {*axes, name} and variables[name].dtype.kind in "iuf" and len(axes) == 1:
                 found.lists[name] = np.asarray(variables[name][:MOST_OF_LISTS], dtype=float)
-        if self._has_room(number, h5):
+        for name, value in found.attributes.items():
+            if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf":
+                found.lists[name] = value[:MOST_OF_LISTS].astype(float)
+                self.described.setdefault(name, Described({}, (name,)))
+        if has_curves and self._has_room(number, self._with_curves, h5):
             found.surfaces = self._surfaces(h5)
         return found
 
-    def _has_room(self, number: int, h5: h5py.File) -> bool:
-        """Whether the snapshots of the case are on the page: those of all cases, or of some of them."""
+    def _has_room(self, number: int, among: list[int], h5: h5py.File) -> bool:
+        """Whether the snapshots of the case are on the page: those of all cases with curves, or of some."""
         if not len(h5["snapshot"]):
             return False
         if self._with_surfaces is None:
             least = 2 * len(FIELDS) * LEAST_POINTS[h5["pressure"].ndim - 1]
-            places = spread(len(self._files), SURFACE_NUMBERS // least)
-            self._with_surfaces = {self._files[i] for i in places}
+            self._with_surfaces = {among[i] for i in spread(len(among), SURFACE_NUMBERS // least)}
         return number in self._with_surfaces
 
     def _surfaces(self, h5: h5py.File) -> Surfaces:

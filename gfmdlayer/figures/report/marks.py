@@ -26,6 +26,7 @@ _ACCENTS = {"bar": "\u0304", "tilde": "\u0303", "hat": "\u0302", "dot": "\u0307"
 _RAISED = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
 
 _ACCENT = re.compile(r"\\(bar|tilde|hat|dot)\{([^{}]*)\}")
+_UPRIGHT_INDEX = re.compile(r"([_^])\\mathrm\{([^{}]*)\}")
 _UPRIGHT = re.compile(r"\\mathrm\{([^{}]*)\}")
 _SIGN = re.compile(r"\\([A-Za-z]+) ?")
 _INDEX = re.compile(r"([_^])(?:\{([^{}]*)\}|(.))")
@@ -39,7 +40,8 @@ def html(label: str) -> str:
 
 def _mathtext(part: str) -> str:
     text = _ACCENT.sub(lambda found: found[2] + _ACCENTS[found[1]], part.replace(r"\,", "\u2009"))
-    text = _SIGN.sub(lambda found: _SIGNS.get(found[1], found[1]), _UPRIGHT.sub(r"{\1}", text))
+    text = _UPRIGHT.sub(r"\1", _UPRIGHT_INDEX.sub(r"\1{\2}", text))
+    text = _SIGN.sub(lambda found: _SIGNS.get(found[1], found[1]), text)
     return _INDEX.sub(_index, escape(text, quote=False)).translate({ord("{"): None, ord("}"): None})
 
 

@@ -236,7 +236,8 @@ def _case(
     if found is None:
         unreadable = {"state": "damaged", "reason": f"{case.path.name} is not a complete result file"}
         return about | (unreadable if case.state == "complete" else {})
-    facts = {name: plain(value) for name, value in found.attributes.items() if name not in PLACED}
+    placed = PLACED | found.lists.keys()
+    facts = {name: plain(value) for name, value in found.attributes.items() if name not in placed}
     work = found.extremes.get("work", 0.0)
     binned = {each.dimensions[1] for each in described.values() if len(each.dimensions) == 2}
     return about | {
@@ -253,7 +254,7 @@ def _case(
             for name, values in found.lists.items()
             if described[name].dimensions[0] not in binned
         ],
-        "columns": {name: columns[name](values) for name, values in found.columns.items()},
+        "columns": {name: columns[name](values) for name, values in found.columns.items()} or None,
         "surface": None if found.surfaces is None else _surface(found.surfaces, fields),
     }
 

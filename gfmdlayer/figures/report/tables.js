@@ -1,11 +1,12 @@
 // The table of cases, all attributes of the chosen one, the configuration and its origin; then the page begins.
 
+const MOST_ROWS = 1000; // of the table
 const STATES = ["complete", "running", "failed", "waiting", "damaged"];
 
 /** Columns of the table: heading, value of a case, whether it is text, how it is written. */
 function tableColumns() {
-  const names = [...new Set(COMPLETE.flatMap((one) => Object.keys(one.facts)))];
-  const facts = names.filter((name) => COMPLETE.some((one) => typeof one.facts[name] === "number"));
+  const names = [...new Set(DATA.cases.flatMap((one) => Object.keys(one.facts ?? {})))];
+  const facts = names.filter((name) => DATA.cases.some((one) => typeof one.facts?.[name] === "number"));
   const every = [
     { head: "number", value: (one) => one.number },
     ...DATA.keys.map((key, i) => ({ head: key.symbol, value: (one) => one.at[i], show: (one) => key.titles[one.at[i]].replace(`${key.symbol} = `, "") })),
@@ -71,7 +72,9 @@ function drawTable() {
     }
     return head;
   });
-  const body = element("tbody", {}, ...sortedCases().map(tableRow));
+  const cases = sortedCases(), left = cases.length - MOST_ROWS;
+  const body = element("tbody", {}, ...cases.slice(0, MOST_ROWS).map(tableRow));
+  byId("cases-left").textContent = left > 0 ? `The table shows the first ${MOST_ROWS} of ${cases.length}; the CSV has all.` : "";
   byId("table").replaceChildren(element("table", {}, element("thead", {}, element("tr", {}, ...heads)), body));
 }
 

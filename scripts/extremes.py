@@ -1,0 +1,315 @@
+"""Run random extreme cases in memory, and list by kind those that do not end as they must.
+
+Bodies, punches, histories and solvers are drawn over what configurations admit, far beyond what is measured:
+films of a millionth of the period and layers of a million, moduli over sixteen decades, compressible and
+auxetic bodies, thirty branches over twenty decades of time, loads that jump, vanish and return, sliding, odd
+and prime numbers of points. A case must end with finite numbers and a residual within the tolerance, or with
+`ConvergenceError`, which names the step and gives the command line its exit status 1. Case i of seed S is
+drawn from the pair (S, i) alone.
+
+    python scripts/extremes.py 1000 --seed 1
+    python scripts/extremes.py 1 --seed 1 --first 17     # case 17 again; --show prints its configuration
+"""
+
+from __future__ import annotations
+
+import argparse
+import pprint
+import signal
+import sys
+import time
+import traceback
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import gfmdlayer
+from gfmdlayer.case import Case
+from gfmdlayer.contact.solvers import SOLVERS
+
+DEFAULT = "active_set"
+LINES = (8, 9, 16, 31, 64, 97, 128, 135, 255, 256)
+SURFACES = ([8, 8], [9, 13], [16, 16], [31, 16], [32, 32])
+LONGEST = 60.0  # seconds of the processor after which a case counts as one that hangs
+GOOD = ("converged", "refused")
+WITHOUT_CONTACT = {"friction", "contact_centre"}  # NaN there, as documented
+
+Draw = np.random.Generator
+Values = dict[str, Any]
+
+
+class Hangs(Exception):  # noqa: N818
+    """A case takes longer than `LONGEST`."""
+
+
+class Drawn(NamedTuple):
+    """A configuration and the table of its trajectory, if it has one."""
+
+    config: Values
+    history: tuple[list[float], list[float]] | None
+
+
+def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,)) -> Drawn:
+    """Draw a case.
+
+    Parameters
+    ----------
+    seed, index : int
+        Which case.
+    methods : tuple of str
+        Solvers, one of which the case has.
+
+    Returns
+    -------
+    Drawn
+    """
+    rng = np.random.default_rng((seed, index))
+    points: Any = choose(rng, *LINES) if rng.random() < 0.8 else choose(rng, *SURFACES)
+    period = choose(rng, 1.0, decades(rng, -9, 9))
+    config = {"name": f"extreme-{seed}-{index}", "grid": {"points": points, "period": period}}
+    config |= body(rng, period)
+    spacing = period / (min(points) if isinstance(points, list) else points)
+    config["punch"] = punch(rng, period, spacing)
+    most, end, softest = scales(config, rng)
+    height = most
+    control = choose(rng, "depth", "load", "force")
+    if control != "depth":
+        most *= softest
+    if control == "force":
+        most *= period ** (2 if isinstance(points, list) else 1)
+    config["trajectory"] = {"control": control}
+    history = trajectory(rng, config["trajectory"], control, most, end)
+    steps = int(rng.integers(1, 8))
+    config["time"] = {
+        "end": end,
+        "step": end / steps,
+        "integrator": choose(rng, "exponential", "backward_euler"),
+    }
+    if rng.random() < 0.1:
+        config["time"] |= {"step": "adaptive", "integrator": "exponential", "tolerance": decades(rng, -3, -1)}
+    if rng.random() < 0.1:
+        config["time"]["integrator"] = "exponential"  # which alone follows a moving punch
+        config["trajectory"]["velocity"] = choose(rng, -1, 1) * period / end * decades(rng, -2, 1)
+    config["solver"] = {
+        "method": str(rng.choice(methods)),
+        "tolerance": choose(rng, 1e-6, decades(rng, -8, -3)),
+    }
+    if SOLVERS[config["solver"]["method"]].adhesive and "velocity" not in config["trajectory"]:
+        config |= adhesion(rng, height, softest)
+    return Drawn(config, history)
+
+
+def choose(rng: Draw, *values: Any) -> Any:
+    """One of some values."""
+    return values[rng.integers(len(values))]
+
+
+def decades(rng: Draw, lowest: float, highest: float) -> float:
+    """A number whose logarithm is uniform."""
+    return float(f"{10 ** rng.uniform(lowest, highest):.4g}")
+
+
+def body(rng: Draw, period: float) -> Values:
+    """Layers on a halfspace."""
+    G0 = choose(rng, 1.0, decades(rng, -9, 9))
+    bulk = choose(rng, np.inf, 0.0, 1.0, decades(rng, -8, 8), decades(rng, -8, 8), decades(rng, -3, 3))
+    if rng.random() < 0.1:
+        layers = [layer(rng, G0, period) for _ in range(rng.integers(2, 4))]
+        return {"layers": layers, "halfspace": {"shear_modulus": bulk * G0, "poisson": poisson(rng)}}
+    one = layer(rng, G0, period)
+    if rng.random() < 0.1:
+        one["thickness"] = choose(rng, 0.0, np.inf)
+        bulk = 1.0 if bulk in {0.0, np.inf} else bulk
+    return {"layer": one, "halfspace": {"shear_modulus": bulk * G0, "poisson": poisson(rng)}}
+
+
+def poisson(rng: Draw) -> float:
+    """Poisson's ratio, often that of incompressible bodies or close to it."""
+    return float(
+        choose(rng, 0.5, 0.5, choose(rng, 0.4999999, 0.49, 0.0, -0.9), round(rng.uniform(-0.9, 0.5), 3))
+    )
+
+
+def layer(rng: Draw, G0: float, period: float) -> Values:
+    """A layer of a material whose modulus and time are given but for a factor."""
+    G0 *= choose(rng, 1.0, decades(rng, -2, 2))
+    tau = choose(rng, 1.0, decades(rng, -6, 6))
+    match choose(rng, "elastic", "zener", "zener", "prony", "prony"):
+        case "elastic":
+            material: Values = {"model": "elastic", "G": G0}
+        case "zener":
+            material = {"model": "zener", "G0": G0, "Ginf": G0 * decades(rng, 0.001, 8), "tau": tau}
+        case _:
+            count = choose(rng, 1, 3, 30)
+            times = tau * 10.0 ** rng.uniform(-10, 10, count)
+            moduli = G0 * 10.0 ** rng.uniform(-4, 8, count)
+            branches = [{"G": G, "tau": t} for G, t in zip(moduli.tolist(), times.tolist(), strict=True)]
+            material = {"model": "prony", "G0": G0, "branches": branches}
+    thickness = period * choose(rng, 0.05, decades(rng, -6, 6), decades(rng, -3, 0))
+    return {"thickness": thickness, "poisson": poisson(rng), "material": material}
+
+
+def punch(rng: Draw, period: float, spacing: float) -> Values:
+    """A punch in a cell."""
+    slope = choose(rng, decades(rng, -4, 1), 1.0)
+    parabola = {"shape": "parabola", "radius": period / slope}
+    return dict(
+        choose(
+            rng,
+            parabola,
+            {"shape": "wedge", "slope": slope},
+            {"shape": "cone", "slope": slope},
+            {"shape": "flat", "width": 0.3 * period, "edge_radius": 0.2 * period},
+            {"shape": "sinusoid", "amplitude": slope * period, "wavelength": period / 2},
+            {"shape": "array", "counts": 2, "element": parabola},
+            {
+                "shape": "self_affine",
+                "hurst": rng.uniform(0.1, 1.0),
+                "short_cutoff": rng.uniform(2.1 * spacing, max(2.1 * spacing, period)),
+                "seed": int(rng.integers(100)),
+                "rms_slope": slope,
+            },
+        )
+    )
+
+
+def scales(config: Values, rng: Draw) -> tuple[float, float, float]:
+    """Largest depth and duration of a history, and stiffness of the softest mode at its beginning."""
+    bare = gfmdlayer.Config.model_validate({**config, "trajectory": {"depth": 0.0}})
+    case = Case(bare)
+    times = [tau for law in bare.laws for _, tau in law.maxwell_branches] or [1.0]
+    end = choose(rng, *times) * decades(rng, -3, 3)
+    kappa, _ = case.integrator.terms(0.0)
+    height = float(case.punch.mean())
+    if kappa[0] > 0:  # may be pressed deeper than the cell holds
+        height *= choose(rng, 1.0, 10.0)
+    return 0.95 * height, end, float(kappa[1:].min())
+
+
+def trajectory(
+    rng: Draw, section: Values, control: str, most: float, end: float
+) -> tuple[list[float], list[float]] | None:
+    """Fill the section of the trajectory, or return the table of one."""
+
+    def part() -> float:
+        return float(choose(rng, rng.uniform(1e-3, 1), rng.uniform(1e-3, 1), 0.0, 1.0, decades(rng, -4, 0)))
+
+    match choose(rng, "ramp_hold", "approach_retract", "table", "table"):
+        case "ramp_hold":
+            section |= {control: most * part(), "ramp_time": end * choose(rng, 1e-3, 0.5, 1.0, 10.0)}
+        case "approach_retract":
+            peak = most * (part() or 0.5)
+            section |= {"kind": "approach_retract", control: peak, "approach_speed": 3 * peak / end}
+            section |= {"dwell": end / 4, "retract_speed": 4 * peak / end, "cycles": int(rng.integers(1, 3))}
+        case _:
+            times = np.linspace(0, end, int(rng.integers(2, 7)))
+            if rng.random() < 0.5:  # jumps: to another value within a part of the step
+                times = np.sort(np.append(times, times[:-1] + 1e-6 * end))
+            return times.tolist(), [most * part() for _ in times]
+    return None
+
+
+def adhesion(rng: Draw, height: float, softest: float) -> Values:
+    """An interface that attracts, in half of the cases."""
+    reach = height * decades(rng, -4, 0)
+    law = {"law": "exponential", "range": reach, "work": softest * reach**2 * decades(rng, -4, 2)}
+    return {"interface": law} if rng.random() < 0.5 else {}
+
+
+class Outcome(NamedTuple):
+    """How a case ended: a kind, and the particulars."""
+
+    kind: str
+    text: str = ""
+
+
+def outcome(drawn: Drawn) -> Outcome:
+    """Run a case."""
+    try:
+        with warnings.catch_warnings(), _limited():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", RuntimeWarning)
+            data = gfmdlayer.run(drawn.config, history=drawn.history, progress=False)
+    except gfmdlayer.ConfigError as error:
+        return Outcome("refused", str(error))
+    except gfmdlayer.ConvergenceError as error:
+        return Outcome("not converged", str(error))
+    except Hangs:
+        return Outcome("hangs", f"over {LONGEST:.0f} s")
+    except Exception as error:  # whatever it is, it is what is looked for
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return Outcome(type(error).__name__, f"{error} ({where.filename.rpartition('/')[2]}:{where.lineno})")
+    wrong = [name for name, values in data.variables.items() if not _sound(name, values)]
+    if wrong:
+        return Outcome("not finite", ", ".join(map(str, wrong)))
+    if not (data["residual"] <= drawn.config["solver"]["tolerance"]).all():
+        return Outcome("wrong", "a residual above the tolerance")
+    return Outcome("converged")
+
+
+def _sound(name: Any, values: Any) -> bool:
+    values = np.asarray(values)
+    return bool((np.isfinite(values) | (name in WITHOUT_CONTACT and np.isnan(values))).all())
+
+
+@contextmanager
+def _limited() -> Iterator[None]:
+    """Stop what takes longer than `LONGEST` of the processor's time."""
+
+    def stop(*_: object) -> None:
+        raise Hangs
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def table(found: Mapping[tuple[str, str], list[tuple[int, str]]], shown: int = 12) -> str:
+    """Return the counts by solver and kind as a table, with the cases that failed."""
+    lines = ["| solver | end | cases | which |", "|---|---|---|---|"]
+    for (method, kind), cases in sorted(found.items()):
+        which = "" if kind in GOOD else ", ".join(str(index) for index, _ in cases[:shown])
+        lines.append(
+            f"| {method} | {kind} | {len(cases)} | {which}{' ...' * (len(cases) > shown and bool(which))} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run the cases that the command line asks for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("count", type=int, help="number of cases")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all cases")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--methods", nargs="+", choices=list(SOLVERS), default=[DEFAULT], help="solvers")
+    parser.add_argument("--show", action="store_true", help="print each configuration")
+    given = parser.parse_args()
+    found: dict[tuple[str, str], list[tuple[int, str]]] = defaultdict(list)
+    began = time.process_time()
+    for index in range(given.first, given.first + given.count):
+        drawn = draw(given.seed, index, tuple(given.methods))
+        if given.show:
+            pprint.pprint(drawn)
+        end = outcome(drawn)
+        found[drawn.config["solver"]["method"], end.kind].append((index, end.text))
+        if end.kind not in GOOD:
+            print(
+                f"{given.seed} {index}: {drawn.config['solver']['method']} {end.kind}: {end.text}", flush=True
+            )
+    print(f"\nSeed {given.seed}, {given.count} cases, {time.process_time() - began:.0f} s of one core.\n")
+    print(table(found))
+    return int(any(kind not in GOOD for _, kind in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
