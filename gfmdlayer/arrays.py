@@ -1,4 +1,4 @@
-"""Names for the arrays that the package works on."""
+"""Names for the arrays that the package works on, and for the attributes of its results."""
 
 from __future__ import annotations
 
@@ -9,3 +9,5 @@ FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+Attribute = str | float | FloatArray

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
@@ -18,15 +18,18 @@ from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.slab_transforms import transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.instabilities import Changes
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
 from gfmdlayer.history.stack_modes import stack_modes
-from gfmdlayer.history.time_points import Course, FixedSteps, Instant, equal_steps, landing_steps
+from gfmdlayer.history.time_points import FixedSteps, Instant, Steps, equal_steps, landing_steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import Observable, observables
 from gfmdlayer.observables.observable import Energy
@@ -51,32 +54,6 @@ class Integrator(Energy, Resumable, Protocol):
 
     def advance(self, spectrum: ComplexArray) -> None:
         """Carry the history on with the accepted displacement."""
-        ...
-
-
-class Steps(Resumable, Protocol):
-    """The time points of a run."""
-
-    def __iter__(self) -> Iterator[Instant]:
-        """Return the time points in order; a rejected one is followed by an earlier one."""
-        ...
-
-    def accepts(self, spectrum: ComplexArray, found: float, depth: float) -> bool:
-        """Return whether the last step is accurate enough.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex
-            Displacement at its end.
-        found : float
-            Mean pressure at a prescribed depth, depth under a prescribed load.
-        depth : float
-            Depth of the punch.
-        """
-        ...
-
-    def course(self) -> Course | None:
-        """Return the course so far where the next step is the first that may depend on the end of the run."""
         ...
 
 
@@ -110,6 +87,8 @@ class Case:
         FFTW wisdom, where the bits of another run are to be reproduced.
     threads : int
         Threads that the transforms of a large grid may use.
+    ranks : Ranks
+        The processes that compute the case together.
     **parts
         Parts in place of those that the configuration describes, see `Parts`: `Case(config, body=mine)`.
         The other parts are made to fit.
@@ -129,17 +108,22 @@ class Case:
     """
 
     def __init__(
-        self, config: Config, wisdom: str | None = None, threads: int = 1, **parts: Unpack[Parts]
+        self,
+        config: Config,
+        wisdom: str | None = None,
+        threads: int = 1,
+        ranks: Ranks = ALONE,
+        **parts: Unpack[Parts],
     ) -> None:
         if unknown := parts.keys() - Parts.__annotations__.keys():
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
-        self.config, self._wisdom, self._threads = config, wisdom, threads
+        self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks
         vars(self).update(parts)  # where the cached properties look first
 
     @cached_property
     def grid(self) -> Grid:
         """The periodic grid."""
-        return inputs.make_grid(self.config)
+        return inputs.make_grid(self.config, self._ranks)
 
     @property
     def coordinates(self) -> dict[str, FloatArray]:
@@ -147,7 +131,8 @@ class Case:
 
         Those of an isolated, axisymmetric contact lie along x from its axis.
         """
-        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else self.grid.coordinates
+        whole = Grid(self.grid.points, self.grid.period)  # also where this process holds a part
+        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else whole.coordinates
         return dict(zip("xy", axes, strict=False))
 
     @cached_property
@@ -160,7 +145,7 @@ class Case:
     @cached_property
     def transforms(self) -> Transforms:
         """Fourier transforms of the grid."""
-        return Transforms(self.grid.shape, self._wisdom, threads=self._threads)
+        return transforms_of(self.grid, self._wisdom, self._threads)
 
     @cached_property
     def body(self) -> Body:
@@ -219,7 +204,9 @@ class Case:
     @cached_property
     def loading(self) -> Loading:
         """The punch under its prescribed depth or load."""
-        return CONTROLS[self.config.trajectory.control](self.punch, self.trajectory, self.interface)
+        return CONTROLS[self.config.trajectory.control](
+            self.punch, self.trajectory, self.interface, self.grid.ranks
+        )
 
     @cached_property
     def integrator(self) -> Integrator:
@@ -233,8 +220,9 @@ class Case:
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]
             return stack_modes(self.body, waves, self.clocks, scheme, sums)
-        spectrum, along = self.body.spectrum(waves), self.grid.wavenumbers_x
+        spectrum = self.body.spectrum(waves)
         if self.velocity is not None:
+            along = self.grid.wavenumbers_x
             velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
             if adaptive:
                 return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
@@ -252,10 +240,19 @@ class Case:
             assert time.tolerance is not None
             landings = snapshots, self.kinks, output_times(self.config)
             slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
-            return AdaptiveSteps(self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown)
+            reach = self.interface.range if self.interface.attracts else 0.0
+            least = reach if self.config.trajectory.control != "depth" else 0.0, reach
+            return AdaptiveSteps(
+                self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown, least=least
+            )
         steps = equal_steps if time.integrator == "backward_euler" else landing_steps
         instants = steps(time.end, time.step, snapshots, self.kinks)
         return FixedSteps(instants, stops(self.config, self.kinks), time.step)
+
+    @cached_property
+    def changes(self) -> Changes:
+        """Change of gap and drive over a step, where the interface attracts."""
+        return Changes(self.interface, self.grid.sums)
 
     @cached_property
     def solver(self) -> Solver:
@@ -264,11 +261,12 @@ class Case:
         declared, tolerance = SOLVERS[given.method], given.tolerance
         if self.interface.attracts and not declared.adhesive:
             declared = SOLVERS["newton"]
-        weighted = given.inertia is not None and declared is SOLVERS[given.method]
-        options = {"mass_weighted": given.inertia == "mass_weighted"} if weighted else {}
+        options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
+        if given.inertia is not None:
+            options["mass_weighted"] = given.inertia == "mass_weighted"
+            options["starts_from"] = "gap" if self.interface.attracts else "displacement"
         moved = self.velocity is not None and not declared.nonsymmetric
-        # The iterations around a solver leave a part of the tolerance to it.
-        inner = tolerance * (SHARE if moved else 1.0)
+        inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
         if moved:
             solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
@@ -277,7 +275,7 @@ class Case:
     @cached_property
     def guess(self) -> DisplacementPrediction:
         """Extrapolation in time from which the solver starts."""
-        return PREDICTIONS[self.solver.starts_from](self.grid.size)
+        return PREDICTIONS[self.solver.starts_from](math.prod(self.grid.shape), self.grid.ranks)
 
     @cached_property
     def observables(self) -> dict[str, Observable]:
@@ -294,5 +292,7 @@ class Case:
             integrator=self.integrator,
             steps=self.steps,
             guess=self.guess,
+            changes=self.changes,
+            loading=self.loading,
             observables=CompositeState(**self.observables),
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -17,25 +16,21 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.indentation import admissible
-from gfmdlayer.interface.law import Interaction, total
+from gfmdlayer.interface.law import Interaction, InterfaceLaw, total
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
 
-class Prescribed(Protocol):
-    """A quantity that is prescribed over time."""
-
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """Times at which its slope jumps."""
-        ...
-
-
-def make_grid(config: Config) -> Grid:
-    """Return the grid of a case."""
+def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:
+    """Return the grid of a case, over the ranks that compute it."""
+    if isinstance(ranks, MpiRanks):
+        return SlabGrid(config.grid.points, config.grid.period, members=ranks)
     return Grid(config.grid.points, config.grid.period)
 
 
@@ -66,7 +61,8 @@ def make_punch(config: Config, grid: Grid) -> FloatArray:
     TableError
         If the heights come from a file that cannot be used, or are not finite.
     """
-    return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
+    with grid.ranks.agreeing(TableError):
+        return np.ravel(fitting("the punch", config.punch.heights(grid), grid.shape))
 
 
 def make_trajectory(config: Config) -> Trajectory:
@@ -149,7 +145,9 @@ def make_interface(config: Config) -> Interaction:
     return total(law.interaction(config.units) for law in config.interfaces)
 
 
-def kinks(clocks: Iterable[ReducedTime | None], *prescribed: Prescribed | None) -> tuple[float, ...]:
+def kinks(
+    clocks: Iterable[ReducedTime | None], *prescribed: Trajectory | InterfaceLaw | None
+) -> tuple[float, ...]:
     """Return the times at which the slope of a prescribed quantity jumps, that of the temperature too."""
     temperature = next((clock.temperature for clock in clocks if clock is not None), None)
     every = (*prescribed, temperature)
@@ -197,7 +195,7 @@ def times_of_response(
     fastest = 0.0
     if velocity is not None:
         values = velocity.values if isinstance(velocity, Table) else velocity.value
-        fastest = float(np.abs(values).max()) * float(np.abs(grid.wavenumbers_x).max())
+        fastest = float(np.abs(values).max()) * float(np.abs(grid.wavevectors[0]).max())
     shortest = min(shortest, 1 / fastest) if fastest else shortest
     least, most = (1.0, 1.0) if reduced_time is None else reduced_time.extremes
     return shortest / most, time.end / least
@@ -218,7 +216,7 @@ def make_series(config: Config) -> tuple[PronySeries, ...]:
     return tuple(law.prony(*each) for law, each in zip(config.laws, times, strict=True))
 
 
-def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
+def input_errors(configs: Iterable[Config], ranks: Ranks = ALONE) -> Iterator[tuple[str, str]]:
     """Read the files of the cases and check that the cases are possible.
 
     Yields
@@ -237,10 +235,10 @@ def input_errors(configs: Iterable[Config]) -> Iterator[tuple[str, str]]:
         )
         if inputs not in seen:
             seen.add(inputs)
-            yield from _input_errors(config)
+            yield from _input_errors(config, ranks)
 
 
-def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
+def _input_errors(config: Config, ranks: Ranks) -> Iterator[tuple[str, str]]:
     given, names = config.trajectory, files_named(config)
     key = next((name for name in names if name.startswith("punch.")), "punch")
     if config.grid.axisymmetric:
@@ -252,13 +250,15 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             yield key, str(error)
         return
     try:
-        heights = make_punch(config, make_grid(config))
+        heights = make_punch(config, make_grid(config, ranks))
         key = "trajectory.file"
         trajectory = make_trajectory(config)
         key = "trajectory.velocity_file"
         velocity = make_velocity(config)
         key = "temperature.file"
         make_clocks(config)
+        key = next((name for name in names if name.startswith("interface")), "interface")
+        make_interface(config)
     except TableError as error:
         yield key, str(error)
         return
@@ -275,23 +275,23 @@ def _input_errors(config: Config) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    if message := too_deep(float(values.max()), heights, mean_stiffness(config.stacked, config.halfspace)):
+    stiffness = mean_stiffness(config.stacked, config.halfspace)
+    if message := too_deep(float(values.max()), mean(heights, ranks), stiffness):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
 
-def too_deep(depth: float, heights: FloatArray, mean_stiffness: float) -> str:
+def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
     """Return why a punch cannot go so deep, if so: the mean displacement of most bodies is zero.
 
     Parameters
     ----------
     depth : float
         The largest depth.
-    heights : ndarray, one value a point
-        Height of the punch above its lowest point.
+    mean_height : float
+        Of the punch, above its lowest point.
     mean_stiffness : float
         Of the body; see `body.body.Body`.
     """
-    mean_height = float(heights.mean())
     if mean_stiffness > 0 or depth < mean_height:
         return ""
     return (

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 from gfmdlayer.config import Config
+from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import Section, files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 _DIMENSIONS = {
@@ -19,11 +21,12 @@ _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
 
-def notes(configs: Iterable[Config]) -> list[str]:
+def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """Return notes on the cases, each once.
 
-    These are the changes made to measured surfaces, tables that end before the run does, a ramp that is not
-    completed, and defaults beside numbers in other units.
+    These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
+    tables that end before the run does, a ramp that is not completed, defaults beside numbers in other units,
+    and interface laws that the grid does not resolve.
 
     Raises
     ------
@@ -31,17 +34,17 @@ def notes(configs: Iterable[Config]) -> list[str]:
         If a file cannot be used.
     """
     every = list(configs)
-    surfaces = dict.fromkeys(
-        (config.grid.cell, config.punch) for config in every if not config.grid.axisymmetric
+    measured = dict.fromkeys(
+        (config.grid.cell, config.punch) for config in every if surfaces and not config.grid.axisymmetric
     )
-    found = [note for cell, punch in surfaces for note in punch.notes(cell)]
-    if any(each.trajectory.file or each.trajectory.velocity_file for each in every):
+    found = [note for cell, punch in measured for note in punch.notes(cell)]
+    if any(map(files_named, every)):
         found += _short_tables(every)
-    found += [note for config in every for note in _on_values(config)]
+    found += [note for config in every for note in (*_on_values(config), *_unresolved_zones(config))]
     return list(dict.fromkeys(found))
 
 
-def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
+def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     """Yield notes on the tables of cases that end before their runs do.
 
     Raises
@@ -54,8 +57,13 @@ def _short_tables(configs: Iterable[Config]) -> Iterator[str]:
     every = [(config.trajectory, config.time.end) for config in configs]
     depths = [(given.file, given.control, end) for given, end in every]
     velocities = [(given.velocity_file, "velocity", end) for given, end in every]
-    for file, quantity, end in dict.fromkeys(depths + velocities):
-        if file is not None and (last := float(Table.read(file, quantity).times[-1])) < end:
+    voltages = [
+        (getattr(law, "voltage", None), "voltage", config.time.end)
+        for config in configs
+        for law in config.interfaces
+    ]
+    for file, quantity, end in dict.fromkeys(depths + velocities + voltages):
+        if isinstance(file, Path) and (last := float(Table.read(file, quantity).times[-1])) < end:
             yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
@@ -80,6 +88,38 @@ def _on_values(config: Config) -> Iterator[str]:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
 
 
+def _unresolved_zones(config: Config) -> Iterator[str]:
+    """Yield notes on interface laws whose cohesive zone is too narrow for the grid.
+
+    At the edge of a contact the traction acts over l = (pi/4) E* range^2/work (D. Maugis, J. Colloid
+    Interface Sci. 150 (1992) 243-269), with range = work/strength and the relaxed E* = 2 G0/(1 - nu).
+    """
+    for at, law in sections_in(config):
+        if not isinstance(law, Interface) or not (found := law.interaction(config.units)).attracts:
+            continue
+        zone = math.pi / 4 * _relaxed_modulus(config) * found.range**2 / found.work
+        cell = list(zip(config.grid.points, config.grid.period, strict=True))
+        in_zone = min(zone * points / period for points, period in cell)
+        if in_zone < (wanted := law.points_in_zone):
+            enough = [max(points, 1 << math.ceil(math.log2(wanted * x / zone))) for points, x in cell]
+            yield (
+                f"{dotted(at)}: its cohesive zone, (pi/4) E* range^2/work = {zone:.3g} with the relaxed "
+                f"modulus, is {in_zone:.2g} points wide; edges of the contact are resolved from {wanted} on: "
+                f"grid.points: {enough[0] if len(enough) == 1 else enough} would do"
+            )
+
+
+def _relaxed_modulus(config: Config) -> float:
+    """Relaxed E* = 2 G/(1 - nu) of the uppermost material; where it relaxes to zero, the unit of its law."""
+    for layer in config.stacked:
+        if layer.thickness > 0:
+            return 2 * layer.material.unit / (1 - layer.poisson)
+    base = config.halfspace
+    modulus = base.shear_modulus if base.material is None else base.material.unit
+    assert modulus is not None
+    return 2 * modulus / (1 - base.poisson)
+
+
 def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
     """Return the dimensional keys left out, with their defaults, and those given in another unit."""
     left: dict[str, float] = {}
@@ -94,16 +134,17 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
         ("layer",): 0.0 in thicknesses,
         ("grid",): config.grid.axisymmetric,
     }
+    follows = {("time", "end")} if config.trajectory.duration is not None else set()
     for at, section in sections_in(config):
         if unused.get(at[:1]):
             continue
         for key in type(section).model_fields:
             value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0
-            if value in {0.0, math.inf}:
+            if value in {0.0, math.inf} or (*at, key) in follows:
                 continue
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
-            elif abs(math.log(value / _paper(section, key))) > math.log(_FACTOR):
+            elif abs(math.log(abs(value / _paper(section, key)))) > math.log(_FACTOR):
                 foreign.append(dotted((*at, key)))
     return left, foreign
 

@@ -15,7 +15,12 @@ from gfmdlayer.simulation import ConvergenceError, simulate
 
 
 def warm_up(
-    config: Config, wisdom_folder: Path | None = None, threads: int = 1, results: Path | None = None
+    config: Config,
+    wisdom_folder: Path | None = None,
+    threads: int = 1,
+    results: Path | None = None,
+    *,
+    plan: bool = True,
 ) -> str:
     """Compile the kernels that a case needs and plan its transforms.
 
@@ -32,6 +37,8 @@ def warm_up(
         Threads that the transforms may use.
     results : Path, optional
         Where the wisdom of some results is kept, which comes first.
+    plan : bool
+        Whether to plan transforms.
 
     Returns
     -------
@@ -39,7 +46,7 @@ def warm_up(
         FFTW's wisdom, for `simulate`.
     """
     wisdom = ""
-    if not config.grid.axisymmetric:
+    if plan and not config.grid.axisymmetric:
         points, folder = config.grid.points, wisdom_folder or user_cache()
         wisdom = planned(points, folder, threads, results)
         keep_pair_seconds(points, wisdom, folder, threads)

@@ -9,9 +9,10 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.contact.loading import pulled_off
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
@@ -88,7 +89,8 @@ def simulate(
     Returns
     -------
     list of str
-        Warnings of the observables, such as that no steady state was reached.
+        Why the run ended early, if so, and warnings of the observables, such as that no steady state was
+        reached.
 
     Raises
     ------
@@ -122,33 +124,34 @@ def simulate(
         case.loading, case.integrator, case.steps, case.solver, case.guess,
     )  # fmt: skip
     shape, observables = case.grid.shape, tuple(case.observables.values())
-    keeps_all = case.config.output.snapshots == "every"
+    keeps_all, ended = case.config.output.snapshots == "every", ""
     if resume is not None:
         resume(case.resumable)
 
     for instant in steps:  # 4, 10
         kappa, b = integrator.terms(case.elapsed(instant))  # 5, 6
-        problem = loading.problem(kappa, b, instant.time, loss_stiffness=integrator.loss_stiffness)  # 0
-        before = solver.state()
-        solution = solver.solve(problem, guess.at(instant.time))  # 7
-        if not solution.converged:
-            solver.restore(before)  # the state as a whole is then that before the step
-            given = case.config.solver
-            raise ConvergenceError(
-                f"t = {instant.time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-                f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
-                problem,
-                solution,
-                instant.time,
-            )
+        problem, solution = _solved(case, kappa, b, instant.time)  # 0, 7
+        lost = pulled_off(problem, solution)
         for observable in observables:
             observable.attempt(solution)
         surface = loading.surface(solution, kappa, b, instant.time)
-        if steps.accepts(surface.spectrum, surface.response, surface.depth):
+        prescribed = loading.trajectory(instant.time)
+        change = case.changes.over(prescribed, problem, solution, lost=lost)
+        if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
+            if lost:
+                if not loading.lose(instant.time, case.config.time.end):
+                    ended = (
+                        f"PULLED OFF at t = {instant.time:.6g}: nothing holds the load of {prescribed:.6g}"
+                    )
+                    recorder.note(ended=ended, pull_off_time=instant.time)
+                    break
+                problem, solution = _solved(case, kappa, b, instant.time)
+                surface = loading.surface(solution, kappa, b, instant.time)
             integrator.advance(surface.spectrum)  # 8, 9
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
+            case.changes.remember(prescribed, problem, solution)
             row: dict[str, float | FloatArray] = {}
             step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
             for observable in observables:
@@ -156,16 +159,42 @@ def simulate(
                 finished = finished or observable.finished
             recorder.row(**row)
             if instant.snapshot or finished or keeps_all:
-                fields = surface.displacement, solution.pressure, closed_gap(problem, solution)
+                fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+                fields += [problem.interface.traction(fields[-1])] if case.interface.attracts else []
                 recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
             if finished:
                 break
+            del step, row
+        del kappa, b, problem, solution, surface  # the next step needs their memory
         if progress is not None:
             progress(instant.time)
     for observable in observables:
         if observable.attributes:
             recorder.note(**observable.attributes)
-    return [observable.warning for observable in observables if observable.warning]
+    return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+
+
+def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
+    """Solve the contact problem of a step.
+
+    Raises
+    ------
+    ConvergenceError
+        If the solver's tolerance is not reached, and not for want of an equilibrium.
+    """
+    problem = case.loading.problem(kappa, b, time, loss_stiffness=case.integrator.loss_stiffness)
+    before, given = case.solver.state(), case.config.solver
+    solution = case.solver.solve(problem, case.guess.at(time))
+    if not solution.converged and not pulled_off(problem, solution):
+        case.solver.restore(before)  # the state as a whole is then that before the step
+        raise ConvergenceError(
+            f"t = {time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
+            f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
+            problem,
+            solution,
+            time,
+        )
+    return problem, solution
 
 
 def _indent(

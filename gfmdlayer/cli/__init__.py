@@ -22,6 +22,7 @@ from gfmdlayer.cli import (
     fit_material,
     new,
     plot,
+    report,
     run,
     schema,
     status,
@@ -29,7 +30,20 @@ from gfmdlayer.cli import (
 )
 from gfmdlayer.cli.terminal import COMPLETE, STATUSES, input_problems, refuse
 
-VERBS = (new, run, check, status, clean, plot, fit_material, fit_indentation, verify, schema, completion)
+VERBS = (
+    new,
+    run,
+    check,
+    status,
+    clean,
+    plot,
+    report,
+    fit_material,
+    fit_indentation,
+    verify,
+    schema,
+    completion,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

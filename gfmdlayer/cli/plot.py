@@ -10,6 +10,7 @@ from gfmdlayer.cli.terminal import COMPLETE, refuse
 KINDS = {
     "curves": "contact area and mean pressure (depth, where the load is prescribed; of a moving punch also "
     "friction) against time, or the columns of --y against that of --x",
+    "loop": "force against depth over the whole run, with the area of the loop",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
     "body": "the layers and their moduli; also of a configuration, DIR then being its file",
@@ -20,7 +21,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "log_time": (None, "curves"),
     "inset": (None, "curves"),
     "x": (None, "curves", "map"),
-    "y": (None, "curves", "map"),
+    "y": (None, "curves", "loop", "map"),
     "z": ("map",),
     "time": ("map", "curves", None),
     "fps": ("movie",),
@@ -78,7 +79,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="time (default), a column, or a swept key; of a map: a swept key",
     )
     parser.add_argument(
-        "--y", metavar="NAME", nargs="+", default=[], help="columns, in a panel each; of a map: a swept key"
+        "--y",
+        metavar="NAME",
+        nargs="+",
+        default=[],
+        help="columns, in a panel each; of a loop: one; of a map: a swept key",
     )
     parser.add_argument("--z", metavar="NAME", nargs="+", default=[], help="columns of the map")
     parser.add_argument(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +46,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="threads for the transforms of a large grid (default: OMP_NUM_THREADS, else 1)",
     )
     parser.add_argument(
+        "--ranks-per-case",
+        metavar="N",
+        type=int,
+        default=1,
+        help="MPI ranks that compute a case together, each a part of its surface (default: 1)",
+    )
+    parser.add_argument(
         "--shard",
         metavar="I/N",
         type=shard,
@@ -80,28 +89,55 @@ def run(options: argparse.Namespace) -> int:
         return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
     interrupts.listen()
     threads = workers.threads_each(os.environ, options.threads)
-    with workers.assemble(options.jobs, case_run.prepare) as pool:
+    with _pool(options, case_run.prepare) as pool:
         return COMPLETE if pool is None else _run(options, pool, threads)
+
+
+def _pool(
+    options: argparse.Namespace, prepare: Callable[[], None]
+) -> AbstractContextManager[WorkerPool | None]:
+    from gfmdlayer.execution import workers
+
+    size = options.ranks_per_case
+    if size == 1:
+        return workers.assemble(options.jobs, prepare)
+    from gfmdlayer.execution.groups.pool import groups_of
+
+    if size < 1:
+        raise workers.LauncherError(f"--ranks-per-case {size}: must be 1 or more")
+    if options.jobs > 1:
+        raise workers.LauncherError("--jobs N and --ranks-per-case N exclude each other: leave --jobs out")
+    return groups_of(size, prepare)
 
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
+    from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
-        config = read_config(options)
+        with interrupts.at_once():
+            config = read_config(options, options.ranks_per_case)
         directory = results_folder(options, config)
         if options.only_failed:
             Folder(Path(directory)).must_hold_results()
         chosen = RunOptions(
-            options.restart, options.only_failed, options.shard, threads, options.checkpoint_every
+            options.restart,
+            options.only_failed,
+            options.shard,
+            threads,
+            options.checkpoint_every,
+            options.ranks_per_case,
         )
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
         return refuse(*input_problems(error))
+    except KeyboardInterrupt:
+        print("stopped before the first case")
+        return RESUMABLE
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from gfmdlayer.files.shared_folders import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -59,7 +62,7 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 def refuse(*problems: str) -> int:
     """Print what is wrong with the input, a line each, and return the exit status."""
     for problem in problems:
-        print(f"gfmdlayer: {problem}", file=sys.stderr)
+        print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     return REFUSED
 
 
@@ -79,8 +82,15 @@ def input_problems(error: Exception) -> Sequence[str]:
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
-def read_config(options: argparse.Namespace) -> Config:
+def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
     """Read the configuration named on the command line, or that of a case's result file.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The command line.
+    ranks_per_case : int
+        Ranks that are to compute a case together.
 
     Raises
     ------
@@ -89,7 +99,12 @@ def read_config(options: argparse.Namespace) -> Config:
     """
     from gfmdlayer.execution import folder
 
-    return folder.read_config(options.config, options.set)
+    if ranks_per_case == 1:
+        return folder.read_config(options.config, options.set)
+    from gfmdlayer.execution.groups.refusals import input_errors_together
+
+    inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
+    return folder.read_config(options.config, options.set, inspect)
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:
@@ -105,8 +120,8 @@ def count_cases(number: int) -> str:
     return "1 case" if number == 1 else f"{number} cases"
 
 
-def cut_short(lines: Iterable[str]) -> list[str]:
-    """Return the first lines of a list, and the number of further ones."""
-    every = list(lines)
-    more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
-    return [*every[:LISTED], *more]
+def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
+    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
+    every = list(map(printable, lines))
+    further = (len(every) if number is None else number) - LISTED
+    return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]

@@ -19,7 +19,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
-from gfmdlayer.config.adhesion import problems_of_the_interface
+from gfmdlayer.config.adhesion import attracting, problems_of_the_interface, solving
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
@@ -91,7 +91,7 @@ class Config(Section):
     """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
-    solver: sections.Solver = Field(default_factory=sections.Solver)
+    solver: sections.Solver = Field(default_factory=sections.Solver, validate_default=True)
     """the contact problem of each step"""
     output: Output = Field(default_factory=Output)
     """what is kept besides the curves"""
@@ -102,6 +102,12 @@ class Config(Section):
     @classmethod
     def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
         return ending_with(info.data.get("trajectory"), time)
+
+    @field_validator("solver")
+    @classmethod
+    def _for_the_interface(cls, solver: sections.Solver, info: ValidationInfo) -> sections.Solver:
+        isolated = "grid" not in info.data or info.data["grid"].axisymmetric
+        return solver if isolated else solving(info.data.get("interface"), solver)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -159,9 +165,7 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract, which add; none with the hard wall alone."""
-        given = self.interface
-        every = given if isinstance(given, tuple) else () if given is None else (given,)
-        return tuple(law for law in every if law.attracts)
+        return attracting(self.interface)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
@@ -216,6 +220,8 @@ class Config(Section):
                     data[head].pop(key, None)
             if head == "trajectory" and "end" not in self.time.model_fields_set:
                 data["time"].pop("end", None)
+            if head == "interface" and "method" not in self.solver.model_fields_set:
+                data["solver"].pop("method", None)
         return text.written(data)
 
     def _given(self) -> dict[str, Any]:

@@ -221,7 +221,8 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
         }
     if isinstance(data, list):
         return [_with_absolute_paths(value, folder, key) for value in data]
-    return str(folder / data) if isinstance(data, str) and data and unswept(key) in _FILES else data
+    meant = ".".join(part for part in unswept(key).split(".") if not part.isdigit())  # in any place of a list
+    return str(folder / data) if isinstance(data, str) and data and meant in _FILES else data
 
 
 def _place(document: Document, problem: Problem) -> Place:

@@ -68,12 +68,12 @@ class Trajectory(Section):
     """what is prescribed: depth, load (mean pressure) or force"""
     kind: Annotated[str, Word(*KINDS)] = "ramp_hold"
     """ramp_hold, approach_retract, or table: from a file"""
-    depth: Annotated[NotNegative | None, given] = Field(
+    depth: Annotated[Finite | None, given] = Field(
         default_factory=lambda data: (
             0.01 if data.get("control") == "depth" and data.get("kind") in KINDS[:2] else None
         )
     )
-    """depth that is reached and held: length; for control: depth"""
+    """depth that is reached and held: length; for control: depth; < 0 for an approach to what attracts"""
     load: Annotated[NotNegative | None, given] = None
     """mean pressure that is reached and held; for control: load"""
     force: Annotated[NotNegative | None, given] = None
@@ -223,6 +223,12 @@ def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -
         message = "given, but the punch does not move; must be left out, or trajectory.velocity be a number"
         others = ("trajectory.velocity", "trajectory.velocity_file")
         yield Problem(("time", "steady"), message, others)
+    if trajectory.depth is not None and trajectory.depth < 0 and not (pulls and trajectory.start is not None):
+        message = (
+            f"got {shown(trajectory.depth)}; must be a number >= 0, finite (below zero the punch is out of "
+            "contact: only with kind: approach_retract and an interface that attracts)"
+        )
+        yield Problem(("trajectory", "depth"), message, ("trajectory.kind", "interface"))
     for key in ("start", "final"):
         value = getattr(trajectory, key)
         if trajectory.control != "depth" and not pulls and value is not None and value < 0:

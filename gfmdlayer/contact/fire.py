@@ -18,18 +18,22 @@ mass-weighted
     The force of the free points alone is divided, mode by mode, by kappa + kappa_1 before it accelerates
     them, so that all wavelengths move at a similar pace.  Forces of pressed points must not enter: a
     projection of a step that mixes them in is no descent. Two FFT pairs an iteration.
+
+The traction of an interface that attracts is a part of the force. It has no part in the inertia: where it
+attracts its energy is concave in the gap, and makes no mode stiffer. Inertia may carry the surface over a
+barrier where an energy has several minima: `newton` follows the path.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire_loop import Constants, Fields, Inertia, Minimisation, State, iterate
 from gfmdlayer.contact.pressure_form import trivial_solution
-from gfmdlayer.contact.problem import Problem, Solution, make_solution
+from gfmdlayer.contact.problem import Problem, Solution, make_solution, surface_at
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import Stateless
@@ -56,9 +60,9 @@ class Fire(Stateless):
         Iterations after which the step counts as not converged.
     mass_weighted : bool
         Inertia by mode, or one for all.
+    starts_from : {"displacement", "gap"}
+        The field that a first guess is of: the gap keeps the contact where an interface attracts.
     """
-
-    starts_from: ClassVar[Literal["displacement", "pressure"]] = "displacement"
 
     def __init__(
         self,
@@ -67,7 +71,9 @@ class Fire(Stateless):
         max_iterations: int = 20_000,
         *,
         mass_weighted: bool = True,
+        starts_from: Literal["displacement", "gap"] = "displacement",
     ) -> None:
+        self.starts_from: Literal["displacement", "gap"] = starts_from
         self._transforms = transforms
         self._tolerance = tolerance
         self._max_iterations = max_iterations
@@ -87,7 +93,7 @@ class Fire(Stateless):
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         fields = self._fields
-        fields.u[:] = start
+        fields.u[:] = start if self.starts_from == "displacement" else surface_at(problem, start)
         fields.v[:] = 0.0
         project(fields.u, problem.obstacle, problem.mean_is_fixed)
         constants = MASS_WEIGHTED if self._mass_weighted else UNIFORM
@@ -113,6 +119,8 @@ class Fire(Stateless):
             state, _, _, more = self._iterate(problem, constants, state, np.inf, 1)
             pairs += more
         pressure = fields.stress + state.multiplier
+        if problem.interface.attracts:
+            pressure -= problem.interface.traction(problem.obstacle - fields.u)
         return make_solution(
             problem,
             fields.u.copy(),
@@ -131,6 +139,7 @@ class Fire(Stateless):
             problem.obstacle,
             problem.mean_is_fixed,
             problem.residual_floor,
+            problem.interface.terms,
         )
         inertia = self._inertia(problem)
         outcome: tuple[State, bool, int, int] = iterate(

@@ -13,6 +13,8 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
+from gfmdlayer.interface.forms import interact
+from gfmdlayer.interface.terms import Terms
 from gfmdlayer.kernels import FASTMATH, kernel
 
 
@@ -46,6 +48,7 @@ class Minimisation(NamedTuple):
     h: FloatArray
     mean_is_fixed: bool
     floor: ResidualFloor
+    terms: Terms  # of the interface
 
 
 class Inertia(NamedTuple):
@@ -80,9 +83,9 @@ def iterate(
 
     Returns the state, whether it is within the tolerance, the iterations and the FFT pairs.
     The scales of the residual are those of the first iteration: the caller accepts only what passes there.
-    On return within the tolerance, ``stress`` belongs to ``u``.
+    On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     """
-    kappa, b, h, mean_is_fixed, floor = system
+    kappa, b, h, mean_is_fixed, floor, terms = system
     inverse_mass, mobility, mass_weighted = inertia
     u, v, stress, force, acceleration, work = fields
     step, mixing, multiplier, drift = state
@@ -97,6 +100,9 @@ def iterate(
             work[k] = complex(per_point * real, per_point * imaginary)
         backward(plans, work, stress)
         pairs += 1
+        if terms.form.size > 0:
+            for i in range(u.size):
+                stress[i] += interact(h[i] - u[i], terms)[1]
         if iteration == 0:
             if mean_is_fixed:
                 multiplier = _multiplier(stress, u, h)

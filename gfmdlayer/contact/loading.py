@@ -5,21 +5,30 @@ mean of w is the depth plus u_0, the displacement at q = 0, which is zero unless
 a rigid base. There kappa_0 u_0 = b_0/n - p, and
 
     u = w - mean(w) + u_0,        depth = mean(w) - u_0.
+
+A load that pulls more than the interface holds has no equilibrium, and the punch is lost (`pulled_off`).
+Until the load presses again it then lies out of reach: the surface is free of stress, and the depth of the
+punch counts as that at which it would just touch.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.punch.trajectory import Trajectory
+from gfmdlayer.resumable import Resumable, State
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
@@ -30,23 +39,31 @@ class Surface:
 
     Attributes
     ----------
-    displacement : ndarray, one value a point
-        u; length.
+    found : ndarray, one value a point
+        Displacement as the solver found it; length.
     spectrum : ndarray of complex
         Its unnormalised transform.
     depth : float
         Of the punch, below the height at which it touches the surface at rest; length.
     response : float
         The quantity that is not prescribed: the mean pressure, or the depth.
+    shift : float
+        Height at which the solver found it.
     """
 
-    displacement: FloatArray
+    found: FloatArray
     spectrum: ComplexArray
     depth: float
     response: float
+    shift: float = 0.0
+
+    @property
+    def displacement(self) -> FloatArray:
+        """u, one value a point: a new array where the solver found it at another height."""
+        return self.found - self.shift if self.shift else self.found
 
 
-class Loading(Protocol):
+class Loading(Resumable, Protocol):
     """The quantity that is prescribed over time, and the punch."""
 
     @property
@@ -74,6 +91,21 @@ class Loading(Protocol):
         """Surface and depth that belong to a solution."""
         ...
 
+    def lose(self, time: float, end: float) -> bool:
+        """Let go of a punch that is pulled off at a time; return whether it comes back before the end."""
+        ...
+
+
+@dataclass
+class _Flight:
+    """Times between which the punch is away."""
+
+    begin: float = math.inf
+    end: float = math.inf
+
+    def covers(self, time: float) -> bool:
+        return self.begin <= time < self.end
+
 
 @dataclass(frozen=True)
 class _Prescribed:
@@ -82,11 +114,44 @@ class _Prescribed:
     punch: FloatArray
     trajectory: Trajectory
     interface: InterfaceLaw = HARD_WALL
+    ranks: Ranks = ALONE
 
     @cached_property
     def height(self) -> float:
         """Range of the punch's heights."""
-        return float(self.punch.max() - self.punch.min())
+        highest, lowest = self.ranks.maximum(np.array([self.punch.max(), -self.punch.min()])).tolist()
+        return float(highest + lowest)
+
+    @cached_property
+    def flight(self) -> _Flight:
+        """Times between which a load has pulled the punch off."""
+        return _Flight()
+
+    def lose(self, time: float, end: float) -> bool:
+        """Let go of the punch; return whether it comes back before the end."""
+        corners = [time, *(kink for kink in self.trajectory.kinks if time < kink < end), end]
+        for before, after in pairwise(corners):
+            if self.trajectory(after) > 0:
+                load = self.trajectory(before), self.trajectory(after)
+                back = before + (after - before) * load[0] / (load[0] - load[1])
+                self.flight.begin, self.flight.end = time, back
+                return True
+        return False
+
+    def state(self) -> State:
+        """Return the flight of the punch, where it has been pulled off."""
+        flight = self.flight
+        return {"begin": flight.begin, "end": flight.end} if math.isfinite(flight.begin) else {}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        if "begin" in state:
+            self.flight.begin, self.flight.end = float(state["begin"]), float(state["end"])
+
+    @cached_property
+    def size(self) -> int:
+        """Number of points of the grid."""
+        return self.ranks.total(self.punch.size)
 
 
 @dataclass(frozen=True)
@@ -98,7 +163,9 @@ class DepthControl(_Prescribed):
     ) -> Problem:
         """Contact problem of a step."""
         obstacle = self.punch - self.trajectory(time)
-        return Problem(kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time))
+        return Problem(
+            kappa, b, obstacle, None, loss_stiffness, self.height, self.interface.at(time), self.ranks
+        )
 
     def surface(self, solution: Solution, _kappa: FloatArray, _b: ComplexArray, time: float, /) -> Surface:
         """Surface as the solver found it."""
@@ -114,29 +181,52 @@ class LoadControl(_Prescribed):
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
     ) -> Problem:
         """Contact problem of a step, without the mean."""
-        kappa, b = _without_mean(kappa), _without_mean(b)
-        load = self.trajectory(time)
-        return Problem(kappa, b, self.punch, load, loss_stiffness, self.height, self.interface.at(time))
+        kappa, b = self._without_mean(kappa), self._without_mean(b)
+        interface = HARD_WALL if self.flight.covers(time) else self.interface.at(time)
+        others = self.height, interface, self.ranks
+        return Problem(kappa, b, self.punch, self._load(time), loss_stiffness, *others)
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""
-        size, mean = self.punch.size, 0.0
-        if kappa[0] > 0:
-            mean = (float(b[0].real) / size - self.trajectory(time)) / float(kappa[0])
-        depth = float(np.mean(solution.displacement)) - mean
-        spectrum = _without_mean(solution.spectrum)
-        spectrum[0] = mean * size
-        return Surface(solution.displacement - depth, spectrum, depth, depth)
+        ranks, height = self.ranks, 0.0
+        stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
+        if stiffness > 0:
+            height = (history.real / self.size - self._load(time)) / stiffness
+        depth = mean(solution.displacement, ranks) - height
+        spectrum = solution.spectrum.copy()
+        ranks.set_mean_wave(spectrum, height * self.size)
+        return Surface(solution.displacement, spectrum, depth, depth, shift=depth)
+
+    def _load(self, time: float) -> float:
+        return 0.0 if self.flight.covers(time) else self.trajectory(time)
+
+    def _without_mean(self, values: Values) -> Values:
+        rest = values.copy()
+        self.ranks.set_mean_wave(rest, 0.0)
+        return rest
 
 
-def _without_mean(values: Values) -> Values:
-    rest = values.copy()
-    rest[0] = 0.0
-    return rest
+def pulled_off(problem: Problem, solution: Solution) -> bool:
+    """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
+
+    Further away the traction is less still, so that there is no equilibrium left to find.
+
+    Parameters
+    ----------
+    problem : Problem
+        The contact problem.
+    solution : Solution
+        The last state of the solver, which need not have converged.
+    """
+    load, gap = problem.mean_pressure, solution.gap
+    if load is None or load >= 0 or not problem.interface.attracts:
+        return False
+    nearest, strongest = problem.ranks.minimum(gap.min()), problem.interface.traction(gap).max()
+    return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
 
 
 # The trajectory of a force is that of the mean pressure, force over cell.
-CONTROLS: dict[str, Callable[[FloatArray, Trajectory, InterfaceLaw], Loading]] = {
+CONTROLS: dict[str, Callable[..., Loading]] = {
     "depth": DepthControl,
     "load": LoadControl,
     "force": LoadControl,

@@ -23,7 +23,7 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.pivoting import Pivoting
-from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution
+from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, surface_at
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
@@ -86,7 +86,7 @@ class LossStiffnessSolver:
             last = mixture.next(last, solution.spectrum)
             start = getattr(solution, self.starts_from)
         if problem.interface.attracts:
-            return replace(state, released_energy=released)
+            return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
         if not state.converged:
             state, contact = self._by_pivoting(problem, state, contact)
@@ -138,8 +138,7 @@ class LossStiffnessSolver:
     def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:
         """Spectrum of the displacement that belongs to a first guess, but for the mean."""
         if self.starts_from == "gap":
-            surface = problem.obstacle - start
-            return self._transforms.forward(np.where(np.isfinite(surface), surface, 0.0))
+            return self._transforms.forward(surface_at(problem, start))
         spectrum = self._transforms.forward(start)
         if self.starts_from == "displacement":
             return spectrum

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 
@@ -34,13 +35,16 @@ class DisplacementPrediction:
     Parameters
     ----------
     size : int
-        Number of grid points; before the first step the guess is zero.
+        Number of points of this process; before the first step the guess is zero.
+    ranks : Ranks
+        The processes that hold the points.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        self._ranks = ranks
         self._times: deque[float] = deque(maxlen=3)
         self._fields: deque[FloatArray] = deque(maxlen=3)
-        self._zero = np.zeros(size)
+        self._size = size
 
     def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
         """Add an accepted step.
@@ -63,7 +67,7 @@ class DisplacementPrediction:
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
-            return self._zero.copy()
+            return np.zeros(self._size)
         return _combined(_lagrange(self._times, time), _last_three(self._fields))
 
     def state(self) -> State:
@@ -81,12 +85,12 @@ class PressurePrediction(DisplacementPrediction):
 
     Parameters
     ----------
-    size : int
-        Number of grid points; before the first step the guess is zero.
+    size, ranks
+        See the base class.
     """
 
-    def __init__(self, size: int) -> None:
-        super().__init__(size)
+    def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        super().__init__(size, ranks)
         self._gaps: deque[FloatArray] = deque(maxlen=3)
         self._mu = 0.0
         self._moves = 0  # steps in a row in which the contact changed
@@ -97,8 +101,10 @@ class PressurePrediction(DisplacementPrediction):
         if self._times:
             weights, gaps = _lagrange(self._times, time), _last_three(self._gaps)
             last = self._fields[-1]
-            self._mu, moved, *contact = _learn(weights, gaps, last, pressure, self._mu, self._contact)
-            self._contact = contact[0], contact[1]
+            *sums, first, end = _learn(weights, gaps, last, pressure, self._contact)
+            squares, predicted, moved = self._ranks.total(np.array(sums)).tolist()
+            self._mu = squares / predicted if predicted > 0.0 else self._mu
+            self._contact = first, end
             self._moves = self._moves + 1 if moved else 0
         if kink:
             self._gaps.clear()
@@ -108,10 +114,10 @@ class PressurePrediction(DisplacementPrediction):
     def at(self, time: float) -> FloatArray:
         """Return the guess for a later time, as a new array."""
         if not self._times:
-            return self._zero.copy()
+            return np.zeros(self._size)
         pressures, gaps = _last_three(self._fields), _last_three(self._gaps)
         first, end = self._contact
-        reach, size = max(self._zero.size // _REACH, (end - first) // 2), self._zero.size
+        reach, size = max(self._size // _REACH, (end - first) // 2), self._size
         near = (first - reach, end + reach) if first >= reach and end + reach <= size else (0, size)
         return _extrapolate(_lagrange(self._times, time), pressures, gaps, self._mu, self._moves > 1, near)
 
@@ -151,9 +157,9 @@ def _last_three(fields: Sequence[FloatArray]) -> Fields:
 
 @kernel(reorder=True)
 def _learn(
-    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, mu: float, contact: tuple[int, int]
-) -> tuple[float, bool, int, int]:
-    """Find mu from points that came into contact.
+    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, contact: tuple[int, int]
+) -> tuple[float, float, float, int, int]:
+    """Compare points that came into contact with their prediction.
 
     Parameters
     ----------
@@ -163,16 +169,14 @@ def _learn(
         Their gaps.
     last, now : ndarray, one value a point
         Pressures of the last and the new step.
-    mu : float
-        Its value so far.
     contact : tuple of int
         Points, multiples of a block apart, between which the last contact is.
 
     Returns
     -------
-    mu, whether the contact changed, and the points between which it is now.
+    Sums over them, whose ratio is mu; how many points changed; and the points between which contact is now.
     """
-    squares, predicted, moved, before, after = 0.0, 0.0, False, now.size, 0
+    squares, predicted, moved, before, after = 0.0, 0.0, 0.0, now.size, 0
     for first in range(0, now.size, _BLOCK):
         new, old, others, touching = now[first : first + _BLOCK], last[first : first + _BLOCK], 0.0, 0.0
         for i in range(new.size):
@@ -185,7 +189,7 @@ def _learn(
             others += abs((1.0 if new[i] > 0.0 else 0.0) - (1.0 if old[i] > 0.0 else 0.0))
         if others == 0.0:
             continue
-        moved = True
+        moved += others
         for i in range(first, first + new.size):
             if now[i] > 0.0 >= last[i]:
                 s = 0.0
@@ -194,7 +198,7 @@ def _learn(
                 if s > 0.0:
                     squares += now[i] ** 2
                     predicted += s
-    return (squares / predicted if predicted > 0.0 else mu), moved, min(before, after), after
+    return squares, predicted, moved, min(before, after), after
 
 
 @kernel(reorder=True)
@@ -252,16 +256,17 @@ class LastGap(DisplacementPrediction):
     ----------
     size : int
         Number of grid points.
+    ranks : Ranks, optional
+        That share the grid.
     """
 
-    def __init__(self, size: int) -> None:
-        super().__init__(size)
+    def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
+        super().__init__(size, ranks)
         self._times, self._fields = deque(maxlen=1), deque(maxlen=1)
-        self._zero[:] = np.inf
 
     def at(self, _time: float) -> FloatArray:
         """Return the guess, as a new array."""
-        return (self._fields[-1] if self._fields else self._zero).copy()
+        return self._fields[-1].copy() if self._fields else np.full(self._size, np.inf)
 
 
 PREDICTIONS: dict[str, type[DisplacementPrediction]] = {

@@ -11,16 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
+from gfmdlayer.grid.ranks import Ranks
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import LANES, kernel
 
 _ROUNDING = 1e-12  # part of the height of the punch
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
-_HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
+HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
 # Part of the tolerance within which a solve ends; the rest is for what lifting the surface clear adds.
 CLOSE = 0.8
 AIM = 0.25  # likewise where a gap in the contact is aimed at instead, and that gap, as part of the depth
@@ -121,36 +123,43 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
         If the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     """
     h = problem.obstacle
-    if problem.mean_pressure == 0.0:
+    if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
-    if not problem.mean_is_fixed or _has_room(h):
+    if not problem.mean_is_fixed or _has_room(h, problem.ranks):
         return None
-    project(h.copy(), h, mean_is_fixed=True)
+    project(h.copy(), h, mean_is_fixed=True, ranks=problem.ranks)
     # u = h is the only admissible state; its pressure is that at which contact becomes full.
     return _solution_of(problem, transforms, h.copy(), None, transforms_spent=1, iterations=0, converged=True)
 
 
-@kernel(reorder=True)
-def _has_room(h: FloatArray) -> bool:
+def _has_room(h: FloatArray, ranks: Ranks) -> bool:
     """Whether the punch displaces less than the cell holds: the mean of h is positive, beyond rounding."""
+    total, size = ranks.total(np.array(_height(h))).tolist()
+    return not total <= _ROUNDING * size  # NaN is for the solver to find
+
+
+@kernel(reorder=True)
+def _height(h: FloatArray) -> tuple[float, float]:
+    """Sums of the heights and of their magnitudes."""
     total, size = 0.0, 0.0
     for i in range(h.size):
         total += h[i]
         size += abs(h[i])
-    return not total <= _ROUNDING * size  # NaN is for the solver to find
+    return total, size
 
 
 def _free_surface(problem: Problem, transforms: Transforms) -> Solution:
     """The surface without pressure, at the depth at which the punch touches it."""
-    h, n = problem.obstacle, problem.obstacle.size
+    h, n, ranks = problem.obstacle, transforms.size, problem.ranks
     spectrum = np.zeros_like(problem.intercept)
     np.divide(problem.intercept, problem.stiffness, out=spectrum, where=problem.stiffness > 0)
     u = transforms.backward(spectrum) / n
-    shift = (u - h).max()
-    spectrum[0] -= n * shift
+    shift = ranks.maximum(float((u - h).max()))
+    if ranks.first:
+        spectrum[0] -= n * shift
     u = np.minimum(u - shift, h)
-    assessment = 0.0, 0.0, 0.0, float((h - u).mean())
-    return make_solution(problem, u, np.zeros(n), spectrum, spent=(1, 0), within=0.0, assessment=assessment)
+    none, assessment = np.zeros(h.size), (0.0, 0.0, 0.0, mean(h - u, ranks))
+    return make_solution(problem, u, none, spectrum, spent=(1, 0), within=0.0, assessment=assessment)
 
 
 def feasible_solution(
@@ -187,7 +196,7 @@ def feasible_solution(
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)
     overlap, assessment = _write_state(system, at, free, u, pressure, spectrum)
     depth = residual_scales(pressure, u, system.floor)[1]
-    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, _HEIGHT_ROUNDING * system.floor.depth)
+    clear = overlap == 0.0 or overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * system.floor.depth)
     return make_solution(
         problem,
         u,
@@ -228,6 +237,14 @@ def compile_failure(at: Iterate, transforms: Transforms) -> System:
     return system
 
 
+def _mean_over(chosen: BoolArray, field: FloatArray, ranks: Ranks) -> float:
+    """Mean over the chosen points; NaN without any."""
+    if ranks.count == 1:
+        return float(field[chosen].mean()) if chosen.any() else np.nan
+    total, count = ranks.total(np.array([field[chosen].sum(), np.count_nonzero(chosen)])).tolist()
+    return float(total / count) if count else np.nan
+
+
 def _solution_of(
     problem: Problem,
     transforms: Transforms,
@@ -239,11 +256,14 @@ def _solution_of(
     converged: bool,
 ) -> Solution:
     """State of a displacement, with no force in the mean where the guiding pressure is zero."""
-    spectrum = transforms.forward(u)
-    pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / u.size)
+    spectrum, ranks = transforms.forward(u), problem.ranks
+    pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / transforms.size)
     if problem.mean_is_fixed:
-        bare = pressure == pressure.min() if guide is None or guide.all() else guide <= 0
-        pressure -= pressure[bare].mean() if bare.any() else np.nan
+        if guide is None or ranks.minimum(int(guide.all())):
+            bare = np.asarray(pressure == ranks.minimum(float(pressure.min())))
+        else:
+            bare = np.asarray(guide <= 0)
+        pressure -= _mean_over(bare, pressure, ranks)
     within = 0.0 if converged else -1.0
     return make_solution(problem, u, pressure, spectrum, spent=(transforms_spent, iterations), within=within)
 

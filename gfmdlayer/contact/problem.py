@@ -17,11 +17,17 @@ zero in the third. The mean pressure is mean(f) + lambda in each.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol
 
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess
+from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.resumable import Resumable
 
@@ -50,6 +56,8 @@ class Problem:
         Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
     interface : InterfaceLaw
         Interaction across the gap, beside u <= h.
+    ranks : Ranks
+        The processes of whose grid these are the points and modes.
     """
 
     stiffness: FloatArray
@@ -59,21 +67,27 @@ class Problem:
     loss_stiffness: FloatArray | None = None
     height: float = 0.0
     interface: InterfaceLaw = HARD_WALL
+    ranks: Ranks = ALONE
+
+    @cached_property
+    def mean_stiffness(self) -> float:
+        """Stiffness at q = 0."""
+        return float(self.ranks.mean_wave(self.stiffness))
 
     @property
     def mean_is_fixed(self) -> bool:
         """Whether the mean displacement is prescribed (as zero) and lambda is to be found."""
-        return self.mean_pressure is None and self.stiffness[0] == 0
+        return self.mean_pressure is None and self.mean_stiffness == 0
 
     @property
     def applied_pressure(self) -> float:
         """The part of lambda that is known beforehand."""
         return self.mean_pressure or 0.0
 
-    @property
+    @cached_property
     def softest(self) -> float:
         """kappa_1, the smallest stiffness of a mode that is not the mean."""
-        return float(self.stiffness[1:].min())
+        return self.ranks.minimum(float(self.stiffness[1 if self.ranks.first else 0 :].min()))
 
     @property
     def least_depth(self) -> float:
@@ -117,7 +131,10 @@ class Solution:
     converged : bool
         Whether the residual is within the tolerance.
     released_energy : float
-        Energy per area that is lost at a fixed punch in instabilities; zero where the step stays on its branch.
+        Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
+    margin : float
+        Distance from an instability: the least curvature of the energy, over that without an interface; zero
+        where the branch ends. NaN from solvers that do not know it.
     """
 
     displacement: FloatArray
@@ -132,6 +149,7 @@ class Solution:
     iterations: int
     converged: bool
     released_energy: float = 0.0
+    margin: float = math.nan
 
 
 class Solver(Resumable, Protocol):
@@ -160,7 +178,6 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
-    released_energy: float = 0.0,
 ) -> Solution:
     """A state with its residual and means; it converged if its residual is within a bound.
 
@@ -177,11 +194,9 @@ def make_solution(
     within : float
         Largest residual of a solution.
     assessment : tuple of float, optional
-        What `assess` returns, where it is known.
+        What `assess` returns, of the whole surface, where it is known.
     gap : ndarray, optional
         h - u, where it is known.
-    released_energy : float
-        As in `Solution`.
 
     Returns
     -------
@@ -189,18 +204,25 @@ def make_solution(
     """
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
-    found = Assessment(*(assessment or assess(wall, displacement, problem.obstacle, problem.residual_floor)))
+    if assessment is None:
+        assessment = assess_over(problem.ranks, wall, displacement, problem.obstacle, problem.residual_floor)
+    found = Assessment(*assessment)
     return Solution(
         displacement=displacement,
         pressure=pressure,
         gap=gap,
         spectrum=spectrum,
-        mean_pressure=found.mean_pressure if wall is pressure else float(pressure.mean()),
+        mean_pressure=found.mean_pressure if wall is pressure else mean(pressure, problem.ranks),
         mean_gap=found.mean_gap,
         contact_area=found.contact_area,
         residual=found.residual,
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
-        released_energy=released_energy,
     )
+
+
+def surface_at(problem: Problem, gap: FloatArray) -> FloatArray:
+    """Displacement of a surface at a gap from the punch; the surface at rest where the gap is not finite."""
+    surface = problem.obstacle - gap
+    return surface if np.isfinite(surface).all() else np.zeros_like(surface)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 
 _ROUNDING = 2.3e-16
 
 
-def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool) -> None:
+def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
     """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
 
     Parameters
@@ -19,6 +20,8 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool) -> None:
         Displacement and surface of the punch.
     mean_is_fixed : bool
         Whether the mean of u is zero.
+    ranks : Ranks
+        The processes that hold the points.
 
     Raises
     ------
@@ -26,14 +29,13 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool) -> None:
         If both cannot hold: the punch displaces more than the cell holds, mean(h) < 0.
     """
     np.minimum(u, h, out=u)
-    if mean_is_fixed and not _zero_mean(u, h):
+    if mean_is_fixed and not _zero_mean(u, h, ranks):
         raise ValueError(
             "the punch displaces more than the cell holds: its surface lies below zero in the mean"
         )
 
 
-@kernel
-def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
+def _zero_mean(u: FloatArray, h: FloatArray, ranks: Ranks) -> bool:
     """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero.
 
     Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
@@ -47,26 +49,34 @@ def _zero_mean(u: FloatArray, h: FloatArray) -> bool:
     bool
         False if there is no such m.
     """
-    touching = 0
-    for i in range(u.size):
-        touching += u[i] >= h[i]
-    all_move = touching == u.size
+    begun = False
     while True:
-        total, carry, free, largest = 0.0, 0.0, 0, 0.0
-        for i in range(u.size):
-            value = u[i]
-            free += value < h[i] or all_move
-            largest = max(largest, abs(value))
-            summed = total + value
-            carry += (total - summed) + value if abs(total) >= abs(value) else (value - summed) + total
-            total = summed
-        total += carry
-        if abs(total) <= _ROUNDING * largest * u.size:
+        *sums, largest = _excess(u, h)
+        total, free, size = ranks.total(np.array([*sums, u.size])).tolist()
+        all_move, begun = free == 0 and not begun, True
+        if abs(total) <= _ROUNDING * ranks.maximum(float(largest)) * size:
             return True
-        if free == 0 or not np.isfinite(total):
+        if (free == 0 and not all_move) or not np.isfinite(total):
             return False
-        shift = -total / free
-        for i in range(u.size):
-            if u[i] < h[i] or all_move:
-                u[i] = min(u[i] + shift, h[i])
-        all_move = False
+        _shift(u, h, -total / (size if all_move else free), all_move)
+
+
+@kernel
+def _excess(u: FloatArray, h: FloatArray) -> tuple[float, float, float]:
+    """Sum of u, number of points below h, and largest magnitude of u."""
+    total, carry, free, largest = 0.0, 0.0, 0.0, 0.0
+    for i in range(u.size):
+        value = u[i]
+        free += 1.0 if value < h[i] else 0.0
+        largest = max(largest, abs(value))
+        summed = total + value
+        carry += (total - summed) + value if abs(total) >= abs(value) else (value - summed) + total
+        total = summed
+    return total + carry, free, largest
+
+
+@kernel
+def _shift(u: FloatArray, h: FloatArray, shift: float, all_move: bool) -> None:
+    for i in range(u.size):
+        if u[i] < h[i] or all_move:
+            u[i] = min(u[i] + shift, h[i])

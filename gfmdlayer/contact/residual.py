@@ -14,6 +14,7 @@ import numba as nb
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.kernels import LANES, kernel
 
 # Pressures count against at least this part of what the softest mode carries at the depth of the surface.
@@ -60,13 +61,9 @@ def scales(largest_pressure: float, deepest: float, floor: ResidualFloor) -> tup
     return pressure, min(depth, floor.range)
 
 
-@kernel(reorder=True, inner=True)
-def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
-    """Largest pressure and deepest point of a state without NaN.
-
-    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
-    at any height.
-    """
+@kernel(reorder=True)
+def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float, float]:
+    """Largest pressure and lowest displacement of a state without NaN, and the sum of the displacement."""
     largest, lowest, total = np.zeros(LANES), np.full(LANES, np.inf), 0.0
     for first in range(0, u.size, LANES):
         ps, us = pressure[first : first + LANES], u[first : first + LANES]
@@ -74,14 +71,47 @@ def _extrema(pressure: FloatArray, u: FloatArray) -> tuple[float, float]:
             largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
             lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
             total += us[i]
-    return largest.max(), max(total / u.size, 0.0) - lowest.min()
+    return largest.max(), lowest.min(), total
+
+
+def scales_over(
+    ranks: Ranks, pressure: FloatArray, u: FloatArray, floor: ResidualFloor
+) -> tuple[float, float]:
+    """Scales (P, D) of the residual of a state of which each rank holds its part."""
+    if ranks.count == 1:
+        found: tuple[float, float] = residual_scales(pressure, u, floor)
+        return found
+    largest, lowest, total = _extrema(pressure, u)
+    total, size = ranks.total(np.array([total, u.size])).tolist()
+    largest, depth = ranks.maximum(np.array([largest, -lowest])).tolist()
+    pressure_scale, depth_scale = scales.py_func(largest, max(total / size, 0.0) + depth, floor)
+    return float(pressure_scale), float(depth_scale)
+
+
+def assess_over(
+    ranks: Ranks, pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
+) -> tuple[float, float, float, float]:
+    """Assess a state of which each rank holds its part, see `assess`."""
+    if ranks.count == 1:
+        found: tuple[float, float, float, float] = assess(pressure, u, h, floor)
+        return found
+    pressure_scale, depth = scales_over(ranks, pressure, u, floor)
+    worst, *sums = _assess_part(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
+    touching, total, gaps, size = ranks.total(np.array([*sums, u.size])).tolist()
+    worst = ranks.maximum(float(worst))
+    finite = np.isfinite(total) and np.isfinite(gaps)
+    return worst if finite else np.nan, touching / size, total / size, gaps / size
 
 
 @kernel
 def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -> tuple[float, float]:
-    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point."""
-    largest, deepest = _extrema(pressure, u)
-    return scales(largest, deepest, floor)
+    """Scales (P, D) of the residual of a state: pressure and displacement, one value a point.
+
+    Depths count from zero, or from the mean of u where that is higher: under a given load the punch may be
+    at any height.
+    """
+    largest, lowest, total = _extrema(pressure, u)
+    return scales(largest, max(total / u.size, 0.0) - lowest, floor)
 
 
 @kernel(reorder=True)
@@ -104,7 +134,17 @@ def assess(
         not the gap, is the larger of the two in the residual's scales.
     """
     pressure_scale, depth = residual_scales(pressure, u, floor)
-    per_pressure, per_gap = 1.0 / pressure_scale, 1.0 / depth
+    worst, touching, total, gaps = _assess_part(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
+    # The maxima are blind to NaN; the sums are not.
+    finite = np.isfinite(total) and np.isfinite(gaps)
+    return worst if finite else np.nan, touching / u.size, total / u.size, gaps / u.size
+
+
+@kernel(reorder=True)
+def _assess_part(
+    pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float
+) -> tuple[float, float, float, float]:
+    """Largest violation, number of points in contact, and sums of pressure and gap."""
     worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
     for first in range(0, u.size, LANES):
         ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
@@ -115,6 +155,4 @@ def assess(
             touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
             total += ps[i]
             gaps += gap
-    # The maxima are blind to NaN; the sums are not.
-    finite = np.isfinite(total) and np.isfinite(gaps)
-    return worst.max() if finite else np.nan, touching / u.size, total / u.size, gaps / u.size
+    return worst.max(), touching, total, gaps

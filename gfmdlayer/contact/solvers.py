@@ -34,7 +34,7 @@ class Declaration:
     nonsymmetric : bool
         Whether it solves problems with a loss stiffness by itself.
     distributed : bool
-        Whether it solves on a grid over several ranks.
+        Whether it solves on a grid over several ranks; it is then made with the grid too.
     """
 
     place: str
@@ -78,6 +78,9 @@ SOLVERS: Mapping[str, Declaration] = {
     "active_set": Declaration(
         "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=62, rough=12
     ),
+    "nested_gradient": Declaration(
+        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=32, distributed=True
+    ),
     "conjugate_gradient": Declaration(
         "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=32
     ),
@@ -87,9 +90,8 @@ SOLVERS: Mapping[str, Declaration] = {
         93,
         0.03,
         fields=35,
+        adhesive=True,
         pairs_with={("inertia", "uniform"): (238, 0.3)},
     ),
-    "newton": Declaration(
-        "gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=40, adhesive=True
-    ),
+    "newton": Declaration("gfmdlayer.contact.newton.solver:Newton", "gap", 36, 0.4, fields=40, adhesive=True),
 }

@@ -8,8 +8,9 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
@@ -17,12 +18,19 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.groups.agreement import ending_together
+from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case, label
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
+
+if TYPE_CHECKING:
+    from gfmdlayer.case import Case as Simulation
+    from gfmdlayer.execution.groups.part_writer import PartWriter
+    from gfmdlayer.grid.ranks import Ranks
+    from gfmdlayer.results.writer import CaseWriter
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -41,8 +49,11 @@ def run_case(
     wisdom: Wisdom | None = None,
     threads: int = 1,
     checkpoint_every: float = CHECKPOINT_EVERY,
+    ranks: Ranks | None = None,
 ) -> Outcome:
     """Run one case into its file; an error becomes its outcome.
+
+    Of several ranks that compute the case each calls this; the first one writes.
 
     Parameters
     ----------
@@ -56,21 +67,27 @@ def run_case(
         Threads that the transforms may use.
     checkpoint_every : float
         Seconds between two checkpoints.
+    ranks : Ranks, optional
+        The processes that compute the case together.
 
     Returns
     -------
     Outcome
         A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`.
     """
-    begun = time.monotonic()
+    from gfmdlayer.grid.ranks import ALONE
+
+    begun, ranks = time.monotonic(), ranks or ALONE
     try:
-        shape = case.config.grid.points
-        note = _simulate(case, folder, (wisdom or {}).get(shape), threads, checkpoint_every)
+        with ending_together(ranks):
+            run = _Run(case, folder, (wisdom or {}).get(case.config.grid.points), threads, ranks)
+            note = run.simulate(checkpoint_every)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        record_failure(folder, case, reason, traceback.format_exc())
+        if ranks.first:
+            record_failure(folder, case, reason, traceback.format_exc())
         return Outcome(case.index, "failed", reason, time.monotonic() - begun)
     return Outcome(case.index, "complete", seconds=time.monotonic() - begun, note=note)
 
@@ -99,69 +116,102 @@ def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "")
             folder.case(case.index, "running").unlink(missing_ok=True)
 
 
-def _simulate(case: Case, folder: Folder, wisdom: str | None, threads: int, checkpoint_every: float) -> str:
-    """Run the case; return the warnings of its observables."""
-    from gfmdlayer.results.checkpoint import CheckpointError
-    from gfmdlayer.simulation import ConvergenceError
+@dataclass(frozen=True)
+class _Run:
+    """The run of a case on this process, alone or as one of its ranks."""
 
-    config, hashed = case.config, digest(case.config)
-    described = attributes(config) | {"digest": hashed, "config": (case.given or config).dump()}
-    compute = partial(_compute, config, described, folder.case(case.index), wisdom, threads)
-    with (
-        StatusFile(folder, case.index, config.time.end, label(case.values), estimate(config).steps) as status,
-        closing(
-            Checkpoints(
-                folder, case.index, hashed, checkpoint_every, status.advance, _stem(config), case.earlier
-            )
-        ) as checkpoints,
-    ):
-        folder.case(case.index, "failed").unlink(missing_ok=True)
-        try:
+    case: Case
+    folder: Folder
+    wisdom: str | None
+    threads: int
+    ranks: Ranks
+
+    def simulate(self, checkpoint_every: float) -> str:
+        """Run the case; return the warnings of its observables."""
+        from gfmdlayer.results.checkpoint import CheckpointError
+        from gfmdlayer.simulation import ConvergenceError
+
+        case, folder, config = self.case, self.folder, self.case.config
+        hashed, kept = digest(config), stem(config) if config.output.keep_state else ""
+        with (
+            self._status() as status,
+            closing(
+                Checkpoints(
+                    folder,
+                    case.index,
+                    hashed,
+                    checkpoint_every,
+                    status.advance,
+                    kept,
+                    case.earlier,
+                    self.ranks,
+                )
+            ) as checkpoints,
+        ):
+            if self.ranks.first:
+                folder.case(case.index, "failed").unlink(missing_ok=True)
             try:
-                checkpoints.find()
-                note = compute(checkpoints)
-            except CheckpointError as error:
-                checkpoints.set_aside(str(error))
-                note = compute(checkpoints)
-        except ConvergenceError as error:
-            if (kept := checkpoints.kept()) is None:
-                raise
-            message = f"{error}; state kept at t = {kept:.6g}"
-            raise ConvergenceError(message, error.problem, error.solution, error.time) from error
-        checkpoints.remove()
-    return note
+                try:
+                    checkpoints.find()
+                    note = self._compute(checkpoints, hashed)
+                except CheckpointError as error:
+                    checkpoints.set_aside(str(error))
+                    note = self._compute(checkpoints, hashed)
+            except ConvergenceError as error:
+                if (kept_at := checkpoints.kept()) is None:
+                    raise
+                message = f"{error}; state kept at t = {kept_at:.6g}"
+                raise ConvergenceError(message, error.problem, error.solution, error.time) from error
+            self.ranks.all_of(None)  # the case is complete
+            checkpoints.remove()
+        return note
+
+    def _status(self) -> StatusFile | Listener:
+        if not self.ranks.first:
+            return Listener()
+        case, config = self.case, self.case.config
+        return StatusFile(
+            self.folder, case.index, config.time.end, label(case.values), estimate(config).steps
+        )
+
+    def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:
+        from gfmdlayer.case import Case as Simulation
+        from gfmdlayer.grid.wisdom import RankWisdom
+        from gfmdlayer.simulation import simulate
+
+        plans = RankWisdom(self.ranks, self.case.config.grid.points, self.folder.wisdom, self.threads)
+        simulation = Simulation(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
+        with self._writer(simulation, checkpoints, hashed) as writer:
+            recorder = checkpoints.recorder(writer)
+            warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
+        plans.keep(simulation.transforms)
+        return "; ".join(warnings)
+
+    def _writer(
+        self, simulation: Simulation, checkpoints: Checkpoints, hashed: str
+    ) -> CaseWriter | PartWriter:
+        from gfmdlayer.execution.groups.part_writer import PartWriter
+        from gfmdlayer.observables import columns
+        from gfmdlayer.results.writer import CaseWriter
+
+        case, config = self.case, self.case.config
+        if not self.ranks.first:
+            return PartWriter(simulation.grid, columns(config))
+        described = attributes(config, surfaces=self.ranks.count == 1)
+        described |= {"digest": hashed, "config": (case.given or config).dump()}
+        return CaseWriter(
+            self.folder.case(case.index),
+            simulation.coordinates,
+            described | {"started": checkpoints.started},
+            columns(config),
+            elapsed=checkpoints.elapsed,
+            unit=config.unit,
+            grid=None if self.ranks.count == 1 else simulation.grid,
+        )
 
 
-def _stem(config: Config) -> str:
-    return stem(config) if config.output.keep_state else ""
-
-
-def _compute(
-    config: Config,
-    described: dict[str, str | float],
-    path: Path,
-    wisdom: str | None,
-    threads: int,
-    checkpoints: Checkpoints,
-) -> str:
-    from gfmdlayer.case import Case as Simulation
-    from gfmdlayer.observables import columns
-    from gfmdlayer.results.writer import CaseWriter
-    from gfmdlayer.simulation import simulate
-
-    simulation = Simulation(config, wisdom, threads)
-    described = described | {"started": checkpoints.started}
-    elapsed = checkpoints.elapsed
-    with CaseWriter(
-        path, simulation.coordinates, described, columns(config), elapsed=elapsed, unit=config.unit
-    ) as writer:
-        recorder = checkpoints.recorder(writer)
-        warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
-    return "; ".join(warnings)
-
-
-def attributes(config: Config) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives."""
+def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
@@ -173,14 +223,16 @@ def attributes(config: Config) -> dict[str, str | float]:
         found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
     if config.units is not None:
         found["units"] = str(config.units)
-    if said := notes([config]):
+    if said := notes([config], surfaces=surfaces):
         found["warnings"] = "\n".join(said)
     if config.trajectory.moves:
         found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
 
-def warm_up(todo: Sequence[Case], threads: int = 1, results: Path | None = None) -> tuple[Wisdom, list[str]]:
+def warm_up(
+    todo: Sequence[Case], threads: int = 1, results: Path | None = None, *, plan: bool = True
+) -> tuple[Wisdom, list[str]]:
     """Compile kernels and plan transforms before the workers start, once for each kind of case.
 
     Parameters
@@ -191,6 +243,8 @@ def warm_up(todo: Sequence[Case], threads: int = 1, results: Path | None = None)
         Threads that the transforms may use.
     results : Path, optional
         Where the wisdom of the results is kept.
+    plan : bool
+        Whether to plan transforms of whole grids, which no process has that shares them.
 
     Returns
     -------
@@ -206,6 +260,6 @@ def warm_up(todo: Sequence[Case], threads: int = 1, results: Path | None = None)
         warnings.simplefilter("always", UserWarning)
         for config in {kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                wisdom[config.grid.points] = warm_up(config, threads=threads, results=results)
+                wisdom[config.grid.points] = warm_up(config, threads=threads, results=results, plan=plan)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))

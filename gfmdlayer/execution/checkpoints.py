@@ -14,14 +14,16 @@ checkpoint, from which the next run resumes; where a step does not converge, tha
 
 from __future__ import annotations
 
+import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.groups.share import Share
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.progress import Log
 from gfmdlayer.execution.sweep import Earlier
@@ -29,15 +31,14 @@ from gfmdlayer.execution.sweep import Earlier
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gfmdlayer.execution.groups.part_writer import PartWriter
+    from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.results.checkpoint import Checkpoint
     from gfmdlayer.results.journal import Journal
     from gfmdlayer.results.writer import CaseWriter
     from gfmdlayer.resumable import CompositeState
 
-_SHARE = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
-_FORMAT = "3"  # of checkpoint and journal
-_KINDS = ("checkpoint", "journal0")
-_VERSIONS = ("gfmdlayer", "numpy", "numba", "pyfftw")
+_PART = 0.02  # of the time that checkpoints take, at most, unless one is asked for after every step
 
 
 class Checkpoints:
@@ -59,6 +60,8 @@ class Checkpoints:
         Stem of the configuration, where the state before the end is to be kept.
     earlier : Earlier, optional
         A complete case from whose state this one goes on.
+    ranks : Ranks, optional
+        The processes that compute the case, each with a checkpoint of its own (`groups.share`).
 
     Attributes
     ----------
@@ -77,11 +80,15 @@ class Checkpoints:
         report_time: Callable[[float], None],
         stem: str = "",
         earlier: Earlier | None = None,
+        ranks: Ranks | None = None,
     ) -> None:
-        self._folder, self._index = folder, index
+        from gfmdlayer.grid.ranks import ALONE
+        from gfmdlayer.results.provenance import made_by
+
+        self._folder, self._index, self._path = folder, index, folder.case(index, "checkpoint")
+        self._ranks, self._share = ranks or ALONE, Share(folder, index, ranks or ALONE)
         self._interval, self._report_time = interval, report_time
-        self._path = folder.case(index, "checkpoint")
-        self._made_by = made_by(digest)
+        self._made_by = made_by(digest) | self._share.made_by
         self._stem, self._earlier = stem, earlier
         self._begin()
         self._found: Checkpoint | None = None
@@ -97,7 +104,18 @@ class Checkpoints:
         CheckpointError
             Where it cannot be used.
         """
-        from gfmdlayer.results.checkpoint import CheckpointError, read_checkpoint
+        from gfmdlayer.results.checkpoint import CheckpointError
+
+        with self._ranks.agreeing(CheckpointError):
+            if self._share.first:
+                self._find()
+        path = self._share.found(None if self._found is None else self._found.about)
+        with self._ranks.agreeing(CheckpointError):
+            if path is not None and not self._share.first:
+                self._read(path, self._made_by)
+
+    def _find(self) -> None:
+        from gfmdlayer.results.checkpoint import CheckpointError
 
         path, made_by = self._path, self._made_by
         if path.exists():
@@ -107,9 +125,14 @@ class Checkpoints:
             if {**made_by, "digest": ""} != {**self._made_by, "digest": ""}:
                 raise CheckpointError("it would not give the same bits")
         if path.exists():
-            self._found = read_checkpoint(path, made_by)
-            self.started, self.elapsed = self._found.about["started"], self._found.about["elapsed"]
-            self._time = self._found.about["time"]
+            self._read(path, made_by)
+
+    def _read(self, path: Path, made_by: Mapping[str, str]) -> None:
+        from gfmdlayer.results.checkpoint import read_checkpoint
+
+        self._found = read_checkpoint(path, made_by)
+        self.started, self.elapsed = self._found.about["started"], self._found.about["elapsed"]
+        self._time = self._found.about["time"]
 
     def _begin(self) -> None:
         from gfmdlayer.results.provenance import now
@@ -117,7 +140,7 @@ class Checkpoints:
         self.started, self.elapsed = now(), 0.0
         self._time, self._unsaved = 0.0, False
 
-    def recorder(self, writer: CaseWriter) -> Journal:
+    def recorder(self, writer: CaseWriter | PartWriter) -> Journal:
         """Return a recorder that passes on to the writer, which first gets the rows up to the checkpoint.
 
         Raises
@@ -129,17 +152,19 @@ class Checkpoints:
         from gfmdlayer.results.journal import Journal, Position
 
         self._writer = writer
-        self._journal = Journal(self._folder.case(self._index, "journal0"), writer)
+        self._journal = Journal(self._share.journal, writer)
         if self._earlier is not None:
             self._replay(self._folder.case(self._earlier.index), self._earlier)
         elif self._found is not None:
             position = Position(*self._found.about["journal"])
-            if position.columns and (changed := writer.declared ^ set(position.columns)):
-                raise CheckpointError(f"its rows have other columns, see {', '.join(sorted(changed))}")
-            try:
-                self._journal.replay(position)
-            except ValueError as error:
-                raise CheckpointError(str(error)) from None
+            with self._ranks.agreeing(CheckpointError):
+                if position.columns and (changed := writer.declared ^ set(position.columns)):
+                    raise CheckpointError(f"its rows have other columns, see {', '.join(sorted(changed))}")
+                try:
+                    self._journal.accept(position)
+                except ValueError as error:
+                    raise CheckpointError(str(error)) from None
+            self._journal.replay(position)
         return self._journal
 
     def _replay(self, path: Path, earlier: Earlier) -> None:
@@ -168,17 +193,18 @@ class Checkpoints:
         from gfmdlayer.results.checkpoint import CheckpointError
 
         if self._found is not None:
-            try:
-                memory.restore(self._found.state)
-            except (KeyError, ValueError) as error:
-                raise CheckpointError(f"it would not give the same bits: {error}") from None
+            with self._ranks.agreeing(CheckpointError):
+                try:
+                    memory.restore(self._found.state)
+                except (KeyError, ValueError) as error:
+                    raise CheckpointError(f"it would not give the same bits: {error}") from None
             of = "" if self._earlier is None else f" of case {self._earlier.index:04d}"
             self.log(f"goes on from time {self._found.about['time']:g}{of}")
             self._found = None
         else:
             self._folder.case(self._index, "state").unlink(missing_ok=True)  # of another run of this case
         self._memory = memory
-        self._due = time.monotonic() + self._interval
+        self._due = time.monotonic() + self._interval if self._share.first else math.inf
 
     def advance(self, simulated_time: float) -> None:
         """Write a checkpoint where one is due or the run is to stop; called after each attempt at a step.
@@ -193,11 +219,14 @@ class Checkpoints:
             self._keep()
         try:
             self._report_time(simulated_time)
+            stopped = False
         except Stopped:
+            stopped = True
+        stop, due = self._share.any_of(stopped, time.monotonic() >= self._due)
+        if stop or due:
             self._write()
-            raise
-        if time.monotonic() >= self._due:
-            self._write()
+        if stop:
+            raise Stopped
 
     def kept(self) -> float | None:
         """Write the state before a step that failed; return its simulated time, None where there is none."""
@@ -209,16 +238,14 @@ class Checkpoints:
         """Remove checkpoint and journal of a complete case."""
         self.close()
         with suppress(OSError):
-            for kind in _KINDS:
-                self._folder.case(self._index, kind).unlink(missing_ok=True)
+            self._share.remove()
 
     def set_aside(self, reason: str) -> None:
         """Rename an unusable checkpoint and its journal, which are left to the user."""
         self.close()
         self._begin()
         self._found = self._journal = None
-        for kind in _KINDS:
-            self._folder.set_aside(self._folder.case(self._index, kind))
+        self._share.set_aside()
         if self._earlier is None:
             self.log(f"begins anew, its checkpoint is set aside: {reason}")
         else:
@@ -232,7 +259,8 @@ class Checkpoints:
 
     def log(self, line: str) -> None:
         """Write a line on the case to standard error, which all processes of a run share."""
-        Log(sys.stderr).note(f"case {self._index:04d} {line}")
+        if self._share.first:
+            Log(sys.stderr).note(f"case {self._index:04d} {line}")
 
     def _keep(self) -> None:
         """Keep the state where the next step may depend on the end."""
@@ -253,36 +281,20 @@ class Checkpoints:
         Checkpoint(self._made_by, known, self._memory.state()).write(path)
 
     def _write(self) -> None:
-        assert self._journal is not None  # set, as the memory, before the first step
         begun = time.monotonic()
-        try:
-            self._save(self._path, {"time": self._time, "journal": self._journal.kept()})
+        if failure := self._share.write(self._save_share):
+            self._warn(f"continues, but its checkpoint cannot be written: {failure}")
+        else:
             self._unsaved = False
-        except OSError as error:
-            self._warn(f"continues, but its checkpoint cannot be written: {error.strerror or error}")
         ended = time.monotonic()
-        pause = (ended - begun) / _SHARE if self._interval > 0 else 0.0
-        self._due = ended + max(self._interval, pause)
+        pause = (ended - begun) / _PART if self._interval > 0 else 0.0
+        self._due = ended + max(self._interval, pause) if self._share.first else math.inf
+
+    def _save_share(self, path: Path) -> None:
+        assert self._journal is not None
+        self._save(path, {"time": self._time, "journal": self._journal.kept(), **self._share.about})
 
     def _warn(self, line: str) -> None:
         if line != self._warned:
             self._warned = line
             self.log(line)
-
-
-def made_by(digest: str) -> dict[str, str]:
-    """Return what the bits of a case depend on, beside the plans of FFTW, which are in its state."""
-    from llvmlite.binding import get_host_cpu_name
-
-    from gfmdlayer.results.provenance import provenance
-
-    known = provenance()
-    versions = {f"{name}_version": known[f"{name}_version"] for name in _VERSIONS}
-    return {
-        "format": _FORMAT,
-        "digest": digest,
-        # Uncommitted changes cannot be told apart, and most do not change results.
-        "git_commit": known["git_commit"].removesuffix("-dirty"),
-        "processor": get_host_cpu_name(),
-        **versions,
-    }

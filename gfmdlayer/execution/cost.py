@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
@@ -36,6 +37,9 @@ SURFACE = 1.3  # pairs of a step on a surface over those on a line
 SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
 # Adaptive steps under a moving punch over those under a resting one, up to FAST periods in a relaxation time.
 SLIDING_STEPS, FAST = 2, 10
+# Adaptive steps for each range of an interface that the punch moves, from NEAR ranges above the surface on,
+# and for each stretch under a load. Measured on adhesive cylinders and films.
+SEPARATING_STEPS, NEAR, HOLDING_STEPS = 6, 3, 15
 # Steady sliding sets in after so many passages of the period, or times in which a free surface relaxes.
 SETTLING = 3
 # Thickness over the period below which contact is harder to find, the pairs growing with its root; the limit.
@@ -84,7 +88,8 @@ def estimate(config: Config) -> Cost:
     steps, turns = _steps(config)
     if config.grid.axisymmetric:
         return _of_indentation(config, steps)
-    solver = SOLVERS[config.solver.method]
+    method = config.solver.method
+    solver = SOLVERS["newton" if config.interfaces and not SOLVERS[method].adhesive else method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
@@ -101,7 +106,8 @@ def estimate(config: Config) -> Cost:
         pairs=pairs,
         work=size * pairs,
         memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
-        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + 3 * size * snapshots),
+        storage=HEADER
+        + REAL * (width * rows + sum(config.grid.points) + (3 + bool(config.interfaces)) * size * snapshots),
     )
 
 
@@ -113,15 +119,15 @@ def _of_indentation(config: Config, steps: int) -> Cost:
     return Cost(steps=steps, pairs=0.0, work=INDENTING * steps, memory=PROGRAM, storage=storage)
 
 
-def total(costs: Iterable[Cost]) -> Cost:
-    """Add up cases; the memory is that of the largest, as they run one after the other."""
+def total(costs: Iterable[Cost], part: float = 1.0) -> Cost:
+    """Add up cases, which may be a part of all; the memory is that of the largest, as they run in turn."""
     every = list(costs)
     return Cost(
-        steps=sum(cost.steps for cost in every),
-        pairs=sum(cost.pairs for cost in every),
-        work=sum(cost.work for cost in every),
+        steps=round(sum(cost.steps for cost in every) / part),
+        pairs=sum(cost.pairs for cost in every) / part,
+        work=sum(cost.work for cost in every) / part,
         memory=max(cost.memory for cost in every),
-        storage=sum(cost.storage for cost in every),
+        storage=sum(cost.storage for cost in every) / part,
     )
 
 
@@ -200,15 +206,9 @@ def kind(config: Config) -> Hashable:
     """Return the settings that decide which kernels and plans a case uses, and so its seconds per work."""
     solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
     numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
-    histograms = kept.pressure is not None or kept.gap is not None
-    return (
-        config.grid.geometry,
-        config.grid.points,
-        *numerics,
-        trajectory.control,
-        trajectory.moves,
-        histograms,
-    )
+    grid = config.grid.geometry, config.grid.points
+    others = kept.pressure is not None or kept.gap is not None, bool(config.interfaces)
+    return *grid, *numerics, trajectory.control, trajectory.moves, *others
 
 
 def _steps(config: Config) -> tuple[int, int]:
@@ -222,6 +222,15 @@ def _steps(config: Config) -> tuple[int, int]:
         kinks += _kinks(given.velocity_file, "velocity")
     if config.temperature is not None:
         kinks += _kinks(config.temperature.file, "temperature")
+    separating: float = 0
+    if config.interfaces:
+        from gfmdlayer.inputs import make_interface, make_trajectory
+
+        interface, drive = make_interface(config), make_trajectory(config)
+        kinks, separating = kinks + interface.kinks, HOLDING_STEPS * len(drive.kinks)
+        if given.control == "depth":
+            nearest = [max(drive(time) / interface.range, -NEAR) for time in (0.0, *drive.kinks)]
+            separating = SEPARATING_STEPS * sum(abs(after - before) for before, after in pairwise(nearest))
     planned = stops(config, kinks)
     settled = max(kinks) + _settling(config)
     last = next((stop for stop in planned if stop.time >= settled), planned[-1])
@@ -233,8 +242,8 @@ def _steps(config: Config) -> tuple[int, int]:
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     slowest = max((tau for _, tau in branches), default=0.0)
     crossed = abs(given.velocity or 0.0) * slowest / max(config.grid.period)
+    steps, begin, landings = FIRST_STEPS + finer * separating, 0.0, 0
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
-    steps, begin, landings = float(FIRST_STEPS), 0.0, 0
     for stop in planned[1:]:
         if stop.kink or stop is planned[-1]:
             free = finer * spent[min(bisect_left(times, stop.time - begin), len(times) - 1)]

@@ -159,9 +159,9 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
         return every
     begun = files["checkpoint"] | files["h5"]
     from gfmdlayer import inputs
-    from gfmdlayer.execution.checkpoints import made_by
     from gfmdlayer.history.time_points import Course
     from gfmdlayer.results.checkpoint import read_about
+    from gfmdlayer.results.provenance import made_by
 
     kept: defaultdict[str, list[tuple[Course, Earlier]]] = defaultdict(list)
     for number in states:

@@ -13,14 +13,12 @@ import os
 import socket
 import sys
 import threading
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
@@ -32,7 +30,6 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
-WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
 
 
 class LauncherError(Exception):
@@ -153,11 +150,11 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if jobs < 1:
         raise LauncherError(f"--jobs {jobs}: must be 1 or more")
     size = launched_size(os.environ)
-    comm = None if size in (None, 1) else _world(size or 0)
+    comm = None if size in (None, 1) else world(size or 0)
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        with _ranks(comm, prepare) as pool:
+        with ranks(comm, prepare) as pool:
             yield pool
     elif jobs > 1:
         with processes(jobs) as pool:
@@ -217,26 +214,12 @@ def _begin_worker() -> None:
     interrupts.listen_and_unblock()
     parent = parent_process()
     if parent is not None:
-        _end_after(parent.join)
+        interrupts.end_after(parent.join)
 
 
-def _end_after(wait: Callable[[], None]) -> None:
-    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
-
-    def watch() -> None:
-        wait()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _wait_for_launcher(launcher: int) -> None:
-    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
-    while os.getppid() == launcher:
-        time.sleep(WATCH_INTERVAL)
-
-
-def _world(size: int) -> Any:
+def world(size: int) -> Any:
+    """Return the communicator of all ranks; a launcher started `size` of them, 0 where it does not tell."""
+    interrupts.end_with(os.getppid())  # before MPI starts, which does not notice that a launcher dies then
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -256,8 +239,8 @@ def _world(size: int) -> Any:
 
 
 @contextmanager
-def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool | None]:
-    from mpi4py.futures import MPICommExecutor
+def guarded(comm: Any) -> Iterator[Callable[..., NoReturn]]:
+    """End all ranks with any of them; give the function that ends them after an exception."""
 
     def abort(*details: Any) -> NoReturn:
         traceback.print_exception(*details)
@@ -265,24 +248,32 @@ def _ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool
         comm.Abort(1)  # the other ranks would wait for this one for ever
         raise AssertionError("unreachable")
 
-    _end_after(partial(_wait_for_launcher, os.getppid()))
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
-    members = comm.gather(_host_and_cores())
-    if comm.Get_rank() != 0 and prepare is not None:
-        try:
+    try:
+        yield abort
+    except (Exception, SystemExit, KeyboardInterrupt):  # Python would wait for the other ranks at its end
+        abort(*sys.exc_info())
+
+
+@contextmanager
+def ranks(comm: Any, prepare: Callable[[], None] | None) -> Iterator[WorkerPool | None]:
+    """Assemble the pool of the ranks of a communicator; see `assemble`."""
+    from mpi4py.futures import MPICommExecutor
+
+    with guarded(comm) as abort:
+        members = comm.gather(_host_and_cores())
+        if comm.Get_rank() != 0 and prepare is not None:
             prepare()
-        except BaseException:  # SystemExit included, after which Python would wait for rank 0
-            abort(*sys.exc_info())
-    executor: Any
-    with MPICommExecutor(comm, root=0) as executor:
-        if executor is not None:
-            # The thread that serves the other ranks waits until this one releases the interpreter.
-            sys.setswitchinterval(SWITCH_INTERVAL)
-            try:
-                warnings = (*_warnings(members), *preflight.several_mpi_libraries())
-                yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
-            except (Exception, SystemExit, KeyboardInterrupt):
-                abort(*sys.exc_info())  # the other ranks would finish their cases first
-    if comm.Get_rank() != 0:
-        yield None
+        executor: Any
+        with MPICommExecutor(comm, root=0) as executor:
+            if executor is not None:
+                # The thread that serves the other ranks waits until this one releases the interpreter.
+                sys.setswitchinterval(SWITCH_INTERVAL)
+                try:
+                    warnings = (*_warnings(members), *preflight.several_mpi_libraries())
+                    yield WorkerPool(executor, comm.Get_size(), "MPI ranks", joins=True, warnings=warnings)
+                except (Exception, SystemExit, KeyboardInterrupt):
+                    abort(*sys.exc_info())  # the other ranks would finish their cases first
+        if comm.Get_rank() != 0:
+            yield None

@@ -76,8 +76,8 @@ def curves_figure(
     ResultsError
         If there is no such column, or an option has no effect.
     """
-    names = [column_name(dataset, name) for name in y] or default_columns(dataset)
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
+    names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
     x = along or column_name(dataset, x)
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
         if given and x != needed:
@@ -148,7 +148,7 @@ def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | No
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
     axes.set_ylabel(up.label)
-    return [when]
+    return [when] if when else []
 
 
 def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:

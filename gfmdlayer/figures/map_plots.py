@@ -75,7 +75,7 @@ def map_figure(
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
     for name in held:
         sweep = chosen(sweep, sweep[name], [sweep.sizes[name] // 2])
-    columns = [column_name(sweep, name) for name in z] or default_columns(sweep)[:2]
+    columns = [column_name(sweep, name, of_cases=True) for name in z] or default_columns(sweep)[:2]
     said = notes(sweep, columns)
     if sweep[x].dims == ("case",) and (others := [key for key in swept(sweep) if key.name not in (x, y)]):
         said.append(f"also varied: {', '.join(map(symbol, others))}")
@@ -91,7 +91,7 @@ def map_figure(
                 _draw_dots(axes, values / up.scale, x, y, up.label)
             else:
                 draw_quantity(axes, (values / up.scale).transpose(x, y), up.label)
-            axes.set_title(f"({chr(ord('a') + i % 26)})  {when}", loc="left")
+            axes.set_title(f"({chr(ord('a') + i % 26)})  {when}".rstrip(), loc="left")
             if i % across:
                 axes.set_ylabel("")
         for axes in panels.flat[len(columns) :]:

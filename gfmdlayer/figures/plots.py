@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.inset import Inset
+from gfmdlayer.figures.loop_plot import loop_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Kind = Literal["curves", "snapshots", "waterfall", "map", "movie", "body"]
+Kind = Literal["curves", "loop", "snapshots", "waterfall", "map", "movie", "body"]
 
 
 class Options(TypedDict, total=False):
@@ -33,17 +34,19 @@ class Options(TypedDict, total=False):
     Attributes
     ----------
     kind : str
-        curves: columns against time. snapshots: the surface at the snapshot times. waterfall: pressure
-        profiles through time. map: columns over two swept keys. movie: displacement and pressure. body: the
-        layers and their moduli, also of a configuration that has not been run. By default the curves and, as
-        NAME-snapshots, the snapshots if there are any; with x or y the curves alone.
+        curves: columns against time. loop: force against depth. snapshots: the surface at the snapshot
+        times. waterfall: pressure profiles through time. map: columns over two swept keys. movie:
+        displacement and pressure. body: the layers and their moduli, also of a configuration that has not
+        been run. By default the curves and, as NAME-snapshots, the snapshots if there are any; with x or y
+        the curves alone.
     select : mapping
         Swept key -> the value of the cases that are drawn, of which the nearest is taken, or a range.
     x : str
         Of curves: time, a column, or a swept key. Of a map: a swept key.
     y : sequence of str
         Of curves: columns, in a panel each; by default contact area and mean pressure, or depth where the
-        load is prescribed, and any friction. Of a map: a swept key.
+        load is prescribed, and any friction. Of a loop: a column, by default the force. Of a map: a swept
+        key.
     z : sequence of str
         Of a map: columns.
     time : float or str
@@ -124,6 +127,7 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         check_suffix(picture)
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: _curves(dataset, first, options),
+            "loop": lambda: loop_figure(path, dataset, look, _one(options.get("y", ()), "a loop") or "force"),
             "snapshots": lambda: snapshots_figure(cases, look, said),
             "waterfall": lambda: waterfall_figure(first, title, look, said),
             "map": lambda: _map(dataset, options),
@@ -141,7 +145,7 @@ def _cases(
 ) -> tuple[dict[str, Dataset], list[str]]:
     """Open the cases whose snapshots are drawn; say how many of the sweep they are."""
     inset = options.get("inset", ())
-    if not inset and kind in ("curves", "map"):
+    if not inset and kind in ("curves", "loop", "map"):
         return {}, []
     most = MOST_CASES if kind in (None, "snapshots") else 1
     cases = stack.enter_context(cases_with_snapshots(path, dataset, options.get("case"), most))
@@ -166,15 +170,18 @@ def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
 
 
 def _map(dataset: Dataset, options: Options) -> Figure:
-    y = options.get("y", ())
-    if len(y) > 1:
-        raise ResultsError(f"a map has one key along y, not {len(y)}")
+    y = _one(options.get("y", ()), "a map")
     look = STYLES[options.get("style", "paper")]
     if "fitted" in dataset.attrs:
         return fit_map_figure(dataset, look, options.get("z", ()))
-    return map_figure(
-        dataset, options.get("time"), look, x=options.get("x", ""), y="".join(y), z=options.get("z", ())
-    )
+    return map_figure(dataset, options.get("time"), look, x=options.get("x", ""), y=y, z=options.get("z", ()))
+
+
+def _one(names: Sequence[str], figure: str) -> str:
+    """Return the only name of some, or nothing."""
+    if len(names) > 1:
+        raise ResultsError(f"{figure} has one quantity along y, not {len(names)}")
+    return "".join(names)
 
 
 def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str, options: Options) -> Path:

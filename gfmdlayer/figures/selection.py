@@ -252,10 +252,21 @@ def default_columns(dataset: Dataset) -> list[str]:
     return [name for name in names if name in dataset.data_vars]
 
 
-def column_name(dataset: Dataset, name: str) -> str:
-    """Return the name of a column, or of time, as the results have it; ResultsError if there is none."""
+def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
+    """Return the name of a column, or of time, as the results have it; ResultsError if there is none.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The results.
+    name : str
+        What was asked for.
+    of_cases : bool
+        Whether a number of each case of a sweep is wanted as well, which does not depend on time.
+    """
     along = {"time", *case_dimensions(dataset)}
-    columns = [str(each) for each, column in dataset.data_vars.items() if {"time"} <= {*column.dims} <= along]
+    needed = set() if of_cases else {"time"}
+    columns = [str(each) for each, column in dataset.data_vars.items() if needed <= {*column.dims} <= along]
     found = _own_name(dataset, name)
     if found not in ("time", *columns):
         known = ", ".join(["time", *columns])
@@ -269,7 +280,12 @@ def _own_name(dataset: Dataset, name: str) -> str:
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
-    """Return a column at a time, by default the last one, or at its extreme over time, and when that is."""
+    """Return a column at a time, by default the last one, or at its extreme over time, and when that is.
+
+    A number of each case is the same at all times, of which nothing is said.
+    """
+    if "time" not in dataset[name].dims:
+        return dataset[name], ""
     column, clock = dataset[name], quantity(dataset["time"], dataset.attrs)
     if time in ("max", "min"):
         return getattr(column, str(time))("time"), f"{time}. over {clock.symbol}"

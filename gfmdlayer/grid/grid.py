@@ -6,6 +6,7 @@ grid's shape; their transforms are real-to-complex, so the last axis of a spectr
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import gcd, prod
@@ -62,6 +63,15 @@ class Grid:
         return (*self.points[:-1], self.points[-1] // 2 + 1)
 
     @property
+    def waves_y(self) -> range:
+        """Numbers of waves along the last axis of the modes that this process holds."""
+        return range(self.points[-1] // 2 + 1)
+
+    def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the part of arrays along each axis that belongs to the points of this process."""
+        return list(axes)
+
+    @property
     def coordinates(self) -> tuple[FloatArray, ...]:
         """Coordinates x_j = j L/n - L/2 along each axis, one 1-D array an axis."""
         return tuple(
@@ -69,7 +79,7 @@ class Grid:
             for n, length in zip(self.points, self.period, strict=True)
         )
 
-    @cached_property
+    @property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
         squares = sum(np.square(axis) for axis in self.wavevectors)
@@ -95,6 +105,11 @@ class Grid:
         """Sums, means and extrema over the points and the waves of the grid."""
         return Sums(self.parseval_weights, self.ranks)
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether this process holds all points."""
+        return self.shape == self.points
+
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the rows of the periodic surface beside those that this process holds.
 
@@ -116,6 +131,19 @@ class Grid:
         """Return the grid with half of the points of each axis that has twice the fewest; else None."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if points == self.points else replace(self, points=points)
+
+    def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:  # noqa: ARG002
+        """Bring a field together: yield the number of a first row, and rows from it on.
+
+        Parameters
+        ----------
+        field : ndarray, of the grid's shape
+            The part of it that this process holds.
+        rows : int
+            Rows that are yielded at a time, at most, where several processes hold the field; the first of
+            them alone gets them.
+        """
+        yield 0, field
 
     def from_waves(self, spectrum: ComplexArray) -> FloatArray:
         """Return the field of a transform; the transform is overwritten."""

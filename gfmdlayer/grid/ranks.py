@@ -6,12 +6,14 @@ One process holds the whole grid (`ALONE`), or the ranks of an MPI job hold the 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-Partial = TypeVar("Partial", float, NDArray[Any])
+Partial = TypeVar("Partial", int, float, NDArray[Any])
 
 
 class Ranks:
@@ -51,6 +53,33 @@ class Ranks:
         """Set the value at the wave q = 0, of one value a mode."""
         values[0] = value
 
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return value
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return [value]
+
+    @contextmanager
+    def agreeing(self, kind: type[Exception]) -> Iterator[None]:
+        """Raise an exception of this kind on all ranks where one raises it in the block."""
+        failure = ""
+        try:
+            yield
+        except kind as error:
+            failure = str(error) or type(error).__name__
+        if failure := next(filter(None, self.all_of(failure)), ""):
+            raise kind(failure)
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        return 0, number
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        return rows
+
 
 ALONE = Ranks()
 
@@ -65,10 +94,15 @@ class MpiRanks(Ranks):
     ----------
     communicator : mpi4py.MPI.Comm
         The ranks.
+
+    Attributes
+    ----------
+    control : mpi4py.MPI.Comm
+        The same ranks, for messages that are not part of the computation.
     """
 
     def __init__(self, communicator: Any) -> None:
-        self.communicator = communicator
+        self.communicator, self.control = communicator, communicator.Dup()
         self.number, self.count = communicator.Get_rank(), communicator.Get_size()
 
     def every(self, partial: Any) -> NDArray[Any]:
@@ -98,6 +132,24 @@ class MpiRanks(Ranks):
         """Set the value at the wave q = 0, on the first rank."""
         if self.first:
             values[0] = value
+
+    def shared(self, value: Any) -> Any:
+        """Return the value of the first rank."""
+        return self.communicator.bcast(value)
+
+    def all_of(self, value: Any) -> list[Any]:
+        """Return the values of all ranks."""
+        return list(self.communicator.allgather(value))
+
+    def counted(self, number: int) -> tuple[int, int]:
+        """Return the sum of a number over the ranks before this one, and over all."""
+        every = self.every(number)
+        return int(every[: self.number].sum()), int(every.sum())
+
+    def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return the rows of all ranks, one after the other, on the first; none on the others."""
+        parts = self.communicator.gather(rows)
+        return np.concatenate(parts) if self.first else rows[:0]
 
 
 def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:

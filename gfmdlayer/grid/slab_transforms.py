@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.grid.fftw import DOUBLE, SINGLE, SlabPlans, address, plan_pair
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.slabs import SlabGrid
 from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.grid.transposition import edges, transposition
@@ -138,3 +139,18 @@ class SlabTransforms(Transforms):
                 self._grid.ranks.communicator.Abort(1)
 
         return call
+
+
+def transforms_of(grid: Grid, wisdom: str | None = None, threads: int = 1) -> Transforms:
+    """Return the transforms of a grid.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of one process, or over ranks.
+    wisdom, threads
+        As in `Transforms`.
+    """
+    if isinstance(grid, SlabGrid):
+        return SlabTransforms(grid, wisdom, threads=threads)
+    return Transforms(grid.shape, wisdom, threads=threads)

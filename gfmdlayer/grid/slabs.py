@@ -7,6 +7,7 @@ transform, and its result stays where it is (`transposition`). The first rank ho
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -79,10 +80,38 @@ class SlabGrid(Grid):
         return self._part(self.points[1] // 2 + 1)
 
     @property
+    def waves_y(self) -> range:
+        """Numbers of waves along the last axis of the modes that this rank holds."""
+        return range(self.columns.start, self.columns.stop)
+
+    @property
     def coordinates(self) -> tuple[FloatArray, ...]:
         """Coordinates along each axis of the points that this rank holds."""
-        x, y = super().coordinates
-        return x[self.rows], y
+        return tuple(self.own_rows(super().coordinates))
+
+    def own_rows(self, axes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the part of arrays along each axis that belongs to the points of this rank."""
+        return [axes[0][self.rows], axes[1]]
+
+    def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:
+        """Bring a field together, see `Grid.blocks`."""
+        communicator, bounds = self.ranks.communicator, edges(self.points[0], self.ranks.count)
+        for first in range(0, self.points[0], rows):
+            end = min(first + rows, self.points[0])
+            if not self.ranks.first:
+                own = slice(max(self.rows.start, first), min(self.rows.stop, end))
+                if own.start < own.stop:
+                    part = field[own.start - self.rows.start : own.stop - self.rows.start]
+                    communicator.Send(np.ascontiguousarray(part), 0)
+                continue
+            block = np.empty((end - first, *field.shape[1:]), field.dtype)
+            for rank, (begin, stop) in enumerate(pairwise(bounds)):
+                part = block[max(begin, first) - first : max(min(stop, end) - first, 0)]
+                if rank == 0 and part.size:
+                    part[:] = field[first : min(stop, end)]
+                elif part.size:
+                    communicator.Recv(part, rank)
+            yield first, block
 
     def from_waves(self, spectrum: ComplexArray) -> FloatArray:
         """Return the field of a transform, both of the shapes that this rank holds."""

@@ -16,6 +16,7 @@ from llvmlite.binding import get_host_cpu_name
 from gfmdlayer.files.seals import read_sealed, write_sealed
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.grid import parts
+from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Transforms
 
 _MAY_DIFFER = "results may differ from those of other runs in their last bits"
@@ -100,3 +101,36 @@ def _keep(path: Path, wisdom: str) -> str:
         reason = f"cannot be kept ({error.strerror})"
         warnings.warn(f"{path}: FFTW's plans {reason}; {_MAY_DIFFER}", stacklevel=4)
     return wisdom
+
+
+class RankWisdom:
+    """Wisdom that a rank of several keeps with the results, from its first case to the next.
+
+    Parameters
+    ----------
+    ranks : Ranks
+        The processes that hold the grid; one alone has its wisdom by `planned`.
+    points : tuple of int
+        Points of the grid.
+    folder : Path
+        Where the wisdom of the results is kept.
+    threads : int
+        Threads of a transform.
+    """
+
+    def __init__(self, ranks: Ranks, points: tuple[int, ...], folder: Path, threads: int) -> None:
+        self._alone = ranks.count == 1
+        share = f"{'x'.join(map(str, points))}-rank{ranks.number}of{ranks.count}-{threads}threads"
+        made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
+        self._path = folder / f"{made_by}-{share}-and-parts.wisdom"
+
+    def read(self) -> str | None:
+        """Return the wisdom that is kept, if any."""
+        with suppress(OSError):
+            return None if self._alone else (read_sealed(self._path) or b"").decode() or None
+        return None
+
+    def keep(self, transforms: Transforms) -> None:
+        """Keep the wisdom of a run, where none is kept."""
+        if not self._alone:
+            _keep(self._path, transforms.wisdom)

@@ -6,16 +6,25 @@ with an error above the tolerance is rejected and repeated with a shorter step.
 
 Steps land on the kinks of the trajectory, on the snapshots and on the output times. The displacement
 before a kink does not predict that after it: there the steps start short, and grow fast at first.
+
+Under an interface that attracts, a step may hold an instability. The history takes the surface as moving all
+along the step, so that its error at a jump is proportional to the step; and the jump is placed at the end of
+the step, while the drive has gone on by c (`instabilities.Change`, relative), which misplaces the response,
+and the energy that is lost, by at most c times the jump of the response. A step over an instability is
+accepted where both are within the tolerance. Else it is repeated: by halves towards the jump, down to the
+length at which they will be, as both are proportional to it. Behind the jump the steps start as after a kink.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.time_points import Course, Instant, fingerprint, stops
+from gfmdlayer.history.instabilities import Change
+from gfmdlayer.history.time_points import SAME_TIME, Course, Instant, fingerprint, stops
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
@@ -26,6 +35,9 @@ _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _AFTER_KINK = 0.3  # first step after a kink, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
 _FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
+# Separation up to which a step counts as resolved at a tolerance of 1e-4, as the pull-off of a cylinder is at
+# rates from relaxed to glassy; and the largest at any.
+_SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
 _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
 
@@ -43,6 +55,11 @@ class _Position:
     depth: float = 0.0
     reach: float = 0.0  # a next stop before this time would have shortened a step since the last one
     bound: bool = False  # whether a step was shortened because the run ends
+    response: float = 0.0
+    after_jump: bool = False
+    last_step: float = 0.0  # length of the last step, 0 after a kink
+    jump_by: float = 0.0  # a step to this time was rejected for an instability
+    over_jump: float = 0.0  # length of a step over it that will be accepted
 
 
 class AdaptiveSteps:
@@ -61,6 +78,9 @@ class AdaptiveSteps:
         Times to land on.
     slowdown : float
         Factor by which relaxation times are longer at the start than those of the integrator.
+    least : float, float
+        Scales of response and depth at least. The latter is the range of an interface that attracts, and
+        zero beside a hard wall.
     """
 
     def __init__(
@@ -72,10 +92,13 @@ class AdaptiveSteps:
         kinks: Iterable[float],
         times: Iterable[float] = (),
         slowdown: float = 1.0,
+        least: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._integrator, self._tolerance, self._slowdown = integrator, tolerance, slowdown
         self._stops = stops(end, snapshots, kinks, times)
-        self._position = _Position()
+        self._attracted = least[1] > 0
+        self._separation = min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION)
+        self._position = _Position(largest_response=least[0], largest_depth=least[1])
 
     def __iter__(self) -> Iterator[Instant]:
         """Yield the time points in order; a rejected step is followed by a shorter one."""
@@ -84,6 +107,12 @@ class AdaptiveSteps:
             if now.after_kink:
                 self._integrator.discard_velocity()
                 now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
+                now.last_step = 0.0
+            if now.after_jump:
+                self._integrator.discard_velocity()
+                now.steps_since_kink, now.after_jump = 0, False
+            if now.jump_by - now.time > self._shortest:
+                now.next_step = min(now.next_step, self._towards_jump())
             stop = self._stops[now.next_stop]
             left = stop.time - now.time
             now.bound = now.bound or self._ends(now.next_step)
@@ -95,7 +124,9 @@ class AdaptiveSteps:
             self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.kink)
             yield self._given
 
-    def accepts(self, spectrum: ComplexArray, response: float, depth: float) -> bool:
+    def accepts(
+        self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
+    ) -> bool:
         """Accept or reject the last step that was yielded, and set the length of the next.
 
         Parameters
@@ -106,6 +137,8 @@ class AdaptiveSteps:
             The unknown of the contact problem: the mean pressure in depth control, the depth in load control.
         depth : float
             Depth of the punch.
+        change : Change, optional
+            Over the step, where the interface attracts.
 
         Returns
         -------
@@ -117,18 +150,22 @@ class AdaptiveSteps:
         if self._given.step == 0:
             accepted = True
             # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
-            pressed = depth_scale > 0 and bool(spectrum.any())
+            pressed = depth_scale > 0 and self._integrator.deforms(spectrum)
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
             now.next_step = self._integrator.shortest_time * self._slowdown * first
         else:
-            relative, displacement = self._integrator.error(
-                spectrum, moving=depth != now.depth, deep=depth >= _RETRACTED * depth_scale
-            )
-            error = max(_ratio(relative * abs(response), response_scale), _ratio(displacement, depth_scale))
-            accepted = error <= self._tolerance
-            self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted)
+            error = self._error(spectrum, response, depth, (response_scale, depth_scale))
+            if change is not None and (change.jumps or change.separation > self._separation):
+                jump = change.drive * _ratio(abs(response - now.response), response_scale)
+                accepted = self._accepts_abrupt(max(error, jump), change)
+            else:
+                accepted, widest = error <= self._tolerance, math.inf
+                if change is not None and change.separation > 0:
+                    widest = _SAFETY * self._separation / change.separation
+                self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted, widest)
         if accepted:
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
+            now.response, now.last_step = response, self._given.step
             now.time = self._given.time
             now.after_kink = self._given.kink
             now.next_stop += self._lands
@@ -156,9 +193,49 @@ class AdaptiveSteps:
         """Continue from there."""
         self._position = _Position(**{name: state[name].item() for name in asdict(self._position)})
 
-    def _set_next_step(self, room: float, accepted: bool) -> None:
-        """Set the next step so that the error of the last one is multiplied by `room` at most."""
-        now, factor, step = self._position, room ** (1 / 3), self._given.step
+    @property
+    def _shortest(self) -> float:
+        """A step that is not divided: times closer than this are the same."""
+        return SAME_TIME * self._stops[-1].time
+
+    def _error(
+        self, spectrum: ComplexArray, response: float, depth: float, scales: tuple[float, float]
+    ) -> float:
+        """Estimate the error of the last step, relative to the scales of response and depth."""
+        moving, deep = depth != self._position.depth, depth >= _RETRACTED * scales[1]
+        if self._attracted:
+            relative, displacement = self._integrator.error(
+                spectrum, moving=moving, deep=True, attracted=True
+            )
+            return max(relative, displacement / scales[1])
+        relative, displacement = self._integrator.error(spectrum, moving=moving, deep=deep)
+        return max(_ratio(relative * abs(response), scales[0]), _ratio(displacement, scales[1]))
+
+    def _accepts_abrupt(self, error: float, change: Change) -> bool:
+        """Accept or reject a step over an instability or a fast separation, and set the next."""
+        now, step = self._position, self._given.step
+        accepted = error <= self._tolerance or step <= self._shortest
+        room = _SAFETY * self._tolerance / max(error, 1e-300)
+        if accepted:
+            now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
+        elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
+            now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
+        else:  # a step much longer than the last one may end beyond what shorter ones lead to
+            now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
+        return accepted
+
+    def _towards_jump(self) -> float:
+        """Half of the way to an instability, or the whole where that is accepted."""
+        now = self._position
+        left = now.jump_by - now.time
+        return left if left <= now.over_jump else max(left / 2, now.over_jump)
+
+    def _set_next_step(self, room: float, accepted: bool, widest: float) -> None:
+        """Set the next step so that the error of the last one is multiplied by `room` at most.
+
+        `widest` is the largest factor on the step itself.
+        """
+        now, factor, step = self._position, min(room ** (1 / 3), widest), self._given.step
         if accepted:
             growth = _FIRST_GROWTH if now.steps_since_kink < _FIRST_STEPS else _GROWTH
             # A step that was cut to land on a stop does not shorten those that follow.

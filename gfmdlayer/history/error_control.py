@@ -20,6 +20,9 @@ At given load the depth changes, by less in one step; but it creeps for longer t
 earlier errors add to that, so that the same number serves (measured: half of it is reached). The part of
 delta f that changes neither pressure nor depth moves the free surface: with r the quotient above, by
 (delta f - r f)/kappa.
+
+Under an interface that attracts the mean pressure is a difference, and goes through zero. There the part of
+delta f along v, <v, delta f>/|v|, counts relative to the largest stress so far, and r as zero.
 """
 
 from __future__ import annotations
@@ -43,6 +46,7 @@ _UNKNOWN_CURVATURE = 0.25
 
 # A force below this part of the stresses of which it is the difference is rounding: no contact.
 _NO_CONTACT = 1e-10
+_TINY = 1e-300  # in place of a division by zero
 
 # Part of the glassy stiffness from which on the first step has to resolve the relaxation time of a mode.
 RELEVANT = 1e-3
@@ -70,7 +74,7 @@ class ErrorControlledModes(Modes):
         self.shortest_time = sums.minimum(float(spectrum.times[relevant].min(initial=math.inf)))
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
         self._velocity: ComplexArray | None = None
-        self._last_step = 0.0
+        self._last_step = self._largest_stress = 0.0
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`, with the curvature that is now known."""
@@ -82,6 +86,10 @@ class ErrorControlledModes(Modes):
     def discard_velocity(self) -> None:
         """Discard the velocity of the surface, which does not predict its displacement after a kink."""
         self._velocity = None
+
+    def deforms(self, spectrum: ComplexArray) -> bool:
+        """Return whether a displacement is not zero."""
+        return bool(self._sums.maximum(int(spectrum.any())))
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
         """Return -sigma at the end of the step of the last `terms` for this displacement."""
@@ -95,7 +103,9 @@ class ErrorControlledModes(Modes):
             _UNKNOWN_CURVATURE * (spectrum - self.u) if curvature is None else curvature
         )
 
-    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool) -> tuple[float, float]:
+    def error(
+        self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
+    ) -> tuple[float, float]:
         """Estimate the error of the step of the last `terms`.
 
         Parameters
@@ -106,41 +116,48 @@ class ErrorControlledModes(Modes):
             Whether the punch moves over the step.
         deep : bool
             Whether the depth of the punch is still comparable to its largest value.
+        attracted : bool
+            Whether the interface attracts.
 
         Returns
         -------
         float, float
-            Relative error of the mean pressure (at given load, of the depth), and root mean square error of
-            the displacement, a length.
+            Relative error of the mean pressure (at given load, of the depth; of the stress, where the
+            interface attracts), and root mean square error of the displacement, a length.
         """
         error, force = self.truncation_error(spectrum), self.force(spectrum)
         if moving:  # the change over a step that is then rejected serves as well
             self._contact_motion = spectrum - self.u
         weights, kappa = self._sums.weights, self._stiffness
         norm = self._sums.total(kernels.stress_norm(weights, kappa, spectrum.view(np.float64)))
-        ratio = 0.0
+        self._largest_stress = max(self._largest_stress, math.sqrt(norm)) if attracted else 0.0
+        ratio = part = 0.0
         for v in (spectrum if deep else None, self._contact_motion):
             if v is None:
                 continue
             work, error_work, squares = self._sums.spectral_means(v, force, error)
-            if work**2 > _NO_CONTACT**2 * squares * norm:
+            if attracted:
+                part = max(part, abs(error_work) / (math.sqrt(squares) * self._largest_stress + _TINY))
+            elif work**2 > _NO_CONTACT**2 * squares * norm:
                 ratio = max(ratio, error_work / work, key=abs)
         square = kernels.displacement_error(
             weights, kappa, error.view(np.float64), ratio, force.view(np.float64)
         )
-        return abs(ratio), math.sqrt(self._sums.total(square))
+        return part if attracted else abs(ratio), math.sqrt(self._sums.total(square))
 
     def state(self) -> State:
         """Return the history and the last motion of the surface."""
         motion = {"contact_motion": self._contact_motion, "velocity": self._velocity}
         known = {name: value for name, value in motion.items() if value is not None}
-        return {**super().state(), **known, "last_step": self._last_step}
+        stress = {"largest_stress": self._largest_stress} if self._largest_stress else {}
+        return {**super().state(), **known, **stress, "last_step": self._last_step}
 
     def restore(self, state: State) -> None:
         """Continue from there."""
         super().restore(state)
         self._contact_motion, self._velocity = state.get("contact_motion"), state.get("velocity")
         self._last_step = float(state["last_step"])
+        self._largest_stress = float(state.get("largest_stress", 0.0))
 
     def _curvature(self, spectrum: ComplexArray) -> ComplexArray | None:
         """dt^2 u''/2 from the divided difference of the last three displacements, this one included."""

@@ -104,10 +104,14 @@ class Modes:
     loss_stiffness: FloatArray | None = None
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
-        self.relaxed, self.spectrum_error = np.ravel(spectrum.relaxed), spectrum.error
+        self.relaxed = np.ravel(spectrum.relaxed)
         size = self.relaxed.size
         self._sums = Sums(np.ones(size)) if sums is None else sums
+        self.spectrum_error = self._sums.maximum(spectrum.error)
         weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)
+        missing = self._sums.maximum(len(weights)) - len(weights)  # modes without weight on this rank
+        weights = np.concatenate((weights, np.zeros((missing, size)))) if missing else weights
+        times = np.concatenate((times, np.ones((missing, size)))) if missing else times
         self._scheme = scheme
         self.step = np.nan
         self.u = np.zeros(size, dtype=np.complex128)

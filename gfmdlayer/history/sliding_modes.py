@@ -223,9 +223,11 @@ class ErrorControlledSlidingModes(ErrorControlledModes, SlidingModes):
         super().restore(state)
         self._largest_force = float(state["largest_force"])
 
-    def error(self, spectrum: ComplexArray, *, moving: bool, deep: bool) -> tuple[float, float]:
+    def error(
+        self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
+    ) -> tuple[float, float]:
         """Estimate the error as `ErrorControlledModes` does, that of the tangential force included."""
-        relative, displacement = super().error(spectrum, moving=moving, deep=deep)
+        relative, displacement = super().error(spectrum, moving=moving, deep=deep, attracted=attracted)
         mean, slope, force = self._sums.spectral_mean, self._slope * spectrum, self.force(spectrum)
         smallest = _SMALLEST_FORCE * math.sqrt(mean(slope, slope) * mean(force, force))
         self._largest_force = max(self._largest_force, smallest, abs(mean(slope, force)))

@@ -7,11 +7,13 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
+
+from gfmdlayer.resumable import Resumable, State
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray
-    from gfmdlayer.resumable import State
+    from gfmdlayer.history.instabilities import Change
 
 # Times closer than this part of the run are the same: output times carry the rounding of decimals and sums.
 SAME_TIME = 1e-10
@@ -66,6 +68,36 @@ def fingerprint(stops: Iterable[Instant]) -> str:
     return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
 
 
+class Steps(Resumable, Protocol):
+    """The time points of a run."""
+
+    def __iter__(self) -> Iterator[Instant]:
+        """Return the time points in order; a rejected one is followed by an earlier one."""
+        ...
+
+    def accepts(
+        self, spectrum: ComplexArray, found: float, depth: float, change: Change | None = None
+    ) -> bool:
+        """Return whether the last step is accurate enough.
+
+        Parameters
+        ----------
+        spectrum : ndarray of complex
+            Displacement at its end.
+        found : float
+            Mean pressure at a prescribed depth, depth under a prescribed load.
+        depth : float
+            Depth of the punch.
+        change : Change, optional
+            Over the step, where the interface attracts.
+        """
+        ...
+
+    def course(self) -> Course | None:
+        """Return the course so far where the next step is the first that may depend on the end of the run."""
+        ...
+
+
 class FixedSteps:
     """Steps that are known before the run; each is accepted.
 
@@ -92,7 +124,9 @@ class FixedSteps:
             self._time = instant.time
             yield instant
 
-    def accepts(self, _spectrum: ComplexArray, _response: float, _depth: float) -> bool:
+    def accepts(
+        self, _spectrum: ComplexArray, _response: float, _depth: float, _change: Change | None = None
+    ) -> bool:
         """Accept every step."""
         self._count += 1
         return True

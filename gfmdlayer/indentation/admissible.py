@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
@@ -123,7 +124,6 @@ def plainly_possible(config: Any) -> bool:
     if config.grid.axisymmetric:
         return given.file is None and not hasattr(config.punch, "file")
     mean_height = config.punch.mean_height(config.grid.cell)
-    tables = given.file, given.velocity_file, config.temperature and config.temperature.file
-    if any(table is not None for table in tables) or mean_height is None:
+    if files_named(config) or mean_height is None:
         return False
     return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)

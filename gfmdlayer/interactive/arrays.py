@@ -37,19 +37,45 @@ def with_history(history: History) -> dict[str, object]:
     ConfigError
         If it is not that.
     """
+    file = _table("history", history)
+    others = Trajectory.model_fields.keys() - {"control", "velocity", "velocity_file"}
+    left_out: dict[str, object] = {f"trajectory.{key}": None for key in others}
+    return left_out | {"trajectory.kind": "table", "trajectory.file": file}
+
+
+def with_voltages(given: Any) -> Any:
+    """Return interface laws with voltages as files where these are arrays; anything else as it is.
+
+    Parameters
+    ----------
+    given : mapping or sequence
+        Keys of a law, or those of several; `voltage` as of `with_history`.
+
+    Raises
+    ------
+    ConfigError
+        If a voltage is an array of another shape.
+    """
+    if isinstance(given, list | tuple):
+        return [with_voltages(law) for law in given]
+    voltage: Any = given.get("voltage") if isinstance(given, Mapping) else None
+    is_array = hasattr(voltage, "__len__") and not isinstance(voltage, str)
+    return {**given, "voltage": _table("voltage", voltage)} if is_array else given
+
+
+def _table(name: str, history: History) -> MemoryFile:
+    """Return a file in memory with the rows of an array."""
     try:
         pair = isinstance(history, tuple) and len(history) == 2
         rows = np.column_stack(history) if pair else np.asarray(history)  # type: ignore[arg-type]
         rows = rows.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise ConfigError([f"history: {error}; must be an (m, 2) array, or a pair of arrays"]) from None
+        raise ConfigError([f"{name}: {error}; must be an (m, 2) array, or a pair of arrays"]) from None
     if rows.ndim != 2 or rows.shape[1] != 2:
         shape = " x ".join(map(str, rows.shape))
-        raise ConfigError([f"history: got an array of {shape}; must be (m, 2), or a pair of arrays"])
+        raise ConfigError([f"{name}: got an array of {shape}; must be (m, 2), or a pair of arrays"])
     text = "".join(f"{time!r} {value!r}\n" for time, value in rows.tolist())
-    others = Trajectory.model_fields.keys() - {"control", "velocity", "velocity_file"}
-    left_out: dict[str, object] = {f"trajectory.{key}": None for key in others}
-    return left_out | {"trajectory.kind": "table", "trajectory.file": _held("history", ".txt", text.encode())}
+    return _held(name, ".txt", text.encode())
 
 
 def with_punch(config: Config, punch: ArrayLike | Callable[..., ArrayLike]) -> dict[str, object]:

@@ -27,7 +27,7 @@ from gfmdlayer.execution.sweep import Case as SweptCase
 from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
-from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch
+from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch, with_voltages
 from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
 from gfmdlayer.notes import notes
@@ -79,7 +79,8 @@ def run(
         Threads for the transforms of a large grid.
     **values
         Keys of the configuration and their values: ``layer__thickness=0.1``, or
-        ``**{"layer.thickness": 0.1}``; None leaves a key out.
+        ``**{"layer.thickness": 0.1}``; None leaves a key out. The `voltage` of an interface law may be an
+        array, as `history`.
 
     Returns
     -------
@@ -144,12 +145,16 @@ def _configuration(
     """Return the checked configuration, with arrays as files in memory."""
     if isinstance(punch, Shape | Mapping):
         values, punch = values | {"punch": punch}, None
+    if "interface" in values:
+        values = values | {"interface": with_voltages(values["interface"])}
     if history is not None:
         values |= with_history(history)
     if not isinstance(config, str | PathLike | Mapping | Config):
         raise ConfigError([f"config: got {type(config).__name__}; must be a path, a mapping or a Config"])
     if isinstance(config, Config | Mapping):
         given = config if isinstance(config, Config) else {"name": "run", **config}
+        if isinstance(given, Mapping) and "interface" in given:
+            given = {**given, "interface": with_voltages(given["interface"])}
         found = from_python(given, values, input_errors if punch is None else None)
     else:
         found = read_config(config, values)

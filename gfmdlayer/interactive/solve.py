@@ -150,7 +150,7 @@ def solve(
     law: InterfaceLaw = make_interface(config) if "interface" in given else interface  # type: ignore[assignment]
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
-    if control == "depth" and (message := too_deep(target, heights, body.mean_stiffness)):
+    if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = body.spectrum(grid.wavenumbers)
@@ -228,7 +228,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
 
     touching = in_contact(problem, solution)
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
-    area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape))
+    area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape), grid)
     fields = {
         "displacement": surface.displacement,
         "pressure": solution.pressure,

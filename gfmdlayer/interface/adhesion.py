@@ -59,7 +59,7 @@ class Exponential(Interface):
         from gfmdlayer.interface.law import of_terms
 
         stress = self.work / self.range
-        return of_terms((terms.EXPONENTIAL, stress, self.range, 0.0), strength=stress)
+        return of_terms((terms.EXPONENTIAL, stress, self.range, 0.0), work=self.work, strength=stress)
 
 
 class Dugdale(Interface):
@@ -74,6 +74,8 @@ class Dugdale(Interface):
     >>> law.traction([0.0, 4e-3, 6e-3])
     array([0.25 , 0.125, 0.   ])
     """
+
+    points_in_zone: ClassVar[int] = 8
 
     law: Literal["dugdale"] = "dugdale"
     """constant traction up to the range work/stress"""
@@ -91,7 +93,7 @@ class Dugdale(Interface):
 
         reach = self.work / self.stress
         term = (terms.COHESIVE_ZONE, self.stress, reach, self.smoothing * reach)
-        return of_terms(term, strength=self.stress)
+        return of_terms(term, work=self.work, strength=self.stress)
 
 
 class LennardJones(Interface):
@@ -122,4 +124,6 @@ class LennardJones(Interface):
         stress = 8 / 3 * self.work / self.separation
         # x^3 - x^9 is largest at x^6 = 1/3.
         strength = stress * 2 / 3 / math.sqrt(3)
-        return of_terms((terms.LENNARD_JONES, stress, self.separation, 0.0), strength=strength)
+        return of_terms(
+            (terms.LENNARD_JONES, stress, self.separation, 0.0), work=self.work, strength=strength
+        )

@@ -102,7 +102,7 @@ class Electrostatic(Interface):
         if permittivity is None:
             raise ConfigError([f"permittivity: {NO_PERMITTIVITY}"])
         stress = 0.5 * permittivity / self.h0**2
-        one = of_terms((terms.INVERSE_SQUARE, stress, self.h0, 0.0), strength=stress)
+        one = of_terms((terms.INVERSE_SQUARE, stress, self.h0, 0.0), work=stress * self.h0, strength=stress)
         if isinstance(self.voltage, Path):
             return Driven.by(one, Table.read(self.voltage, "voltage"))
         return one.times(self.voltage**2)

@@ -22,6 +22,7 @@ class Interface(Kind):
     """A law of the interaction of surface and punch across the gap."""
 
     attracts: ClassVar[bool] = True
+    points_in_zone: ClassVar[int] = 3  # of a cohesive zone, with which edges of the contact are resolved
 
     law: str
     """word that chooses the law"""

@@ -83,11 +83,14 @@ class Interaction:
     ----------
     terms : Terms
         Its terms.
+    work : float
+        Work of adhesion, -w(0); energy per area.
     strength : float
         Largest traction, or a bound on it; pressure.
     """
 
     terms: Terms
+    work: float
     strength: float
 
     @property
@@ -103,11 +106,6 @@ class Interaction:
     def attracts(self) -> bool:
         """Whether there is a traction at all."""
         return self.strength > 0
-
-    @property
-    def work(self) -> float:
-        """Work of adhesion, -w(0)."""
-        return -float(self.energy(np.zeros(1))[0])
 
     @property
     def range(self) -> float:
@@ -128,7 +126,8 @@ class Interaction:
 
     def times(self, factor: float) -> Interaction:
         """Return the law with all of its tractions multiplied by a factor >= 0."""
-        return Interaction(self.terms._replace(stress=factor * self.terms.stress), factor * self.strength)
+        terms = self.terms._replace(stress=factor * self.terms.stress)
+        return Interaction(terms, factor * self.work, factor * self.strength)
 
     def _sum(self, add: str, gap: FloatArray) -> FloatArray:
         sums = np.zeros(np.shape(gap))
@@ -139,14 +138,14 @@ class Interaction:
         return sums
 
 
-def of_terms(*terms: tuple[int, float, float, float], strength: float) -> Interaction:
-    """Return a law from form, stress, length and width of its terms, and its largest traction."""
+def of_terms(*terms: tuple[int, float, float, float], work: float, strength: float) -> Interaction:
+    """Return a law from form, stress, length and width of its terms, its work and its largest traction."""
     columns = zip(*terms, strict=True) if terms else ((),) * len(Terms._fields)
     form, *others = (np.array(column, dtype=np.float64) for column in columns)
-    return Interaction(Terms(form.astype(np.int64), *others), strength)
+    return Interaction(Terms(form.astype(np.int64), *others), work, strength)
 
 
-HARD_WALL = of_terms(strength=0.0)
+HARD_WALL = of_terms(work=0.0, strength=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +154,7 @@ class Driven(Interaction):
 
     Parameters
     ----------
-    terms, strength
+    terms, work, strength
         At the largest voltage.
     one : Interaction
         The law at one volt.
@@ -170,7 +169,7 @@ class Driven(Interaction):
     def by(cls, one: Interaction, voltage: Table) -> Driven:
         """Return the law at one volt driven by a voltage over time."""
         most = one.times(float(np.abs(voltage.values).max()) ** 2)
-        return cls(most.terms, most.strength, one, voltage)
+        return cls(most.terms, most.work, most.strength, one, voltage)
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -188,7 +187,7 @@ class Total(Interaction):
 
     Parameters
     ----------
-    terms, strength
+    terms, work, strength
         Those of all parts; the strength is a bound.
     parts : sequence of Interaction
         The laws.
@@ -201,7 +200,8 @@ class Total(Interaction):
         """Return the sum of laws."""
         every = [part.terms for part in parts]
         joined = (np.concatenate(columns) for columns in zip(*every, strict=True))
-        return cls(Terms(*joined), sum(part.strength for part in parts), parts)
+        work = sum(part.work for part in parts)
+        return cls(Terms(*joined), work, sum(part.strength for part in parts), parts)
 
     @property
     def kinks(self) -> tuple[float, ...]:

@@ -1,14 +1,14 @@
-"""Observables of a step: contact, effort, friction, energy balance, contact statistics, steady state."""
+"""Observables of a step: contact, effort, friction, adhesion, energy balance, statistics, steady state."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gfmdlayer.observables.contact_means import ContactMeans
+from gfmdlayer.observables.adhesion import Adhesion
+from gfmdlayer.observables.contact_means import ContactMeans, Force
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
-from gfmdlayer.observables.energy_balance import EnergyBalance
-from gfmdlayer.observables.force import Force
+from gfmdlayer.observables.energy_balance import EnergyBalance, Instabilities
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
@@ -27,6 +27,7 @@ __all__ = [
     "Observable",
     "columns",
     "known_columns",
+    "known_numbers",
     "observables",
 ]
 
@@ -37,6 +38,8 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
+    "instabilities": Instabilities,
+    "adhesion": Adhesion,
     "energy": EnergyBalance,
     "statistics": ContactStatistics,
     "temperature": Temperature,
@@ -73,3 +76,8 @@ def known_columns() -> dict[str, Column]:
                 raise ValueError(f"{observable.__name__}: another observable has a column {column.name!r}")
             found[column.name] = column
     return found
+
+
+def known_numbers() -> dict[str, Column]:
+    """Return the attributes of cases that sweep files hold as columns, by name."""
+    return {column.name: column for each in OBSERVABLES.values() for column in each.NUMBERS}

@@ -36,19 +36,24 @@ for each edge, and some hundred times smaller.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.kernels import kernel
 
 T0, T1 = 0.1896, 0.0885
 U0, U1, U2 = 0.9021, -0.3620, 0.2695
 WIDEST = 1.25  # u beyond which the gap does not vanish as beside a smooth punch; at t = -T0 it is 1.13
+Line = tuple[int, int, int, int]
+
 FARTHEST = 512  # points along which contact and gap are measured
 
 
-def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> float:
+def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray, grid: Grid) -> float:
     """Return the part of the surface in contact, by edges between the points.
 
     Parameters
@@ -57,28 +62,56 @@ def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray
         Whether each point is in contact.
     pressure, gap : ndarray, of the grid's shape
         Pressure of the wall, and gap.
+    grid : Grid
+        The grid.
     """
-    if touching.all() or not touching.any():
-        return float(touching.all())
-    fields = touching.ravel(), pressure.ravel(), gap.ravel()
-    points = _length(*fields) if touching.ndim == 1 else _area(*fields, *touching.shape)
-    return max(float(points), 0.0) / touching.size
+    ranks = grid.ranks
+    number = ranks.total(int(touching.sum()))
+    if number in (0, grid.size):
+        return number / grid.size
+    if touching.ndim == 1:
+        points = _length(touching, pressure, gap)
+    else:
+        far, near = (min(grid.points[0], FARTHEST) + 1, 2) if ranks.count > 1 else (0, 0)
+        marks, *fields = (
+            _with_halo(field, rows, grid) for field, rows in ((touching, far), (pressure, near), (gap, near))
+        )
+        shape = touching.shape[0], touching.shape[1]
+        area = _area(marks, fields[0], fields[1], (far, near), shape, grid.points[0])
+        points = ranks.total(float(area))
+    return max(float(points), 0.0) / grid.size
+
+
+def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
+    """Return a field, flat, with some rows of the neighbours before and after those of this rank."""
+    if not rows:
+        return field.ravel()
+    before, after = grid.halo(field, rows, rows)
+    return np.concatenate((before.ravel(), field.ravel(), after.ravel()))
 
 
 @kernel(inner=True)
 def _edge(
-    touching: BoolArray, pressure: FloatArray, gap: FloatArray, line: tuple[int, int, int], at: int, step: int
+    touching: BoolArray,
+    pressure: FloatArray,
+    gap: FloatArray,
+    line: Line,
+    marks: Line,
+    farthest: int,
+    step: int,
 ) -> float:
     """Place of the edge between a point in contact and the next along a line, in spacings from the point.
 
-    The line is (index of its first point, stride, number of points), and periodic; `at` counts along it, and
-    step is 1 or -1.
+    A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
+    `line` that of pressure and gap, `marks` that of `touching`. Contact and gap are measured along `farthest`
+    points; step is 1 or -1.
     """
-    first, stride, n = line
+    start, span, many, place = marks
+    first, stride, n, at = line
     inside, outside = 1, 1
-    while inside < min(n, FARTHEST) and touching[first + (at - inside * step) % n * stride]:
+    while inside < farthest and touching[start + (place - inside * step) % many * span]:
         inside += 1
-    while outside < min(n, FARTHEST) and not touching[first + (at + (outside + 1) * step) % n * stride]:
+    while outside < farthest and not touching[start + (place + (outside + 1) * step) % many * span]:
         outside += 1
     s0 = max(pressure[first + at * stride], 0.0) ** 2
     s1 = max(pressure[first + (at - step) % n * stride], 0.0) ** 2 if inside > 1 else 0.0
@@ -118,20 +151,34 @@ def _length(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> float
             length += 1.0
             for step in (-1, 1):
                 if not touching[(i + step) % n]:
-                    length += _edge(touching, pressure, gap, (0, 1, n), i, step) - 0.5
+                    line = 0, 1, n, i
+                    length += _edge(touching, pressure, gap, line, line, min(n, FARTHEST), step) - 0.5
     return length
 
 
 @kernel
-def _area(touching: BoolArray, pressure: FloatArray, gap: FloatArray, rows: int, columns: int) -> float:
-    """Area of the contact of a surface, in cells of the grid, each with a point at its corners."""
+def _area(
+    touching: BoolArray,
+    pressure: FloatArray,
+    gap: FloatArray,
+    before: tuple[int, int],
+    shape: tuple[int, int],
+    period: int,
+) -> float:
+    """Area of the contact of a surface, in cells of the grid, each with a point at its corners.
+
+    The rows are those of a shape; before and after them come further ones, so many in `touching` and in the
+    other fields, or none where the rows are all of the period.
+    """
     area, t, corners = 0.0, np.empty(4), np.empty(4, np.bool_)
+    (far, near), (rows, columns) = before, shape
     for i in range(rows):
-        below = i + 1 if i + 1 < rows else 0
+        below = i + 1 if far or i + 1 < rows else 0
         for j in range(columns):
             right = j + 1 if j + 1 < columns else 0
-            first, other = touching[i * columns + j], touching[below * columns + right]
-            second, third = touching[i * columns + right], touching[below * columns + j]
+            here, there = (far + i) * columns, (far + below) * columns
+            first, other = touching[here + j], touching[there + right]
+            second, third = touching[here + right], touching[there + j]
             if first == second == third == other:
                 area += first
                 continue
@@ -141,11 +188,20 @@ def _area(touching: BoolArray, pressure: FloatArray, gap: FloatArray, rows: int,
                 if corners[k] == corners[(k + 1) % 4]:
                     continue
                 along_row, forward = k % 2 == 0, corners[k] == (k < 2)
+                step = 1 if forward else -1
                 if along_row:
-                    line, at = ((i if k == 0 else below) * columns, 1, columns), j if forward else right
+                    row, at = i if k == 0 else below, j if forward else right
+                    line, marks = (
+                        ((near + row) * columns, 1, columns, at),
+                        ((far + row) * columns, 1, columns, at),
+                    )
+                    farthest = min(columns, FARTHEST)
                 else:
-                    line, at = (right if k == 1 else j, columns, rows), i if forward else below
-                t[k] = _edge(touching, pressure, gap, line, at, 1 if forward else -1)
+                    column, at = right if k == 1 else j, i if forward else below
+                    line = column, columns, rows + 2 * near, near + at
+                    marks = column, columns, rows + 2 * far, far + at
+                    farthest = min(period, FARTHEST)
+                t[k] = _edge(touching, pressure, gap, line, marks, farthest, step)
             area += _polygon(corners, t, corners.sum())
     return area
 

@@ -44,7 +44,7 @@ class ContactStatistics(Observable):
         import numpy as np
 
         asked = {column.name: column.along for column in self.columns(case.config)}
-        self._shape, self._counts_patches = case.grid.shape, PATCHES.name in asked
+        self._grid, self._counts_patches = case.grid, PATCHES.name in asked
         self._edges = {name: np.array(bins.edges) for name, bins in asked.items() if bins is not None}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
@@ -57,11 +57,11 @@ class ContactStatistics(Observable):
 
         touching = in_contact(step.problem, solution)
         if self._counts_patches:
-            found["patches"] = count_patches(touching.reshape(self._shape))
+            found["patches"] = count_patches(touching.reshape(self._grid.shape), self._grid)
         for name, edges in self._edges.items():
             of_pressure = name == "pressure_histogram"
             values, chosen = (solution.pressure, touching) if of_pressure else (solution.gap, ~touching)
-            found[name] = histogram(values, chosen, edges)
+            found[name] = histogram(values, chosen, edges, self._grid.ranks)
         return found
 
 

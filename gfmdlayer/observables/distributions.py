@@ -11,14 +11,17 @@ import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.contact.residual import scales_over
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Return whether each point is in contact."""
     wall = problem.wall_pressure(solution.pressure, solution.gap)
-    pressure_scale, depth = residual_scales(wall, solution.displacement, problem.residual_floor)
+    floor = problem.residual_floor
+    pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
     return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
 
 
@@ -27,7 +30,9 @@ def closed_gap(problem: Problem, solution: Solution) -> FloatArray:
     return np.where(in_contact(problem, solution), 0.0, solution.gap)
 
 
-def histogram(values: FloatArray, chosen: BoolArray, edges: npt.ArrayLike) -> FloatArray:
+def histogram(
+    values: FloatArray, chosen: BoolArray, edges: npt.ArrayLike, ranks: Ranks = ALONE
+) -> FloatArray:
     """Return the part of all points that are chosen and have a value in each bin, lower edge included.
 
     Parameters
@@ -38,13 +43,16 @@ def histogram(values: FloatArray, chosen: BoolArray, edges: npt.ArrayLike) -> Fl
         Points that count.
     edges : array_like
         Increasing, the last inf.
+    ranks : Ranks
+        The processes that hold the points.
 
     Returns
     -------
     ndarray
         One number a bin.
     """
-    return _counts(values, chosen, np.asarray(edges, dtype=float)) / values.size
+    counts = _counts(values, chosen, np.asarray(edges, dtype=float))
+    return np.asarray(ranks.total(counts) / ranks.total(values.size))
 
 
 @kernel
@@ -56,23 +64,33 @@ def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> npt.NDA
     return counts
 
 
-def count_patches(touching: BoolArray) -> int:
+def count_patches(touching: BoolArray, grid: Grid) -> int:
     """Count the connected patches of a periodic surface; points are neighbours along the axes.
 
     Parameters
     ----------
     touching : ndarray of bool
         Of the grid's shape, in one dimension or two.
+    grid : Grid
+        The grid.
     """
     from scipy import ndimage
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    labels, count = ndimage.label(touching)
-    # Patches that meet across an edge of the cell are one: components of the graph of these meetings.
-    ends = [(labels.take(0, axis).ravel(), labels.take(-1, axis).ravel()) for axis in range(labels.ndim)]
-    first, last = (np.concatenate(side) for side in zip(*ends, strict=True))
-    meet = (first > 0) & (last > 0)
-    pairs = (np.ones(np.count_nonzero(meet)), (first[meet] - 1, last[meet] - 1))
-    graph = coo_array(pairs, shape=(count, count))
-    return int(connected_components(graph, directed=False)[0]) if count else 0
+    ranks = grid.ranks
+    labels, own = ndimage.label(touching)
+    before, count = ranks.counted(own)
+    labels = np.where(labels > 0, labels.astype(np.int64) + before, 0)
+    # Patches that meet across an edge of the cell, or of a rank's rows, are one: components of the graph of
+    # these meetings.
+    _, below = grid.halo(labels, 0, 1)
+    ends = [(labels[-1:].ravel(), below.ravel())]
+    ends += [(labels[:, 0], labels[:, -1])] if labels.ndim == 2 else []
+    pairs = np.concatenate([np.stack(each, axis=1) for each in ends])
+    pairs = ranks.gathered(np.unique(pairs[(pairs > 0).all(axis=1)], axis=0)) - 1
+    patches = 0
+    if ranks.first and count:
+        graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+        patches = int(connected_components(graph, directed=False)[0])
+    return ranks.maximum(patches)

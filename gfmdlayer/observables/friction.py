@@ -49,7 +49,7 @@ class Friction(Observable):
         grid = case.grid
         assert case.velocity is not None
         self._position = partial(distance, case.velocity)
-        self._transforms, self._period = case.transforms, grid.period[0]
+        self._transforms, self._period, self._sums = case.transforms, grid.period[0], grid.sums
         one, other = grid.wavenumbers_x
         # The grid does not distinguish the shortest wave from its opposite; their mean has no slope there.
         self._slope = np.ravel(grid.parseval_weights * (one + other) / 2)
@@ -59,10 +59,10 @@ class Friction(Observable):
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return position, tangential stress, friction and centre of pressure."""
-        pressure, mean = step.solution.pressure, float(step.solution.pressure.mean())
+        pressure, mean = step.solution.pressure, self._sums.mean(step.solution.pressure)
         p, u = self._transforms.forward(pressure), step.surface.spectrum
-        force = float((self._slope * (p.imag * u.real - p.real * u.imag)).sum())
-        angle = cmath.phase(complex((self._phase * pressure).sum()))
+        force = self._sums.total(float((self._slope * (p.imag * u.real - p.real * u.imag)).sum()))
+        angle = cmath.phase(self._sums.total((self._phase * pressure).sum(keepdims=True))[0])
         return {
             "position": self._position(step.time),
             "tangential_force": force,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
-    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.arrays import Attribute, FloatArray
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
     from gfmdlayer.contact.loading import Surface
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
     from gfmdlayer.history.reduced_time import ReducedTime
+    from gfmdlayer.interface.law import InterfaceLaw
     from gfmdlayer.punch.trajectory import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
@@ -150,6 +151,11 @@ class Parts(Protocol):
         ...
 
     @property
+    def interface(self) -> InterfaceLaw:
+        """Interaction of surface and punch across the gap, at any time."""
+        ...
+
+    @property
     def velocity(self) -> Constant | Table | None:
         """Velocity of the punch along x; None where it stays."""
         ...
@@ -189,6 +195,8 @@ class Observable(Stateless):
     ----------
     COLUMNS : tuple of Column
         Columns that are the same in every case that has the observable.
+    NUMBERS : tuple of Column
+        Attributes that the sweep file holds too, a number for each case.
     finished : bool
         Whether the run may end after the last accepted step.
     attributes : dict
@@ -198,8 +206,9 @@ class Observable(Stateless):
     """
 
     COLUMNS: ClassVar[tuple[Column, ...]] = ()
+    NUMBERS: ClassVar[tuple[Column, ...]] = ()
     finished: bool = False
-    attributes: Mapping[str, float] = MappingProxyType({})
+    attributes: Mapping[str, Attribute] = MappingProxyType({})
     warning: str = ""
 
     def __init__(self, case: Parts) -> None:

@@ -21,7 +21,7 @@ class Resolution(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._shape, self._most = case.grid.shape, 0
+        self._grid, self._most = case.grid, 0
         self.attributes = {"most_contact_points": 0}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
@@ -29,13 +29,12 @@ class Resolution(Observable):
         from gfmdlayer.observables.contact_edges import interpolated_area
         from gfmdlayer.observables.distributions import in_contact
 
-        solution, shape = step.solution, self._shape
+        solution, shape = step.solution, self._grid.shape
         touching = in_contact(step.problem, solution)
         pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
-        self._count(int(touching.sum()))
-        area = interpolated_area(
-            touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
-        )
+        self._count(self._grid.ranks.total(int(touching.sum())))
+        shaped = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
+        area = interpolated_area(*shaped, self._grid)
         return {"contact_area_interpolated": area}
 
     def state(self) -> State:

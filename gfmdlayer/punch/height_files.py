@@ -8,23 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.files.hdf5_inputs import open_group
 from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
 from gfmdlayer.grid.grid import Grid
 
 
 class Heights(NamedTuple):
-    """Heights, and the lengths of the cell that they fill along each axis if the file holds them."""
+    """Heights, and the lengths of the cell that they fill along each axis if the file holds them.
+
+    Values are those of some rows, where a process reads no others; the shape is that of all.
+    """
 
     values: FloatArray
     lengths: tuple[float, ...] | None = None
+    shape: tuple[int, ...] = ()
 
 
-def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
+def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid | None = None) -> Heights:
     """Read a file by the ending of its name.
 
     Parameters
@@ -35,17 +40,24 @@ def read_heights(file: Path, axes: int, dataset: str | None = None) -> Heights:
         Number of axes that the heights must have.
     dataset : str, optional
         Which one, where an HDF5 or netCDF file holds several: its name, behind those of its groups and /.
+    grid : Grid, optional
+        The grid. Where several processes hold it, the rows of this one are read.
 
     Raises
     ------
     TableError
         If it does not hold real numbers on that many axes, or more than a single row of them.
     """
+    rows = slice(None)
+    if grid is not None and not grid.is_whole:
+        rows = slice(grid.first_row, grid.first_row + grid.shape[0])
     reader = _READERS.get(file.suffix.lower(), _by_surface_topography)
     if dataset is not None and reader is not _labelled:
         raise TableError(f"{file}: is no HDF5 or netCDF file; dataset must be left out")
-    found = reader(file, axes, dataset)
-    shape = found.values.shape
+    found = reader(file, axes, dataset, rows)
+    shape = found.shape or found.values.shape
+    if grid is not None and not grid.is_whole and shape != grid.points:
+        raise TableError(f"{file}: holds {times(shape)} heights; must be {times(grid.points)}, as the grid")
     if len(shape) != axes:
         wanted = "one axis" if axes == 1 else "two axes"
         raise TableError(f"{file}: holds {times(shape)} heights; must have {wanted}, as the grid")
@@ -76,9 +88,12 @@ def read_profile(file: Path, grid: Grid) -> FloatArray:
     TableError
         If the file does not hold finite heights for exactly the points of the grid.
     """
-    found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
+    if grid.is_whole:
+        found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
+    else:
+        found = read_heights(file, len(grid.points), None, grid).values
     found = fitting(file, found, grid.shape)
-    return np.asarray(found - found.min())
+    return np.asarray(found - grid.ranks.minimum(float(found.min())))
 
 
 def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> FloatArray:
@@ -105,14 +120,7 @@ def load_array(file: Path) -> FloatArray:
     TableError
         If there is none.
     """
-    try:
-        with file.open("rb") as stream:
-            found = np.load(stream, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise TableError(f"{file}: is not a NumPy array file ({error})") from error
-    if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
-        raise TableError(f"{file}: must hold one array of real numbers")
-    return found.astype(np.float64)
+    return _array(file, 0, None, slice(None)).values
 
 
 def _refuse(file: Path | str, heights: FloatArray, bad: BoolArray) -> None:
@@ -129,11 +137,23 @@ def times(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape)) or "no"
 
 
-def _array(file: Path, _axes: int, _dataset: str | None) -> Heights:
-    return Heights(load_array(file))
+def _array(file: Path, _axes: int, _dataset: str | None, rows: slice) -> Heights:
+    mapped: Literal["r"] | None = None if rows == slice(None) else "r"
+    try:
+        if mapped is None:
+            with file.open("rb") as stream:
+                found = np.load(stream, allow_pickle=False)
+        else:
+            found = np.load(file, mapped, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise TableError(f"{file}: is not a NumPy array file ({error})") from error
+    if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
+        raise TableError(f"{file}: must hold one array of real numbers")
+    values = found[rows] if found.ndim else found
+    return Heights(values.astype(np.float64), None, found.shape)
 
 
-def _text(file: Path, axes: int, _dataset: str | None) -> Heights:
+def _text(file: Path, axes: int, _dataset: str | None, _rows: slice) -> Heights:
     found = read_matrix(file)
     if axes == 2:
         return Heights(found)
@@ -158,7 +178,7 @@ def _read_line(file: Path, grid: Grid) -> FloatArray:
     return np.ascontiguousarray(heights)
 
 
-def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
+def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Heights:
     import h5py
     import xarray
 
@@ -166,19 +186,24 @@ def _labelled(file: Path, axes: int, dataset: str | None) -> Heights:
     hdf5 = bool(h5py.is_hdf5(file))
     options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
     try:
+        if hdf5:
+            with h5py.File(file, locking=False) as h5:
+                open_group(file, h5, group)
+            options["driver_kwds"] = {"locking": False}
         with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as found:
             chosen = _chosen(file, found, axes, name)
             if set(chosen.dims) == {"x", "y"}:
                 chosen = chosen.transpose("x", "y")
-            values = chosen.to_numpy().astype(np.float64)
+            values = chosen[rows].to_numpy().astype(np.float64)
             coordinates = {str(dim): found[dim].to_numpy() for dim in chosen.dims if dim in found.coords}
-    except (OSError, TypeError, ValueError, KeyError) as error:
-        if isinstance(error, TableError):
-            raise
+    except TableError:
+        raise
+    except Exception as error:  # a damaged file can fail anywhere in its libraries, with any exception
         raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
     if len(coordinates) < values.ndim:
-        return Heights(values)
-    return Heights(values, tuple(_length(file, name, x) for name, x in coordinates.items()))
+        return Heights(values, None, chosen.shape)
+    lengths = tuple(_length(file, name, x) for name, x in coordinates.items())
+    return Heights(values, lengths, chosen.shape)
 
 
 def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
@@ -197,7 +222,7 @@ def _chosen(file: Path, found: Any, axes: int, name: str) -> Any:
     return found[fit[0]]
 
 
-def _by_surface_topography(file: Path, _axes: int, _dataset: str | None) -> Heights:
+def _by_surface_topography(file: Path, _axes: int, _dataset: str | None, _rows: slice) -> Heights:
     try:
         from SurfaceTopography import open_topography
     except ImportError:
@@ -223,7 +248,9 @@ def _length(file: Path, name: str, x: FloatArray) -> float:
     return spacing * x.size
 
 
-_READERS: dict[str, Callable[[Path, int, str | None], Heights]] = {
+IN_PARTS = (".npy", ".h5", ".hdf5", ".nc")  # endings of files of which a process may read some rows
+
+_READERS: dict[str, Callable[[Path, int, str | None, slice], Heights]] = {
     ".npy": _array,
     ".txt": _text,
     ".dat": _text,

@@ -36,6 +36,11 @@ class Profile(Shape):
 
         return read_profile(self.file, grid)
 
+    @property
+    def whole_only(self) -> str:
+        """A file in text."""
+        return "" if self.file.suffix == ".npy" else f"file: got {self.file.suffix or 'no ending'}, not .npy"
+
 
 class Topography(Shape):
     """A measured surface, whose summits touch first, and the steps that make it periodic.
@@ -89,16 +94,31 @@ class Topography(Shape):
 
         return self._made_periodic(Grid(*cell))[1]
 
+    @property
+    def whole_only(self) -> str:
+        """A step that concerns distant points, or a file that is not read in parts."""
+        from gfmdlayer.punch.height_files import IN_PARTS
+
+        if self.file.suffix.lower() not in IN_PARTS:
+            return f"file: got {self.file.suffix or 'no ending'}, not {', '.join(IN_PARTS)}"
+        steps = {"fill": self.fill, "resample": self.resample}
+        return next((f"{key}: {word}" for key, word in steps.items() if word != "none"), "")
+
     def _made_periodic(self, grid: Grid) -> tuple[FloatArray, list[str]]:
+        from gfmdlayer.grid.grid import Grid as Whole
         from gfmdlayer.punch import topography
         from gfmdlayer.punch.height_files import read_heights
 
-        measured = read_heights(self.file, len(grid.shape), self.dataset)
+        measured = read_heights(self.file, len(grid.shape), self.dataset, grid)
         topography.check_lengths(self.file, measured.lengths, self.unit, grid.period)
         heights, filled = topography.filled(self.file, self.unit * measured.values, self.fill)
-        heights, detrended = topography.detrended(heights, self.detrend)
-        heights, tapered = topography.tapered(heights, self.taper)
-        seams = [topography.seam(heights, axis, bool(self.taper)) for axis in range(heights.ndim)]
+        surface = grid if heights.shape == grid.shape else Whole(heights.shape, grid.period)
+        heights, detrended = topography.detrended(heights, self.detrend, surface)
+        heights, tapered = topography.tapered(heights, self.taper, surface)
+        seams = []
+        if grid.is_whole:
+            seams = [topography.seam(heights, axis, bool(self.taper)) for axis in range(heights.ndim)]
         heights, resampled = topography.resampled(self.file, heights, grid.shape, self.resample)
         notes = (filled, detrended, tapered, *seams, resampled)
-        return heights.max() - heights, [f"{self.file}: {note}" for note in notes if note]
+        highest = grid.ranks.maximum(float(heights.max()))
+        return highest - heights, [f"{self.file}: {note}" for note in notes if note]

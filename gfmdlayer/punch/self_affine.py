@@ -77,25 +77,26 @@ class SelfAffine(Shape):
             If no wave of the cell lies between the cut-offs.
         """
         import numpy as np
-        import scipy.fft
 
         from gfmdlayer.files.tables import TableError
 
         q, longest = grid.wavenumbers, self.long_cutoff or np.inf
         slack = 1 + 1e-9  # a cut-off that is a wave of the cell includes it
         inside = (q > 0) & (q <= 2 * np.pi / self.short_cutoff * slack) & (q >= 2 * np.pi / longest / slack)
-        if not inside.any():
+        if not grid.ranks.maximum(int(inside.any())):
             raise TableError("no wave of the cell lies between long_cutoff and short_cutoff")
         plateau = 2 * np.pi / min(self.roll_off or np.inf, longest)
         falling = np.maximum(q[inside], plateau) if plateau > 0 else q[inside]
         amplitude = np.zeros_like(q)
         amplitude[inside] = falling ** -(self.hurst + len(grid.shape) / 2)
         twice = np.full(q.shape[-1], 2.0)  # waves of the half spectrum that stand for two
-        twice[0] = 1.0
+        twice[0] = 1.0 if grid.ranks.first else 2.0
         power = amplitude**2 * twice * (1.0 if self.rms_slope is None else q**2)
-        amplitude *= (self.rms_slope or self.rms_height) / np.sqrt(power.sum()) * grid.size
-        heights = scipy.fft.irfftn(amplitude * _phases(grid, self.seed), s=grid.shape, overwrite_x=True)
-        return np.asarray(heights - heights.min())
+        amplitude *= (
+            (self.rms_slope or self.rms_height) / np.sqrt(grid.ranks.total(float(power.sum()))) * grid.size
+        )
+        heights = grid.from_waves(amplitude * _phases(grid, self.seed))
+        return np.asarray(heights - grid.ranks.minimum(float(heights.min())))
 
     def problems(self) -> Iterator[Problem]:
         """Refuse a surface of no size, or of two."""
@@ -131,14 +132,14 @@ def _phases(grid: Grid, seed: int) -> ComplexArray:
     """
     import numpy as np
 
-    last = grid.spectral_shape[-1]
     if len(grid.shape) == 1:
-        return np.asarray(np.exp(2j * np.pi * np.random.default_rng(seed).random(last)))
+        return np.asarray(np.exp(2j * np.pi * np.random.default_rng(seed).random(grid.spectral_shape[-1])))
     waves = np.rint(np.fft.fftfreq(grid.points[0], 1 / grid.points[0])).astype(int)
     order = 2 * np.abs(waves) - (waves > 0)
     found = np.empty(grid.spectral_shape, dtype=np.complex128)
-    for j in range(last):
+    for k, j in enumerate(grid.waves_y):
         turns = np.random.default_rng((seed, j)).random(grid.points[0] + 1)[order]
-        found[:, j] = np.exp(2j * np.pi * turns)
-    found[waves < 0, 0] = found[-waves[waves < 0], 0].conj()
+        found[:, k] = np.exp(2j * np.pi * turns)
+    if grid.ranks.first:
+        found[waves < 0, 0] = found[-waves[waves < 0], 0].conj()
     return found

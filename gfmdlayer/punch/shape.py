@@ -45,6 +45,11 @@ class Shape(Kind):
     shape: str
     """word that chooses the shape"""
 
+    @property
+    def whole_only(self) -> str:
+        """Key and value for which no process may hold a part of the surface alone; else empty."""
+        return ""
+
     @abstractmethod
     def heights(self, grid: Grid) -> FloatArray:
         """Heights above the lowest point, of the grid's shape.

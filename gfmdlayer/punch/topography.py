@@ -19,6 +19,8 @@ import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.sums import mean
 from gfmdlayer.punch.height_files import times
 
 _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no part of the surface
@@ -62,22 +64,23 @@ def filled(file: Path, heights: FloatArray, method: str) -> tuple[FloatArray, st
     return membrane(heights, holes), f"{count}; a membrane between their neighbours fills them in"
 
 
-def detrended(heights: FloatArray, trend: str) -> tuple[FloatArray, str]:
+def detrended(heights: FloatArray, trend: str, grid: Grid) -> tuple[FloatArray, str]:
     """Subtract the trend of least squares: `none`, `plane` or `paraboloid`."""
     if trend == "none":
         return heights, ""
-    rest = without_trend(heights, curved=trend == "paraboloid")
+    rest = without_trend(heights, grid, curved=trend == "paraboloid")
     return rest, f"the {trend} of least squares was subtracted; {_change(heights, rest)}"
 
 
-def tapered(heights: FloatArray, part: float) -> tuple[FloatArray, str]:
+def tapered(heights: FloatArray, part: float, grid: Grid) -> tuple[FloatArray, str]:
     """Fade the deviations from the mean out over a part of the cell along each axis."""
     if part == 0:
         return heights, ""
     from scipy.signal.windows import tukey
 
-    windows = np.meshgrid(*(tukey(n, part, sym=False) for n in heights.shape), indexing="ij", sparse=True)
-    faded = heights - heights.mean()
+    each = grid.own_rows([tukey(n, part, sym=False) for n in grid.points])
+    windows = np.meshgrid(*each, indexing="ij", sparse=True)
+    faded = heights - mean(heights, grid.ranks)
     for window in windows:
         faded = faded * window
     return faded, f"heights fade out over {part:g} of the cell; {_change(heights, faded)}"
@@ -119,19 +122,25 @@ def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: s
     return found, f"{done}; {_change(heights, found)}"
 
 
-def without_trend(heights: FloatArray, *, curved: bool) -> FloatArray:
+def without_trend(heights: FloatArray, grid: Grid, *, curved: bool) -> FloatArray:
     """Subtract the mean and the plane, or the paraboloid, of least squares.
 
     On a whole grid the mean, the slopes, the squares without their means and the product of centred
     coordinates are orthogonal, so each is taken off by itself.
     """
-    axes = np.meshgrid(*(np.arange(n) - (n - 1) / 2 for n in heights.shape), indexing="ij", sparse=True)
+    each = grid.own_rows([np.arange(n, dtype=np.float64) - (n - 1) / 2 for n in grid.points])
+    axes = np.meshgrid(*each, indexing="ij", sparse=True)
     shapes = list(axes)
+
+    def average(values: FloatArray) -> float:
+        """Mean over the surface; of values along the last axis alone every rank has all."""
+        return float(np.mean(values)) if values.shape[0] == 1 else mean(values, grid.ranks)
+
     if curved:
-        shapes += [x**2 - np.mean(x**2) for x in axes] + [axes[0] * y for y in axes[1:]]
-    rest = heights - heights.mean()
+        shapes += [x**2 - average(x**2) for x in axes] + [axes[0] * y for y in axes[1:]]
+    rest = heights - mean(heights, grid.ranks)
     for shape in shapes:
-        rest -= shape * (np.mean(rest * shape) / np.mean(shape**2))
+        rest -= shape * (mean(rest * shape, grid.ranks) / average(shape**2))
     return np.asarray(rest)
 
 

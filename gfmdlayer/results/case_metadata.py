@@ -10,13 +10,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
+from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact_means import TIME, ContactMeans
 from gfmdlayer.results.reader import attribute, column, opened
 from gfmdlayer.results.schema import FIELDS
@@ -29,6 +30,8 @@ SAME_TIME = 1e-9
 _NAMED = 5  # cases in a line of the notes
 OF_ONE_CASE = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *known_numbers(),
+    *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
 
 
@@ -55,7 +58,7 @@ class CaseRecord:
 
 
 class CommonTimes:
-    """Times at which all cases have a row; those that ended in a steady state have all later times too.
+    """Times at which all cases have a row; those that ended early, for a reason, have all later times too.
 
     Attributes
     ----------
@@ -65,18 +68,18 @@ class CommonTimes:
 
     def __init__(self) -> None:
         self.times: NDArray[np.float64] = np.empty(0)
-        self._is_first = self._all_steady = True
+        self._is_first = self._all_early = True
 
-    def add(self, times: NDArray[np.float64], *, steady: bool) -> None:
-        """Add the times of a case, and whether it ended in a steady state."""
+    def add(self, times: NDArray[np.float64], *, early: bool) -> None:
+        """Add the times of a case, and whether it ended early: in a steady state, or pulled off."""
         if self._is_first:
             self.times = times
         elif not np.array_equal(times, self.times):
-            common = self.times[rows_at(times, self.times, steady=steady) >= 0]
-            later = times > self.times.max(initial=0.0) if self._all_steady else slice(0)
+            common = self.times[rows_at(times, self.times, steady=early) >= 0]
+            later = times > self.times.max(initial=0.0) if self._all_early else slice(0)
             self.times = np.append(common, times[later])
         self._is_first = False
-        self._all_steady &= steady
+        self._all_early &= early
 
 
 class SweepColumn(NamedTuple):
@@ -110,6 +113,8 @@ class CaseMetadata:
         Columns of the sweep file by name: those of every case, and those that any complete case has.
     lacking : dict
         Name -> numbers of the complete cases that have no such column, or one over other bins.
+    numbers : dict
+        Name -> number of a case -> value of an attribute that is a column of the sweep.
     shared : dict
         Attributes that have the same value in all complete cases.
     """
@@ -117,6 +122,7 @@ class CaseMetadata:
     def __init__(self, records: Sequence[CaseRecord]) -> None:
         self.failed = {record.index: record.failed for record in records if record.failed is not None}
         self.columns: dict[str, SweepColumn] = {}
+        self.numbers: dict[str, dict[int, float]] = {}
         self.shared: dict[str, object] = {}
         self._is_first, self._common = True, CommonTimes()
         self._of_first: frozenset[str] = frozenset()
@@ -143,15 +149,19 @@ class CaseMetadata:
                 if attribute(file, "complete") != 1 or attribute(file, "rows") != len(times):
                     return False
                 shared = self._shared_with(file)
-                steady = bool(attribute(file, "settled"))
+                early = bool(attribute(file, "settled") or attribute(file, "ended"))
                 held = self._columns_of(file)
+                own = {name: attribute(file, name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        self._common.add(times, steady=steady)
+        self._common.add(times, early=early)
         if self._is_first:
             self._of_first = frozenset(shared)
         self._is_first = False
         self._held[record.index] = held
+        for name, value in own.items():
+            if value is not None:
+                self.numbers.setdefault(name, {})[record.index] = float(str(value))
         self.shared = shared
         return True
 
@@ -189,7 +199,12 @@ class CaseMetadata:
         if self._is_first:
             names = (h5a.open(file, index=i).name.decode() for i in range(h5a.get_num_attrs(file)))
             return {name: attribute(file, name) for name in names if name not in OF_ONE_CASE}
-        return {name: value for name, value in self.shared.items() if attribute(file, name) == value}
+        return {name: value for name, value in self.shared.items() if equal(attribute(file, name), value)}
+
+
+def equal(one: Any, other: Any) -> bool:
+    """Whether two attributes are the same, texts, numbers or arrays."""
+    return bool(np.array_equal(one, other))
 
 
 def notes_on(lacking: Mapping[str, frozenset[int]], complete: int) -> list[str]:
@@ -265,3 +280,12 @@ def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: 
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
     found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
     return np.where(found, after, -1)
+
+
+def at_rows(values: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the values of a column at rows, NaN where there is none (-1): behind the end of a case."""
+    found = values[rows]
+    if (rows < 0).any():
+        found = found.astype(np.float64)
+        found[rows < 0] = np.nan
+    return found

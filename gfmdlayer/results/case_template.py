@@ -85,10 +85,15 @@ def _growing(*places: int) -> dict[str, Any]:
     return {**shapes, "fletcher32": True}
 
 
+def rows_of_block(shape: tuple[int, ...]) -> int:
+    """Return the rows of a field that are stored together, in a block."""
+    return -(-shape[0] // -(-math.prod(shape) // BLOCK))
+
+
 def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) -> h5py.Dataset:
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
-    rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
+    rows = rows_of_block(shape)
     return add_variable(
         h5,
         name,

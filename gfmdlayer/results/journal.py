@@ -3,7 +3,7 @@
 The unfinished HDF5 file does not. So a journal passes rows and snapshots on to the writer of that file and
 appends them to a file of its own, in blocks of numpy arrays:
 
-    number of columns, each column of some rows, times of some snapshots, their displacement, pressure, gap
+    numbers of columns and of fields, each column of some rows, times of some snapshots, their fields
 
 Blocks are not changed once appended: up to a position, the file stays good whatever follows it. A resumed
 case goes on at the position of its checkpoint.
@@ -17,11 +17,13 @@ import zlib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import Attribute, FloatArray
+from gfmdlayer.files.shared_folders import no_link
 
 HELD = 1 << 24  # bytes held in memory at most, before they are appended
 
@@ -34,12 +36,18 @@ class Recorder(Protocol):
         ...
 
     def snapshot(
-        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+        self,
+        time: float,
+        displacement: FloatArray,
+        pressure: FloatArray,
+        gap: FloatArray,
+        traction: FloatArray | None = None,
+        /,
     ) -> None:
-        """Record the surface at a time; arrays of the grid's shape."""
+        """Record the surface at a time, by arrays of the grid's shape; the traction with attraction alone."""
         ...
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run that are known at its end."""
         ...
 
@@ -90,17 +98,46 @@ class Journal:
         self._count(sum(map(np.size, values.values())) * 8)
 
     def snapshot(
-        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+        self,
+        time: float,
+        displacement: FloatArray,
+        pressure: FloatArray,
+        gap: FloatArray,
+        traction: FloatArray | None = None,
+        /,
     ) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
-        self._recorder.snapshot(time, displacement, pressure, gap)
+        fields = displacement, pressure, gap, *([] if traction is None else [traction])
+        self._recorder.snapshot(time, *fields)
         self._times.append(time)
-        self._fields += displacement, pressure, gap
-        self._count(3 * gap.nbytes)
+        self._fields += fields
+        self._count(len(fields) * gap.nbytes)
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Pass on results of the run as a whole; they come at the end, after the last checkpoint."""
         self._recorder.note(**attributes)
+
+    def accept(self, position: Position) -> None:
+        """Go on behind a position in the file.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged before the position.
+        """
+        if position.size == 0:  # an empty journal has no file
+            return
+        try:
+            file = open(self._path, "r+b", opener=no_link)  # noqa: SIM115 - it stays open
+        except OSError as error:
+            raise ValueError(f"{self._path.name}, which belongs to it, cannot be read ({error})") from None
+        self._file = file
+        left, checksum = position.size, 0
+        while left and (part := file.read(min(left, 1 << 20))):
+            left, checksum = left - len(part), zlib.crc32(part, checksum)
+        if left or checksum != position.checksum:
+            raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
+        self._good, self._columns = position, position.columns
 
     def replay(self, position: Position) -> None:
         """Pass on the contents of the file up to a position, behind which later records are appended.
@@ -110,26 +147,19 @@ class Journal:
         ValueError
             If the file is damaged before the position; then nothing is passed on.
         """
-        if position.size == 0:  # an empty journal has no file
+        if self._file is None:
+            self.accept(position)
+        if self._file is None:
             return
-        try:
-            file = self._path.open("r+b")
-        except OSError as error:
-            raise ValueError(f"{self._path.name}, which belongs to it, cannot be read ({error})") from None
-        self._file = file
-        left, checksum = position.size, 0
-        while left and (part := file.read(min(left, 1 << 20))):
-            left, checksum = left - len(part), zlib.crc32(part, checksum)
-        if left or checksum != position.checksum:
-            raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
+        file = self._file
         file.seek(0)
         while file.tell() < position.size:
-            values = [np.load(file) for _ in range(int(np.load(file)[0]))]
+            columns, fields = np.load(file).tolist()
+            values = [np.load(file) for _ in range(columns)]
             for row in zip(*values, strict=True):
                 self._recorder.row(**dict(zip(position.columns, row, strict=True)))
             for time in np.load(file).tolist():
-                self._recorder.snapshot(time, np.load(file), np.load(file), np.load(file))
-        self._good, self._columns = position, position.columns
+                self._recorder.snapshot(time, *(np.load(file) for _ in range(fields)))
 
     def kept(self) -> Position:
         """Bring all records to the disk and return the position behind them.
@@ -177,10 +207,17 @@ class Journal:
         self._file.seek(self._good.size)  # overwrites what a failed attempt may have left
         columns = [np.array(values) for values in zip(*self._rows, strict=True)]
         size, checksum = self._good.size, self._good.checksum
-        for array in (np.array([len(columns)]), *columns, np.array(self._times), *self._fields):
-            part = io.BytesIO()
-            np.save(part, array, allow_pickle=False)
-            size, checksum = size + self._file.write(part.getbuffer()), zlib.crc32(part.getbuffer(), checksum)
+        head = np.array([len(columns), len(self._fields) // max(len(self._times), 1)])
+        for array in (head, *columns, np.array(self._times), *self._fields):
+            for part in _npy(array):
+                size, checksum = size + self._file.write(part), zlib.crc32(part, checksum)
         self._file.flush()
         self._good = Position(self._columns, size, checksum)
         self._clear()
+
+
+def _npy(array: NDArray[Any]) -> tuple[Any, Any]:
+    """Return the head and the contents of a .npy file of an array, without a copy of a field."""
+    whole, head = np.ascontiguousarray(array), io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, np.lib.format.header_data_from_array_1_0(whole))
+    return head.getbuffer(), whole.reshape(-1).view(np.uint8).data

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, notes_on, rows_at
+from gfmdlayer.observables import known_numbers
+from gfmdlayer.results.case_metadata import OF_ONE_CASE, CommonTimes, at_rows, equal, notes_on, rows_at
 from gfmdlayer.results.schema import FIELDS, VARIABLES
 from gfmdlayer.results.sweep_file import Layout, described_key, lay_out
 
@@ -51,7 +52,7 @@ def labelled(
     complete = [case for case in cases if case is not None]
     times = CommonTimes()
     for case in complete:
-        times.add(case["time"].to_numpy(), steady=bool(case.attrs.get("settled")))
+        times.add(case["time"].to_numpy(), early=bool(case.attrs.get("settled") or case.attrs.get("ended")))
     layout = lay_out(values, keys, listed)
     numbers = _gathered(layout, np.arange(len(cases)), (), np.int64)
     coords: dict[str, Any] = {"time": ("time", times.times, complete[0]["time"].attrs)}
@@ -68,9 +69,17 @@ def labelled(
         coords |= {str(end): x.variable for end, x in example.coords.items() if "time" not in x.dims}
         if without := {i for i, case in enumerate(cases) if case is not None and curves[i] is None}:
             lacking[name] = frozenset(without)
+    for name, declared in known_numbers().items():
+        if any(name in case.attrs for case in complete):
+            values_of = [np.nan if case is None else case.attrs.get(name, np.nan) for case in cases]
+            held[name] = (
+                tuple(layout.lengths),
+                _gathered(layout, values_of, ()),
+                declared.in_units(unit).described,
+            )
     same = all(_surface(case) == _surface(complete[0]) for case in complete)
     if same and complete[0].sizes["snapshot"]:
-        for name in FIELDS:
+        for name in (each for each in FIELDS if all(each in case for case in complete)):
             example = complete[0][name]
             fields = [None if case is None else case[name].to_numpy() for case in cases]
             found = _gathered(layout, fields, example.shape)
@@ -112,7 +121,7 @@ def _curve(case: xarray.Dataset, name: str, example: xarray.DataArray, times: np
     if case[name].dims != example.dims or not all(case[end].equals(example[end]) for end in bins):
         return None
     rows = rows_at(case["time"].to_numpy(), times, steady=bool(case.attrs.get("settled")))
-    return case[name].to_numpy()[rows]
+    return at_rows(case[name].to_numpy(), rows)
 
 
 def _surface(case: xarray.Dataset) -> list[Any]:
@@ -126,5 +135,5 @@ def _shared(complete: Sequence[xarray.Dataset]) -> dict[str, Any]:
     return {
         name: value
         for name, value in first.attrs.items()
-        if name not in OF_ONE_CASE and all(case.attrs.get(name) == value for case in others)
+        if name not in OF_ONE_CASE and all(equal(case.attrs.get(name), value) for case in others)
     }

@@ -11,7 +11,9 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+CHECKPOINT_FORMAT = "4"  # of checkpoint and journal
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
+_DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
 
 
 def now() -> str:
@@ -62,3 +64,19 @@ def git_commit(checkout: Path) -> str:
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return answer.stdout.strip() or "unknown"
+
+
+def made_by(digest: str) -> dict[str, str]:
+    """Return what the bits of a case depend on, beside the plans of FFTW, which are in its state."""
+    from llvmlite.binding import get_host_cpu_name
+
+    known = provenance()
+    versions = {f"{name}_version": known[f"{name}_version"] for name in _DECISIVE}
+    return {
+        "format": CHECKPOINT_FORMAT,
+        "digest": digest,
+        # Uncommitted changes cannot be told apart, and most do not change results.
+        "git_commit": known["git_commit"].removesuffix("-dirty"),
+        "processor": get_host_cpu_name(),
+        **versions,
+    }

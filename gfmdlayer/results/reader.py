@@ -136,7 +136,8 @@ def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], list[h5py.Dataset]
     """Return the columns of rows by name, and those of snapshots: time, displacement, pressure, gap."""
     columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
     fields = [columns.pop(name) for name in ("snapshot", "displacement", "pressure")]
-    fields += [columns.pop("gap")] if "gap" in columns else []  # earlier versions wrote none
+    # Earlier versions wrote no gap, and the hard wall has no traction.
+    fields += [columns.pop(name) for name in ("gap", "traction") if name in columns]
     return columns, fields
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import Attribute, FloatArray
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
@@ -23,8 +23,8 @@ class Recording:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self.fields: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
-        self.noted: dict[str, float] = {}
+        self.fields: list[tuple[Any, ...]] = []  # time, then some of FIELDS
+        self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
     def row(self, **values: float | FloatArray) -> None:
@@ -32,12 +32,19 @@ class Recording:
         self.rows.append(values)
 
     def snapshot(
-        self, time: float, displacement: FloatArray, pressure: FloatArray, gap: FloatArray, /
+        self,
+        time: float,
+        displacement: FloatArray,
+        pressure: FloatArray,
+        gap: FloatArray,
+        traction: FloatArray | None = None,
+        /,
     ) -> None:
-        """Keep time, displacement, pressure and gap."""
-        self.fields.append((time, displacement, pressure, gap))
+        """Keep time, displacement, pressure and gap, and the traction if there is attraction."""
+        fields = displacement, pressure, gap, *([] if traction is None else [traction])
+        self.fields.append((time, *fields))
 
-    def note(self, **attributes: float) -> None:
+    def note(self, **attributes: Attribute) -> None:
         """Keep attributes of the run."""
         self.noted.update(attributes)
 
@@ -109,7 +116,7 @@ class Recording:
         times = np.array([time for time, *_ in self.fields], dtype=np.float64)
         found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
         for place, name in enumerate(FIELDS, start=1):
-            if self.fields or name != "gap":  # as in a file
+            if place < len(self.fields[0]) if self.fields else place <= 2:  # as in a file
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
                 found[name] = (("snapshot", *lengths), values, known[name].described)
         return found

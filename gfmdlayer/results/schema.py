@@ -51,10 +51,11 @@ VARIABLES: dict[str, Variable] = {
     "displacement": Variable("normal displacement of the surface, positive upward", "length"),
     "pressure": Variable("contact pressure, positive in compression", "pressure"),
     "gap": Variable("gap between surface and punch, zero in contact", "length"),
+    "traction": Variable("traction across the gap, positive in attraction", "pressure"),
     "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
 }
 
-FIELDS = ("displacement", "pressure", "gap")
+FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
 
 PARAMETERS: dict[str, Parameter] = {
     "layer.thickness": Parameter("thickness of the layer", "d", "d", "length"),
@@ -72,6 +73,11 @@ PARAMETERS: dict[str, Parameter] = {
     "punch.rms_height": Parameter("rms height of the punch", "h_rms", r"h_\mathrm{rms}", "length"),
     "punch.short_cutoff": Parameter("shortest wave of the punch", "lambda_s", r"\lambda_s", "length"),
     "punch.roll_off": Parameter("roll-off wavelength of the punch", "lambda_r", r"\lambda_r", "length"),
+    "interface.work": Parameter("work of adhesion", "w", "w", "pressure length"),
+    "interface.range": Parameter("range of the attraction", "rho", r"\rho", "length"),
+    "interface.stress": Parameter("cohesive stress", "sigma_0", r"\sigma_0", "pressure"),
+    "interface.separation": Parameter("equilibrium separation", "z_0", "z_0", "length"),
+    "interface.voltage": Parameter("voltage", "V", "V", "V"),
     "trajectory.depth": Parameter("depth of the indentation", "h_0", "h_0", "length"),
     "trajectory.load": Parameter("mean pressure on the punch", "p_0", "p_0", "pressure"),
     "trajectory.force": Parameter("force on the punch", "F_0", "F_0", "force"),

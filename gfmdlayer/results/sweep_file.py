@@ -1,10 +1,12 @@
 """The sweep file: curves of all cases, labelled by the swept keys.
 
     contact_area and the other columns of the cases (swept key, ..., time[, bin])      case (swept key, ...)
+    pull_off_force and other numbers of a whole case (swept key, ...)
 
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and named in the attribute `notes`.
-A case that ended in a steady state keeps its last row at all later times.
+A case that ended in a steady state keeps its last row at all later times, and one whose punch was pulled off
+is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the key's last part (thickness,
 shear_modulus, Ginf), or by the whole key where two keys share it. Any other list of cases (zip, samples) has
@@ -26,8 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact_means import TIME
-from gfmdlayer.results.case_metadata import INCOMPLETE, CaseMetadata, CaseRecord, SweepColumn, rows_at
+from gfmdlayer.results.case_metadata import (
+    INCOMPLETE,
+    CaseMetadata,
+    CaseRecord,
+    SweepColumn,
+    at_rows,
+    rows_at,
+)
 from gfmdlayer.results.netcdf import add_variable, new_file, write_at
 from gfmdlayer.results.reader import attribute, column, opened, sweep_path
 from gfmdlayer.results.schema import VARIABLES, parameter
@@ -104,6 +114,7 @@ def collect(
         for record, place in zip(records, layout.places, strict=True):
             numbers[place] = record.index
         _add_coordinates(h5, layout, numbers, rows, unit)
+        _add_numbers(h5, layout, numbers, cases.numbers, unit)
         columns = _add_columns(h5, layout, (*numbers.shape, rows.size), cases.columns)
         for record, place in zip(records, layout.places, strict=True):
             if record.index not in failed:
@@ -221,6 +232,21 @@ def _add_columns(
     return columns
 
 
+def _add_numbers(
+    h5: h5py.File,
+    layout: Layout,
+    numbers: NDArray[np.generic],
+    found: Mapping[str, Mapping[int, float]],
+    unit: Callable[[str], str],
+) -> None:
+    """Add the numbers of whole cases, NaN where a case has none."""
+    for name, values in found.items():
+        described = known_numbers()[name].in_units(unit).described
+        held = np.array([values.get(int(index), np.nan) for index in numbers.ravel()])
+        variable = add_variable(h5, name, tuple(layout.lengths), described, data=held.reshape(numbers.shape))
+        variable.attrs["coordinates"] = " ".join(sorted({"case", *layout.labels} - layout.lengths.keys()))
+
+
 def _options(shape: tuple[int, ...]) -> dict[str, Any]:
     """Options of a column."""
     options: dict[str, Any] = {"shape": shape, "dtype": "f8", "fillvalue": np.nan}
@@ -236,6 +262,6 @@ def _read(path: Path, times: NDArray[np.float64], names: Iterable[str]) -> dict[
     """Read the curves of a case at the times of the sweep file."""
     with opened(path) as case:
         rows = rows_at(column(case, "time"), times, steady=bool(attribute(case, "settled")))
-        if np.any(rows < 0):
+        if np.any(rows < 0) and not attribute(case, "ended"):
             raise ValueError(f"{path}: has been changed")
-        return {name: column(case, name)[rows] for name in names}
+        return {name: at_rows(column(case, name), rows) for name in names}

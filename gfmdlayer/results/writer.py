@@ -1,7 +1,7 @@
 """The file of one case: rows in time, snapshots of the surface, and where they come from.
 
     time(time), the columns of the observables                    x(x)[, y(y)]
-    snapshot(snapshot), displacement, pressure and gap (snapshot, x[, y])
+    snapshot(snapshot), displacement, pressure, gap, and with attraction traction (snapshot, x[, y])
 
 Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
 snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
@@ -22,17 +22,17 @@ import numpy as np
 from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
+from gfmdlayer.arrays import Attribute
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import Column, known_columns
-from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template
-from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes
+from gfmdlayer.results.case_template import SNAPSHOTS, add_field, case_template, rows_of_block
+from gfmdlayer.results.netcdf import NewFile, append, new_file, set_attributes, write_at
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now
-from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.results.schema import FIELDS, VARIABLES
 
 ROWS_HELD = 512
 FLUSH_INTERVAL = 60.0  # seconds
-
-Attribute = str | int | float
 
 
 class CaseWriter:
@@ -59,6 +59,8 @@ class CaseWriter:
         Seconds spent on the case by earlier runs, added to `wall_seconds`.
     unit
         Label of a unit, from the words in which it is declared; by default the words themselves.
+    grid
+        The grid, where several ranks hold the snapshots.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class CaseWriter:
         flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
+        grid: Grid | None = None,
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
@@ -82,6 +85,7 @@ class CaseWriter:
         self._attributes = dict(attributes or {})
         declared = known_columns().values() if columns is None else columns
         self._declared = {column.name: column.in_units(unit) for column in declared}
+        self._grid = grid
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
         self._noted: dict[str, Attribute] = {}
         self._flush_interval, self._elapsed = flush_interval, elapsed
@@ -160,32 +164,52 @@ class CaseWriter:
         displacement: NDArray[np.float64],
         pressure: NDArray[np.float64],
         gap: NDArray[np.float64] | None = None,
+        traction: NDArray[np.float64] | None = None,
     ) -> None:
-        """Record the surface at a time: displacement, contact pressure and gap, arrays of the grid's shape.
+        """Record the surface at a time, by arrays of the grid's shape.
 
-        The gap is left out from the first snapshot on, or never.
+        Parameters
+        ----------
+        time : float
+            The time.
+        displacement, pressure : ndarray
+            Of the surface.
+        gap, traction : ndarray, optional
+            Each is left out from the first snapshot on, or never.
 
         Raises
         ------
         ValueError
-            For arrays of another shape, or a gap that some snapshots lack.
+            For arrays of another shape, or a field that some snapshots lack.
         """
         if self._columns is None:
             self._begin(("time",))
-        fields = {"displacement": displacement, "pressure": pressure}
-        if gap is not None:
-            fields["gap"] = gap
-            if not self._growing["snapshot"].shape[0]:
-                gap_field = add_field(self._h5, "gap", tuple(self._coordinates), dict(self._fields)["gap"])
-                self._growing["gap"] = gap_field.id
-        if ("gap" in fields) != ("gap" in self._growing):
-            raise ValueError(f"{self.path}: some snapshots have a gap and others have none")
+        given = dict(zip(FIELDS, (displacement, pressure, gap, traction), strict=True))
+        fields = {name: field for name, field in given.items() if field is not None}
+        if not self._growing["snapshot"].shape[0]:
+            for name in fields.keys() - self._growing.keys():
+                added = add_field(self._h5, name, tuple(self._coordinates), dict(self._fields)[name])
+                self._growing[name] = added.id
+        for name in FIELDS:
+            if (name in fields) != (name in self._growing):
+                raise ValueError(f"{self.path}: some snapshots have a {name} and others have none")
+        shape = self._shape if self._grid is None else self._grid.shape
         for name, field in fields.items():
-            if np.shape(field) != self._shape:
-                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
-        for name, values in {"snapshot": time, **fields}.items():
-            append(self._growing[name], np.asarray(values)[np.newaxis])
+            if np.shape(field) != shape:
+                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {shape}")
+        append(self._growing["snapshot"], [time])
+        for name, field in fields.items():
+            self._append_field(self._growing[name], field)
         self._file.check()
+
+    def _append_field(self, dataset: h5d.DatasetID, field: NDArray[np.float64]) -> None:
+        if self._grid is None:
+            append(dataset, np.asarray(field)[np.newaxis])
+            return
+        held, *rest = dataset.shape
+        dataset.set_extent((held + 1, *rest))
+        for first, rows in self._grid.blocks(field, rows_of_block(self._shape)):
+            write_at(dataset, (held, first, 0), rows[np.newaxis])
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that are known at the end of the run."""

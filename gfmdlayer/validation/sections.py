@@ -246,7 +246,7 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
     """
     found: list[Problem] = []
     for entry in error.errors(include_url=False):
-        location, section, chosen_by = _resolved(entry["loc"], root)
+        location, section, chosen_by = _resolved(entry["loc"], root, entry["type"] == "extra_forbidden")
         match entry["type"]:
             case "default_factory_not_called":
                 pass  # the value that the default follows from is reported itself
@@ -271,18 +271,18 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
     return list(dict.fromkeys(found))
 
 
-def _resolved(raw: Location, root: type[Section]) -> tuple[Location, type[Section], str]:
-    """Return a location without pydantic's names for the members of unions.
+def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
+    """Return a location without pydantic's names for members of unions; `unknown`: its end is no known key.
 
     Also the section that has the last key, and the key that chooses the section there, if there are several.
     """
     location: list[str | int] = []
     holder: type[Section] = root
     held: OneOf[Any] | type[Section] | None = root
-    for part in raw:
+    for place, part in enumerate(raw, start=1):
         if isinstance(part, int):
             location.append(part)
-        elif part in FORMS and (held is None or isinstance(held, OneOf)):  # no key of that name
+        elif part in FORMS and not (unknown and place == len(raw)) and not getattr(held, "entries", None):
             pass
         elif isinstance(held, OneOf):
             held = held.members[part]

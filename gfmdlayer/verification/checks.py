@@ -18,6 +18,7 @@ from gfmdlayer.verification import (
     peers,
     stacks,
 )
+from gfmdlayer.verification.adhesion import elastic, films, viscoelastic
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -49,6 +50,18 @@ CHECKS: tuple[Check, ...] = (
     Check("Stacks", stacks.pavement),
     Check("Stacks", stacks.runs),
     Check("Stacks", stacks.different_shifts),
+    Check("Adhesion", elastic.line_jkr),
+    Check("Adhesion", elastic.wave),
+    Check("Adhesion", elastic.full_contact),
+    Check("Adhesion", elastic.sphere),
+    Check("Adhesion", elastic.rigid_sphere),
+    Check("Adhesion", films.pull_in),
+    Check("Adhesion", films.flat_film),
+    Check("Adhesion", films.delayed_pull_in),
+    Check("Adhesion", viscoelastic.rate_dependence),
+    Check("Adhesion", viscoelastic.size_of_the_step),
+    Check("Adhesion", viscoelastic.flat_punch),
+    Check("Adhesion", viscoelastic.thin_films),
     Check("Independent methods", crosschecks.three_solvers),
     Check("Independent methods", crosschecks.two_forms_of_backward_euler),
     Check("Independent methods", crosschecks.load_against_depth),

@@ -73,3 +73,23 @@ def test_a_ramp_or_a_table_that_does_not_fill_the_run_is_noted(tmp_path: Path) -
         f"{tmp_path}/depth.txt: ends at time 5, before time.end = 8; its last depth is held",
         f"{tmp_path}/velocity.txt: ends at time 6, before time.end = 8; its last velocity is held",
     ]
+
+
+def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_would_do() -> None:
+    # l = (pi/4) E* range^2/work with E* = 4: 3.14e-4, so 3 points need a spacing of 1.05e-4, 9549 points.
+    law = {"law": "exponential", "work": 1e-2, "range": 1e-3}
+    (note,) = of({"interface": law, "grid.points": 1024})
+    assert note.startswith("interface: its cohesive zone, (pi/4) E* range^2/work = 0.000314")
+    assert (
+        "is 0.32 points wide; edges of the contact are resolved from 3 on: grid.points: 16384 would" in note
+    )
+    assert of({"interface": law, "grid.points": 9551}) == []
+    assert of({"interface": {"law": "hard_wall"}, "grid.points": 64}) == []
+    # A surface, and a halfspace alone, ten times as stiff; the traction of Dugdale ends at once.
+    stiff = {"layer.thickness": 0, "halfspace.shear_modulus": 10.0, "grid.points": [1024, 2048]}
+    dugdale = {"law": "dugdale", "work": 1e-2, "stress": 10.0}
+    (note,) = of({"interface": [law, dugdale], **stiff})
+    assert note.startswith("interface[1]: its")
+    assert note.endswith(
+        "is 3.2 points wide; edges of the contact are resolved from 8 on: grid.points: [4096, 4096] would do"
+    )

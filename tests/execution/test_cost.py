@@ -109,7 +109,11 @@ def test_adaptive_steps_are_counted_with_the_times_that_they_land_on(
 
 PRONY = {"model": "prony", "G0": 1.0, "branches": [{"G": 2.0, "tau": 10.0**k} for k in range(-3, 3)]}
 LOAD = {"control": "load", "load": 0.05, "ramp_time": 1.0}
+PULL = {"kind": "approach_retract", "start": -0.02, "final": -0.03}
 ADAPTIVE: dict[str, dict[str, object]] = {
+    "adhesive": {"interface": {"law": "exponential", "work": 2e-3, "range": 4e-3}, "trajectory": PULL},
+    "pull": {"interface": {"law": "exponential", "work": 2e-3, "range": 4e-3},
+             "trajectory": {"control": "load", "load": 0.05, "kind": "approach_retract", "final": -0.01}},
     "coarse": {"time.tolerance": 1e-3},
     "fine": {"time.tolerance": 1e-5},
     "slow ramp": {"layer.material.tau": 0.01},

@@ -40,6 +40,31 @@ RUNS = [
     for body, steps, method in product(BODIES, STEPS, METHODS)
     if steps != "paper" or "trajectory.velocity" not in BODIES[body]  # which does not follow a moving punch
 ]
+# A film that jumps into contact, is pulled out of it, and comes again under a load.
+ADHESIVE: dict[str, object] = {
+    "layer": {"thickness": 0.1, "poisson": 0.3},
+    "halfspace.shear_modulus": float("inf"),
+    "interface": {"law": "exponential", "work": 0.1, "range": 5e-3},
+    "time.end": 3.0,
+    "output.snapshots": [],
+}
+BODIES |= {
+    "adhesive": ADHESIVE
+    | {"trajectory": {"kind": "approach_retract", "start": -0.05, "final": -0.12, "retract_speed": 0.1}},
+    "pulled off": ADHESIVE
+    | {
+        "trajectory": {
+            "control": "load",
+            "kind": "approach_retract",
+            "load": 0.1,
+            "retract_speed": 2.0,
+            "final": -1.0,
+            "cycles": 2,
+        }
+    },
+}
+RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
+RUNS += [("pulled off", "adaptive", "newton")]
 
 
 class Bits:
@@ -55,8 +80,8 @@ class Bits:
     def snapshot(self, time: float, *fields: NDArray[np.float64]) -> None:
         self.snapshots.append((time, *(field.tobytes() for field in fields)))
 
-    def note(self, **attributes: float) -> None:
-        self.rows.append({name: float(value).hex() for name, value in attributes.items()})
+    def note(self, **attributes: object) -> None:
+        self.rows.append({name: str(np.asarray(value).tolist()) for name, value in attributes.items()})
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Bits) and vars(self) == vars(other)

@@ -135,6 +135,19 @@ def test_a_history_is_the_table_of_a_file(control: str) -> None:
             assert found.attrs["digest"] == wanted.attrs["digest"]
 
 
+def test_a_voltage_over_time_is_the_table_of_a_file() -> None:
+    rows = np.array([[0.0, 0.0], [0.4, 0.3], [1.0, 0.1]])
+    Path("volts.txt").write_text("0 0\n0.4 0.3\n1 0.1\n")
+    law = {"law": "electrostatic", "insulation": 0.01, "permittivity": 1e-3}
+    wanted = gfmdlayer.run(LINE | {"interface": law | {"voltage": "volts.txt"}})
+    for given in (rows, rows.tolist(), (rows[:, 0], rows[:, 1])):
+        for found in (
+            gfmdlayer.run(LINE | {"interface": law | {"voltage": given}}),
+            gfmdlayer.run(LINE, interface=[law | {"voltage": given}]),
+        ):
+            xarray.testing.assert_equal(found, wanted)
+
+
 def test_arrays_lie_with_the_results_that_are_run_again_from_them() -> None:
     given = {"punch": -(X**2) / 0.5, "history": [(0.0, 0.0), (1.0, 0.01)]}
     found = gfmdlayer.run(SHORT, **given)  # type: ignore[arg-type]
@@ -192,6 +205,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a flat history": ({"history": [0.0, 1.0]}, "history: got an array of 2; must be (m, 2)"),
     "a history of words": ({"history": [("a", "b")]}, "history: could not convert"),
     "a pair that differs": ({"history": ([0, 1], [0, 1, 2])}, "must be an (m, 2) array, or a pair of arrays"),
+    "a flat voltage": (
+        {"interface": {"law": "electrostatic", "voltage": [1, 2]}},
+        "voltage: got an array of 2",
+    ),
     "a late history": ({"history": [(1, 0), (2, 1)]}, "the first time is 1; must be 0"),
     "a history back in time": ({"history": [(0, 0), (2, 0.1), (1, 0)]}, "must increase from row to row"),
     "too deep a history": ({"history": [(0, 0), (1, 10)]}, "must be below the mean height of the punch"),
@@ -402,7 +419,7 @@ def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[
 
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gfmdlayer.execution.status import Progress
+    from gfmdlayer.execution.schedule import Progress
     from gfmdlayer.interactive import progress
 
     made: list[_Spy] = []

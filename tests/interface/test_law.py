@@ -64,6 +64,7 @@ def test_laws_attract_and_fade(law: Interaction) -> None:
 def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(name: str) -> None:
     law = EXAMPLES[name].interaction()
     assert law.work == pytest.approx(WORK, rel=1e-12)
+    assert law.energy(np.zeros(1))[0] == pytest.approx(-WORK, rel=1e-12)
 
     def traction(gap: float) -> float:
         return float(law.traction(np.array([gap]))[0])
@@ -77,6 +78,14 @@ def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(n
     assert largest <= law.strength * (1 + 1e-12)
     assert law.strength == pytest.approx(largest, rel=20 * 0.001**2 / 2)
     assert law.range * law.strength == pytest.approx(WORK, rel=1e-12)
+
+
+def test_the_compiled_exponential_is_the_one_of_numpy() -> None:
+    # Seven squarings double the rounding of a power series each: 2^7 times 2e-16 at most.
+    gap = np.linspace(0, 63.9 * RANGE, 20_001)
+    expected = WORK / RANGE * np.exp(-gap / RANGE)
+    np.testing.assert_allclose(EXAMPLES["exponential"].traction(gap), expected, rtol=5e-14)
+    assert EXAMPLES["exponential"].traction([64 * RANGE, 1.0, math.inf]).tolist() == [0, 0, 0]
 
 
 def test_dugdales_traction_tends_to_a_step_as_its_end_narrows() -> None:

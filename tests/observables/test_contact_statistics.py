@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from gfmdlayer.observables.distributions import count_patches, histogram
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.observables import distributions
+from gfmdlayer.observables.distributions import histogram
 
 Run = Callable[[dict[str, object]], Any]
 
@@ -26,6 +28,10 @@ BUMPS: dict[str, object] = {
     "output.histograms.pressure": {"max": 8.0, "bins": 40},
     "output.histograms.gap": {"scale": "log", "min": 1e-5, "max": 0.1, "bins": 40},
 }
+
+
+def count_patches(touching: NDArray[np.bool_]) -> int:
+    return distributions.count_patches(touching, Grid(touching.shape, (1.0,) * touching.ndim))
 
 
 def flooded(touching: NDArray[np.bool_]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.observables.contact_edges import T0, interpolated_area
+from gfmdlayer.observables import contact_edges
+from gfmdlayer.observables.contact_edges import T0
 from gfmdlayer.observables.distributions import closed_gap, in_contact
 from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
@@ -22,6 +24,11 @@ from gfmdlayer.verification.runs import Recording
 Floats = NDArray[np.float64]
 MODULUS = 4.0  # E*
 RADIUS = 0.25
+
+
+def interpolated_area(touching: Any, pressure: Floats, gap: Floats) -> float:
+    grid = Grid(touching.shape, (1.0,) * touching.ndim)
+    return contact_edges.interpolated_area(touching, pressure, gap, grid)
 
 
 def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:

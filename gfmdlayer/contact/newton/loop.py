@@ -15,7 +15,6 @@ from gfmdlayer.contact.newton.passes import (
     balance,
     begin,
     compare,
-    interaction_energy,
     lost,
     minimise,
     move,
@@ -34,11 +33,14 @@ _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two sta
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
 _RESOLVED = 0.3  # likewise down the energy
 _LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_TOO_FAR = 0.25  # part of such a step that is taken at least
 _AT_REST = 0.1  # damping, over kappa_1, below which there is none
 _SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
-_LIFTED = 1e-9  # lack of the mean, over the displacements, that is not rounding
+_NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
+_ROUNDING = 1e-13  # of energies, over their parts
 
 
 class Fields(NamedTuple):
@@ -68,8 +70,18 @@ class Progress(NamedTuple):
     iterations: int
 
 
+@kernel
+def is_lost(system: System, drop: float, unstable: bool) -> bool:
+    """Whether the energy lost in a descent is that of an instability.
+
+    The descent may also set right a step along the branch that has gone astray, by much less than the work of
+    adhesion of one point.
+    """
+    return unstable and drop > _NOTHING * system.strength * system.range
+
+
 @kernel(reorder=True)
-def iterate(
+def iterate(  # noqa: C901  # compiled as one, for its many results
     plans: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
 ) -> Progress:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
@@ -78,92 +90,141 @@ def iterate(
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
-    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = given
-    iterations, n = 0, at.u.size
+    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = (
+        given
+    )
+    iterations, n, settled = 0, at.u.size, False
     set_stress(plans, system, at, fields.spectrum, step.work)
-    set_interaction(system, at)
+    energy = set_interaction(system, at)
     pairs += 1
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
         if (done == 1.0 and residual <= tolerance) or iterations == limit or pulled_off:
             break
+        aim = tolerance * max(system.strength, step.pressure.max())
+        if descends and done < 1.0 and (largest <= aim or settled):
+            released += drop if is_lost(system, drop, unstable) else 0.0
+            descends, unstable, drop, damping = False, False, 0.0, 0.0
+            continue
         iterations += 1
         mean, lack = (1.0 - target) * mean0, 0.0
-        if system.mean_is_fixed and done < target:
+        if mean0 != 0.0:
             lack = mean * n - at.u.sum()
-        pairs += begin(plans, system, step, damping, lack)
+            lack = lack if abs(lack) > _LIFTED * abs(mean0) * n else 0.0
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
-        floor = _WELL_WITHIN * tolerance * max(system.strength, step.pressure.max())
-        least, exact = 0.0, True
-        for _ in range(_PASSES):
-            turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
-            pairs += 2 * turns
-            if least < 0.0 or not press(system, at, step, lack):
-                break
-            apply(plans, system.kappa, step.d, step.work, step.Kd)
-            pairs += 1
+        spent, least = _find_step(plans, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
+        pairs += spent
         if least < 0.0:
-            unstable = True
-            if not descends:
-                descends, done = True, min(1.0, done + _SHORTEST)
-                drop = interaction_energy(system, at.u)
+            done = done if descends else min(1.0, done + _SHORTEST)
+            descends, settled, unstable = True, False, True
             damping = max(2.0 * damping, damping - 2.0 * least)
             continue
-        if move(system, at, step, mean, to):
-            set_stress(plans, system, to, step.work, step.work)
-            pairs += 1
-        else:
-            for i in range(n):
-                to.stress[i] = at.stress[i] - step.Kd[i]
-        set_interaction(system, to)
+        pairs += _try_step(plans, system, at, step, mean, to)
+        after = set_interaction(system, to)
         first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
-        if done == target and (not first < 0.0 or (descends and error > 2.0 * most)):
-            # Uphill, because the wall has bent the step, or too far: a shorter step of the descent.
-            if not descends:
-                descends, drop = True, interaction_energy(system, at.u)
-            damping = max(_SHORTER * damping, 0.01 * system.softest)
-            if damping > _HOPELESS * (system.softest - at.curvature.min()):
-                break
-            continue
         if error > most:
             way = 0.9 * np.sqrt(most / error)
-        if done == target and last > _OVERSHOT * abs(first):
+        if done == target and lack == 0.0 and last > _OVERSHOT * abs(first):
             way = min(way, first / (first - last))
         if way < 1.0:
-            if way * (target - done) < _SHORTEST < target - done:
-                descends, done, damping = True, done + _SHORTEST, system.softest
-                drop = interaction_energy(system, at.u)
+            if done < target and way < _TOO_FAR and way * (target - done) < _SHORTEST:
+                descends, settled, done, damping = True, False, min(1.0, done + _SHORTEST), system.softest
                 continue
             shorten(at, way, to)
-            set_interaction(system, to)
+            after = set_interaction(system, to)
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
-        at, to, swapped = to, at, not swapped
+        change = elastic + after - energy
+        uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
+        if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
+            # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
+            descends, settled = True, False
+            damping = max(_SHORTER * damping, _AT_REST * system.softest)
+            if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
+                break
+            continue
+        at, to, swapped, energy = to, at, not swapped, after
         if not descends:
             done += way * (target - done)
             continue
-        drop -= elastic
+        if lack == 0.0:
+            drop -= change
+            unstable = unstable or last < first  # the energy falls ever more steeply
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
-        damping *= min(max(error / _RESOLVED, 1.0 / _LONGER), 1.0)
+        # The error grows as the square of the step, and the step as the inverse of the damping.
+        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
         damping = 0.0 if damping < _AT_REST * system.softest else damping
-        if settled and done < 1.0:
-            descends = False
-            drop -= interaction_energy(system, at.u)
-            released += drop if unstable else 0.0
-            drop, unstable = 0.0, False
         if system.load < 0.0 and not system.mean_is_fixed:
             pulled_off = lost(system, at)
     if swapped:
-        for i in range(n):
-            to.u[i] = at.u[i]
-            to.stress[i] = at.stress[i]
-            to.traction[i] = at.traction[i]
-            to.curvature[i] = at.curvature[i]
+        _copy(at, to)
     iterations += given.iterations
     return Progress(
-        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, iterations
+        done,
+        mean0,
+        damping,
+        descends,
+        unstable,
+        drop,
+        released,
+        pulled_off,
+        multiplier,
+        residual,
+        pairs,
+        iterations,
     )
+
+
+@kernel(reorder=True, inner=True)
+def _find_step(
+    plans: Plans,
+    system: System,
+    at: Surface,
+    step: Step,
+    damping: float,
+    lack: float,
+    floor: float,
+    inexact: float,
+) -> tuple[int, float]:
+    """Solve for a step, putting points that it drives through the wall onto it.
+
+    Returns
+    -------
+    pairs : int
+        FFT pairs.
+    least : float
+        As of `minimise`.
+    """
+    pairs = begin(plans, system, step, damping, lack)
+    for _ in range(_PASSES):
+        turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
+        pairs += 2 * turns
+        if least < 0.0 or not press(system, at, step, lack):
+            break
+        apply(plans, system.kappa, step.d, step.work, step.Kd)
+        pairs += 1
+    return pairs, least
+
+
+@kernel(reorder=True, inner=True)
+def _try_step(plans: Plans, system: System, at: Surface, step: Step, mean: float, to: Surface) -> int:
+    """Write displacement and stress after a step; return the FFT pairs."""
+    if move(system, at, step, mean, to):
+        set_stress(plans, system, to, step.work, step.work)
+        return 1
+    for i in range(at.u.size):
+        to.stress[i] = at.stress[i] - step.Kd[i]
+    return 0
+
+
+@kernel(inner=True)
+def _copy(source: Surface, target: Surface) -> None:
+    for i in range(source.u.size):
+        target.u[i] = source.u[i]
+        target.stress[i] = source.stress[i]
+        target.traction[i] = source.traction[i]
+        target.curvature[i] = source.curvature[i]
 
 
 @kernel(reorder=True)
@@ -182,11 +243,3 @@ def hold(plans: Plans, system: System, fields: Fields) -> None:
     if system.mean_is_fixed and count > 0.0:
         for i in range(held.size):
             held[i] -= step.free[i] * total / count
-
-
-@kernel(reorder=True)
-def end_descent(system: System, fields: Fields, progress: Progress) -> float:
-    """Energy released so far, with that of a descent that has come to its end; sum over the points."""
-    if not (progress.descends and progress.unstable):
-        return progress.released
-    return progress.released + progress.drop - interaction_energy(system, fields.at.u)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.contact.residual import ResidualFloor, assess
+from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
 from gfmdlayer.interface.forms import interact
 from gfmdlayer.interface.terms import Terms
@@ -81,29 +81,22 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 
 
 @kernel(reorder=True, inner=True)
-def set_interaction(system: System, at: Surface) -> None:
-    """Write traction and curvature of the interface."""
-    h, u, traction, curvature = system.h, at.u, at.traction, at.curvature
+def set_interaction(system: System, at: Surface) -> float:
+    """Write traction and curvature of the interface; return the sum of its energy over the points."""
+    h, u, traction, curvature, total = system.h, at.u, at.traction, at.curvature, 0.0
     for i in range(u.size):
         gap = h[i] - u[i]
-        traction[i], curvature[i] = 0.0, 0.0
+        energy, traction[i], curvature[i] = 0.0, 0.0, 0.0
         if gap < system.reach:
-            _, traction[i], curvature[i] = interact(gap, system.terms)
-
-
-@kernel(reorder=True, inner=True)
-def interaction_energy(system: System, u: FloatArray) -> float:
-    """Sum of the interface's energy over the points."""
-    total = 0.0
-    for i in range(u.size):
-        gap = system.h[i] - u[i]
-        if gap < system.reach:
-            total += interact(gap, system.terms)[0]
+            energy, traction[i], curvature[i] = interact(gap, system.terms)
+        total += energy
     return total
 
 
 @kernel(reorder=True, inner=True)
-def balance(system: System, at: Surface, held: FloatArray, part: float, step: Step) -> tuple[float, float, float]:
+def balance(
+    system: System, at: Surface, held: FloatArray, part: float, step: Step
+) -> tuple[float, float, float]:
     """Find the free points, and the pressure of the wall, which is out of balance on them.
 
     Parameters
@@ -122,36 +115,60 @@ def balance(system: System, at: Surface, held: FloatArray, part: float, step: St
     residual, multiplier, largest : float
         The residual, lambda, and the largest pressure on a free point.
     """
-    h, u, stress, traction = system.h, at.u, at.stress, at.traction
-    free, pressure = step.free, step.pressure
-    total, count = 0.0, 0.0
-    for i in range(u.size):
-        value = stress[i] + traction[i] - part * held[i]
-        pressure[i] = value
-        is_open = 1.0 if u[i] < h[i] else 0.0
-        total += is_open * value
-        count += is_open
+    total, count, strongest, weakest, deepest = _open_pressure(system, at, held, part, step)
     multiplier = system.load
     if system.mean_is_fixed:
         # In full contact any lambda that keeps the pressure positive will do.
-        multiplier = -total / count if count > 0.0 else -pressure.min()
-    total, count = 0.0, 0.0
-    for i in range(u.size):
-        value = pressure[i] + multiplier
-        pressure[i] = value
-        moves = 0.0 if (u[i] >= h[i]) & (value > 0.0) else 1.0
-        free[i] = moves
-        total += moves * value
-        count += moves
-    residual = assess(pressure, u, h, system.floor)[0]
+        multiplier = -total / count if count > 0.0 else -weakest
+    pressure_scale, depth = scales(strongest + multiplier, deepest, system.floor)
+    per_pressure, per_gap, worst, total, count = 1.0 / pressure_scale, 1.0 / depth, np.zeros(LANES), 0.0, 0.0
+    for first in range(0, at.u.size, LANES):
+        end = first + LANES
+        h, u, ps, free = system.h[first:end], at.u[first:end], step.pressure[first:end], step.free[first:end]
+        for i in range(u.size):
+            value, gap = ps[i] + multiplier, h[i] - u[i]
+            ps[i] = value
+            off = violation(value, gap, per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+            moves = 0.0 if (gap <= 0.0) & (value > 0.0) else 1.0
+            free[i] = moves
+            total += moves * value
+            count += moves
     mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
-    most = np.zeros(LANES)
-    for first in range(0, u.size, LANES):
-        ps, moves_ = pressure[first : first + LANES], free[first : first + LANES]
+    largest = np.zeros(LANES)
+    for first in range(0, at.u.size, LANES):
+        ps, free = step.pressure[first : first + LANES], step.free[first : first + LANES]
         for i in range(ps.size):
-            size = abs(ps[i] - mean) * moves_[i]
-            most[i] = size if size > most[i] else most[i]
-    return residual, multiplier, most.max()
+            size = abs(ps[i] - mean) * free[i]
+            largest[i] = size if size > largest[i] else largest[i]
+    return worst.max() if np.isfinite(total) else np.nan, multiplier, largest.max()
+
+
+@kernel(reorder=True, inner=True)
+def _open_pressure(
+    system: System, at: Surface, held: FloatArray, part: float, step: Step
+) -> tuple[float, float, float, float, float]:
+    """Write the pressure but for the multiplier.
+
+    Returns its sum over the points out of contact, their number, its extrema, and the depth of the surface.
+    """
+    total, count, mean = 0.0, 0.0, 0.0
+    most, least, lowest = np.full(LANES, -np.inf), np.full(LANES, np.inf), np.full(LANES, np.inf)
+    for first in range(0, at.u.size, LANES):
+        end = first + LANES
+        h, u, ps, hold = system.h[first:end], at.u[first:end], step.pressure[first:end], held[first:end]
+        stress, traction = at.stress[first:end], at.traction[first:end]
+        for i in range(u.size):
+            value = stress[i] + traction[i] - part * hold[i]
+            ps[i] = value
+            most[i] = value if value > most[i] else most[i]
+            least[i] = value if value < least[i] else least[i]
+            lowest[i] = u[i] if u[i] < lowest[i] else lowest[i]
+            mean += u[i]
+            is_open = 1.0 if u[i] < h[i] else 0.0
+            total += is_open * value
+            count += is_open
+    return total, count, most.max(), least.min(), max(mean / at.u.size, 0.0) - lowest.min()
 
 
 @kernel(reorder=True, inner=True)
@@ -184,7 +201,13 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    plans: Plans, system: System, curvature: FloatArray, damping: float, step: Step, floor: float, inexact: float
+    plans: Plans,
+    system: System,
+    curvature: FloatArray,
+    damping: float,
+    step: Step,
+    floor: float,
+    inexact: float,
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
@@ -208,7 +231,7 @@ def minimise(
     iterations : int
         Of two FFT pairs each.
     least : float
-        The curvature along the last direction, per area, where it is negative and ended the iteration; else 0.
+        The curvature along the last direction, per area, where it is negative; else 0.
     """
     free, _, force, d, Kd, direction, applied, z, softening, work = step
     n = d.size
@@ -218,40 +241,47 @@ def minimise(
         direction[i] = 0.0
     if count == 0.0:
         return 0, 0.0
-    aim, last = max(floor, inexact * _centre(system, force, free, count)), 1.0
+    aim, last, centred = max(floor, inexact * _centre(system, force, free, count)), 1.0, system.mean_is_fixed
+    largest = np.empty(LANES)
     for iteration in range(_MOST):
         apply(plans, softening, force, work, z)
-        total = 0.0
+        # Forces are zero where points are pressed, and in the mean where that is fixed.
+        total, across = 0.0, 0.0
         for i in range(n):
-            z[i] *= free[i]
-            total += z[i]
-        mean = total / count if system.mean_is_fixed else 0.0
-        across = 0.0
-        for i in range(n):
-            z[i] -= mean * free[i]
+            total += z[i] * free[i]
             across += force[i] * z[i]
+        mean = total / count if centred else 0.0
         beta = across / last if iteration > 0 else 0.0
         last = across
         for i in range(n):
-            direction[i] = z[i] + beta * direction[i]
+            direction[i] = free[i] * (z[i] - mean) + beta * direction[i]
         apply(plans, system.kappa, direction, work, applied)
-        elastic, along, square = 0.0, 0.0, 0.0
+        elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
             s = direction[i]
+            response = applied[i] + (curvature[i] + damping) * s
             elastic += s * applied[i]
-            along += s * (applied[i] + (curvature[i] + damping) * s)
+            along += s * response
             square += s * s
+            total += free[i] * response
         if square == 0.0:
             return iteration + 1, 0.0
         if not along > _NO_CURVATURE * elastic:
             return iteration + 1, min(along / square, -1e-300)
-        way = across / along
-        for i in range(n):
-            s = direction[i]
-            d[i] += way * s
-            Kd[i] += way * applied[i]
-            force[i] -= way * free[i] * (applied[i] + (curvature[i] + damping) * s)
-        if _centre(system, force, free, count) <= aim:
+        way, mean = across / along, total / count if centred else 0.0
+        largest[:] = 0.0
+        for first in range(0, n, LANES):
+            end = first + LANES
+            ds, Kds, fs, moves = d[first:end], Kd[first:end], force[first:end], free[first:end]
+            directions, applieds, curvatures = direction[first:end], applied[first:end], curvature[first:end]
+            for i in range(ds.size):
+                s = directions[i]
+                ds[i] += way * s
+                Kds[i] += way * applieds[i]
+                left = fs[i] - way * moves[i] * (applieds[i] + (curvatures[i] + damping) * s - mean)
+                fs[i] = left
+                largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
+        if largest.max() <= aim:
             return iteration + 1, 0.0
     return _MOST, 0.0
 
@@ -262,15 +292,11 @@ _MOST = 400  # iterations
 @kernel(reorder=True, inner=True)
 def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
-    mean = force.sum() / count if system.mean_is_fixed else 0.0
-    most = np.zeros(LANES)
-    for first in range(0, force.size, LANES):
-        values, moves = force[first : first + LANES], free[first : first + LANES]
-        for i in range(values.size):
-            value = values[i] - mean * moves[i]
-            values[i] = value
-            most[i] = abs(value) if abs(value) > most[i] else most[i]
-    return most.max()
+    mean, largest = force.sum() / count if system.mean_is_fixed else 0.0, 0.0
+    for i in range(force.size):
+        force[i] -= mean * free[i]
+        largest = max(largest, abs(force[i]))
+    return largest
 
 
 @kernel(reorder=True, inner=True)
@@ -372,4 +398,4 @@ def shorten(at: Surface, part: float, to: Surface) -> None:
 @kernel(reorder=True, inner=True)
 def lost(system: System, at: Surface) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
-    return (system.h - at.u).min() > system.range and at.traction.max() < -system.load
+    return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)

@@ -1,30 +1,59 @@
 """Newton's method for interfaces that attract, along the path that the surface takes.
 
-TODO
+The energy E(u) = elastic energy + sum of w(h - u) is to be least over u <= h. Where w is concave E has many
+minima. The surface is in the one to which the state before leads:
+
+branch
+    A step begins with the last gap, at the new punch, history and load. Traction r_0 holds it there; the mean
+    of u differs by m_0 from that prescribed. Both are taken away, (1 - s) r_0 and (1 - s) m_0 with s from 0
+    to 1: of an elastic body this is the motion of the punch. Newton steps in which the traction differs
+    little from its tangent follow the minimum (Davidenko's path), in most steps all the way at once. Points
+    at the wall stay there.
+descent
+    Where the energy is not convex along the free points, or that path comes to a standstill, a branch ends.
+    The punch stops (s is kept) and the surface descends overdamped, each point at a speed in proportion to
+    the pressure p_c that is out of balance on it, eta du/dt = p_c with one eta for all points, and u <= h.
+    Steps are linearly implicit (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35
+    (1998) 508), (K + w'' + c) d = p_c with c = eta/dt. c is chosen for the change of the traction, whose
+    difference from the tangent is the error, and large enough that the matrix is positive and the energy
+    falls; it vanishes as a minimum comes near, and Newton's method ends there. Then s grows again.
+
+So a landing depends neither on the time step nor on a start or tolerance, so long as there is one instability
+on the way of a step at most. `Solution.released_energy` is the energy that a descent with a concave stretch
+has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
+part of the step, so that its error is of first order in the step. Elsewhere it is zero.
+
+Linear systems are solved on the free points by conjugate gradients with the preconditioner
+1/(K + c + kappa_1/2), two FFT pairs an iteration; a direction of negative curvature ends them and begins a
+descent. Points that a step drives through the wall are put onto it, and the rest is solved again. In balance
+`soft_mode` looks for a deformation of negative curvature, which no symmetry hides.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, end_descent, hold, iterate
+from gfmdlayer.contact.newton.loop import Fields, Progress, hold, is_lost, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
+from gfmdlayer.contact.newton.soft_mode import find_margin, leave
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.interface.terms import COHESIVE_ZONE, EXPONENTIAL
-from gfmdlayer.resumable import Stateless
+from gfmdlayer.resumable import State
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
 _DECAYED = 45.0  # exp(-45) = 3e-20
 
 
-class Newton(Stateless):
+class Newton:
     """Newton's method with truncated conjugate gradients, for the steps of one run.
 
     Parameters
@@ -42,10 +71,13 @@ class Newton(Stateless):
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
-        at, to = (Surface(*(field() for _ in Surface._fields)) for _ in range(2))
+        at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
         work = spectrum()
-        step = Step(*(field() for _ in Step._fields[:-2]), np.empty(work.size), work)
+        free, pressure, force, d, Kd, direction, applied, z = (field() for _ in range(8))
+        step = Step(free, pressure, force, d, Kd, direction, applied, z, np.empty(work.size), work)
         self._fields = Fields(at, to, field(), step, spectrum())
+        self._mode = np.random.default_rng(0).normal(size=at.u.size)  # any that no symmetry rules out
+        self._margin = math.nan
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from the gap of the last step.
@@ -66,33 +98,61 @@ class Newton(Stateless):
         ValueError
             If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
         """
-        if (problem.mean_is_fixed or not problem.interface.attracts) and (
-            trivial := trivial_solution(problem, self._transforms)
-        ):
+        if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, fields, plans = _system(problem), self._fields, self._transforms.plans
         progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
-        limit, converged = max(4, _CHUNK // u.size), False
+        chunk, converged, mode = max(4, _CHUNK // u.size), False, self._mode.copy()
         while not converged and progress.iterations < self._most and not progress.pulled_off:
             if progress.done == 1.0:
                 # The loop keeps the mean but for rounding. An accepted state has it exactly.
                 project(u, h, problem.mean_is_fixed)
-            before, limit = progress, min(limit, self._most - progress.iterations)
+            before, limit = progress.iterations, min(chunk, self._most - progress.iterations)
             progress = iterate(plans, system, fields, progress, self._tolerance, limit)
             within = progress.done == 1.0 and progress.residual <= self._tolerance
-            converged = within and progress.iterations == before.iterations
-            if not within and progress.iterations < before.iterations + limit:
+            if within and progress.iterations == before:
+                progress, converged = self._check(system, progress)
+            elif not within and progress.iterations < before + limit:
                 break
-        spectrum = fields.spectrum.copy() if converged else self._transforms.forward(u)
-        return make_solution(
+        if not converged:
+            self._mode[:] = mode
+        lost = is_lost(system, progress.drop, progress.unstable)
+        released = progress.released + (progress.drop if lost else 0.0)
+        solution = make_solution(
             problem,
             u.copy(),
             fields.at.stress + progress.multiplier,
-            spectrum,
+            fields.spectrum.copy() if converged else self._transforms.forward(u),
             spent=(progress.pairs, progress.iterations),
             within=np.inf if converged else -1.0,
-            released_energy=end_descent(system, fields, progress) / u.size,
         )
+        return replace(solution, released_energy=released / u.size, margin=self._margin)
+
+    def _check(self, system: System, progress: Progress) -> tuple[Progress, bool]:
+        """Leave a state in balance that is no minimum; return whether it is one."""
+        fields, plans = self._fields, self._transforms.plans
+        margin, curvature, attraction, pairs = find_margin(plans, system, fields.at, fields.step, self._mode)
+        self._margin, progress = margin, progress._replace(pairs=progress.pairs + pairs)
+        # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
+        if curvature >= -math.sqrt(2 * self._tolerance) * abs(attraction):
+            return progress, True
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, self._mode)
+        return progress._replace(
+            pairs=progress.pairs + pairs,
+            iterations=progress.iterations + 1,
+            descends=True,
+            unstable=True,
+            drop=progress.drop - change,
+            damping=-2 * curvature,
+        ), change == 0.0
+
+    def state(self) -> State:
+        """Return the softest deformation."""
+        return {"mode": self._mode}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._mode[:] = state["mode"]
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
@@ -101,7 +161,7 @@ class Newton(Stateless):
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         if np.isfinite(u).all():
-            done, mean = 0.0, float(u.mean())
+            done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
             hold(self._transforms.plans, system, fields)
         else:
             u[:] = 0.0
@@ -113,24 +173,24 @@ class Newton(Stateless):
 
 
 def _system(problem: Problem) -> System:
-    n, law = problem.obstacle.size, problem.interface
+    n, law, floor = problem.obstacle.size, problem.interface, problem.residual_floor
     return System(
         problem.stiffness / n,
         problem.intercept / n,
         problem.obstacle,
         law.terms,
         max(law.strength, 1e-300),
-        law.range,
+        floor.range,
         _reach(law),
         problem.mean_is_fixed,
         problem.applied_pressure,
-        problem.softest,
-        problem.residual_floor,
+        floor.stiffness,
+        floor,
     )
 
 
 def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is zero, or nothing to double precision; infinite where it falls as a power."""
+    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
     reach = 0.0
     for form, _, length, width in zip(*law.terms, strict=True):
         if form == EXPONENTIAL:

@@ -1,0 +1,66 @@
+"""`gfmdlayer report`: write a page for the browser: curves, surfaces, cases, configuration, provenance."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gfmdlayer.cli.terminal import COMPLETE
+
+if TYPE_CHECKING:
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.figures.report.cases import Listed
+
+EXAMPLE = "gfmdlayer report results/figure2-quick"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("path", metavar="DIR", help="results folder, or the file of one case")
+    parser.add_argument("--out", metavar="FILE", help="the page, .html (default: DIR/report.html)")
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the page of results."""
+    from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.figures.report.page import write_report
+
+    path = Path(options.path)
+    if path.is_file():
+        out = path.with_name(f"{path.stem}-report.html")
+        cases, title, config = [_only(path)], path.stem, ""
+    else:
+        out, folder = path / "report.html", Folder(path)
+        cases, title = _listed(folder), path.resolve().name
+        config = folder.config.read_text(encoding="utf-8")
+    print(write_report(cases, Path(options.out or out), title, config))
+    return COMPLETE
+
+
+def _only(path: Path) -> Listed:
+    """Return the case of a file; refuses a file that is none."""
+    from gfmdlayer.figures.report.cases import Listed
+    from gfmdlayer.results.reader import open_case
+
+    open_case(path).close()
+    return Listed(int(path.stem) if path.stem.isdecimal() else 0, path, {})
+
+
+def _listed(folder: Folder) -> list[Listed]:
+    """Return all cases of a folder, with the state of each."""
+    from gfmdlayer.config.sweeps import combinations
+    from gfmdlayer.execution.status import overview
+    from gfmdlayer.figures.report.cases import Listed
+
+    numbers, seen = folder.case_numbers(), overview(folder)
+    states = dict.fromkeys(folder.numbers()["failed"], ("failed", ""))
+    states |= {case.index: ("failed", case.reason) for case in seen.failures}
+    states |= dict.fromkeys(folder.numbers()["h5"], ("complete", ""))
+    states |= {
+        case.index: ("running", f"at time {case.simulated_time:g} of {case.end:g}") for case in seen.running
+    }
+    return [
+        Listed(number, folder.case(number), values, *states.get(number, ("waiting", "")))
+        for number, values in zip(numbers, combinations(folder.stored_sweep()), strict=True)
+    ]

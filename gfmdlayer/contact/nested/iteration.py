@@ -1,0 +1,178 @@
+"""The iteration on one grid: projected conjugate gradients at one pair of transforms an iteration.
+
+The pressure p >= 0 minimises p.A p/2 + gap0.p, whose gradient is the gap, under a given sum or, at a given
+depth, under none. C holds the points that press or overlap, and r = level - gap there, the level being the
+mean of the gap weighted by the pressure, or the gap that is aimed at. An iteration
+
+    z = M r on C                                  M: a stencil that approximates kappa
+    d = z + beta d on C                           beta of Polak and Ribiere, at least 0
+    D = Proj(p + alpha d) - p                     Proj: nearest pressure >= 0 on C of the given sum
+    p += theta D,  gap += theta A D               theta: lowest energy on the way
+
+needs a transform for A D alone: the projection comes before it, and all pressures between p and p + D are
+admissible. alpha is the length that the last step should have had. At a given depth the whole pressure is
+scaled too, to the lowest energy, which the stencil, blind to the mean of the pressure, would leave to many
+iterations.
+
+A step that ends pressures is taken as a whole if the lowest energy is beyond half of it: else points would
+only come close to leaving. A preconditioned step that was clipped need not descend: it is then tried without
+the points that it lets go, and at last along r.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gfmdlayer.contact.nested import passes
+from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.passes import Move
+
+_SHORTEST, _LONGEST = 0.1, 2.0  # of the lengths that are tried
+_LET_GO = 0.5  # beyond this part of a step that ends pressures it is taken as a whole
+_LOAD = 1e-8  # relative error of the load that the projection leaves
+_PROJECTIONS = 60  # rounds of Newton's method at most
+_PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
+
+
+def iterate(level: Level, at: Fields, tolerance: float, limit: int) -> tuple[float, int]:
+    """Bring the residual of a state within a tolerance, or to where it falls no more.
+
+    Parameters
+    ----------
+    level : Level
+        The grid.
+    at : Fields
+        The problem and the state, whose gap belongs to the pressure.
+    tolerance : float
+        On the sum of what open gaps and tension and what overlap leaves, or twice the larger of them where no
+        load is given.
+    limit : int
+        Most iterations.
+
+    Returns
+    -------
+    float, int
+        The residual and the iterations.
+    """
+    level.set_scales(at)
+    search, best, since, iteration = _Search(level, at), np.inf, 0, 0
+    while search.residual > tolerance and iteration < limit and iteration - since <= _PATIENCE:
+        if search.residual < _PROGRESS * best:
+            best, since = search.residual, iteration
+        search.advance()
+        iteration += 1
+    return search.residual, iteration
+
+
+class _Search:
+    """Conjugate directions from a state."""
+
+    def __init__(self, on: Level, at: Fields) -> None:
+        self._on, self._at = on, at
+        for stale in (on.d, on.z, on.r):
+            stale[:] = 0.0
+        self._alpha, self._shift = 1.0, 0.0
+        self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew
+        self._move(0.0, 1.0)
+
+    def advance(self) -> None:
+        """Take one iteration."""
+        self._direct()
+        slope, ended, fall = self._project()
+        if not slope > 0:
+            self._on.sweep.only(passes.release, self._alpha, self._at.p, self._on.r, self._on.d)
+            self._alpha, self._product = min(self._alpha, 1.0), 0.0
+            self._direct()
+            slope, ended, fall = self._project()
+        along_r = not slope > 0
+        if along_r:
+            self._move(0.0, 1.0)
+            np.copyto(self._on.d, self._on.r)
+            self._alpha = 0.5 * self._on.stiffest
+            slope, ended, fall = self._project()
+        self._on.respond()
+        length, scale = self._lengths(slope, ended > 0, fall)
+        self._move(length, scale)
+        self._alpha = _SHORTEST if along_r else min(max(self._optimum * self._alpha, _SHORTEST), _LONGEST)
+        self._product = 0.0 if along_r else self._product
+
+    def _direct(self) -> None:
+        """Write the next direction."""
+        count, total, pull, along, across, last, memory, mean = self._on.precondition()
+        excess = total / count if self._at.load is not None and count else 0.0
+        product, change = along - excess * pull, across - excess * last
+        beta = max((product - change) / self._product, 0.0) if self._product > 0 else 0.0
+        if product + beta * (memory - (pull / count * mean if excess else 0.0)) <= 0:
+            beta = 0.0
+        self._product = product
+        found, _ = self._on.sweep(
+            passes.direct,
+            excess,
+            beta,
+            self._alpha,
+            self._shift,
+            self._at.p,
+            self._on.r,
+            self._on.z,
+            self._on.d,
+        )
+        self._above = found
+
+    def _project(self) -> tuple[float, float, float]:
+        """Write the step; return how the energy falls along it, and what `passes.project` counts."""
+        on, at = self._on, self._at
+        if at.load is None:
+            (_, _, slope, ended), (fall,) = on.sweep(
+                passes.project, self._alpha, 0.0, at.p, on.r, on.d, on.step
+            )
+            return slope, ended, fall
+        total, count = self._above
+        for _ in range(_PROJECTIONS):
+            self._shift += (total - at.load) / count if count else -at.load
+            (total, count, slope, ended), (fall,) = on.sweep(
+                passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step
+            )
+            if abs(total - at.load) <= _LOAD * at.load:
+                break
+        self._above = [total, count]
+        return slope, ended, fall
+
+    def _lengths(self, slope: float, ends: bool, fall: float) -> tuple[float, float]:
+        """Return the length of the step and the scale of the pressure after it, of the lowest energy."""
+        at = self._at
+        curvature, across = self._on.sweep(passes.respond, at.p, self._on.step, self._on.change)[0]
+        self._optimum = slope / curvature if curvature > 0 else 1.0
+        if at.load is None:
+            # The energy of a p + b D is a parabola of a and b.
+            stiff, free = self._weighted - self._free, self._free - at.aim * self._load
+            determinant = stiff * curvature - across**2
+            whole, part = (
+                across * -(slope + across) - curvature * free,
+                across * free + stiff * (slope + across),
+            )
+            if determinant > 0 and whole > 0:
+                self._optimum = part / whole
+        length = min(self._optimum, 1.0 / fall if fall > 0 else np.inf)
+        if _LET_GO < length < 1.0 and ends:
+            length = 1.0
+        if at.load is None:
+            energy = stiff + length * (2.0 * across + length * curvature)
+            push = length * (slope + across) - free
+            return length, push / energy if push > 0 and energy > 0 else 1.0
+        # p.gap after the step, whose level it sets
+        weighted = self._weighted + length * (across - slope + length * curvature)
+        at.level = weighted / self._load
+        return length, 1.0
+
+    def _move(self, length: float, scale: float) -> None:
+        """Take a step and assess the state."""
+        on, at = self._on, self._at
+        move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
+        found, (opened, below, _) = on.sweep(
+            passes.advance, move, at.p, at.gap, at.gap0, on.step, on.change, on.z
+        )
+        on.r, on.z = on.z, on.r
+        self._load, self._weighted, self._free = found
+        # A gap may be shifted under a given load; elsewhere the aim is at the middle of what is allowed.
+        worst = opened + below if at.load is not None else 2.0 * max(opened, below)
+        self.residual = worst if np.isfinite(self._load + self._weighted) else np.nan

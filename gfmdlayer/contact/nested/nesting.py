@@ -1,0 +1,92 @@
+"""First guess from coarser grids: the problem solved on the coarsest, then on each finer one from there.
+
+Problems come from truncated Fourier series of the gap and of the stiffness, pressures by `coarser.prolong`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray
+from gfmdlayer.contact.nested import passes
+from gfmdlayer.contact.nested.coarser import prolong
+from gfmdlayer.contact.nested.iteration import iterate
+from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+
+_COARSEST = 64  # points of an axis, at least
+_TOLERANCE = 1e-4
+_LIMIT = 60  # iterations on a coarser grid
+
+
+def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> float:
+    """Write the pressure of a first guess.
+
+    Parameters
+    ----------
+    fine : Level
+        The given grid.
+    transforms : Transforms
+        Its transforms in double precision.
+    problem : Problem
+        The problem.
+    at : Fields
+        Whose pressure is written.
+
+    Returns
+    -------
+    float
+        Pairs of transforms in single precision, as parts of those of the given grid.
+    """
+    grids = [fine.grid]
+    while coarser := grids[-1].coarser(_COARSEST):
+        grids.append(coarser)
+    surface = transforms.forward(problem.obstacle)
+    free = np.zeros_like(surface)
+    passes.displace(problem.stiffness, problem.intercept, free, free)
+    last, pairs = None, 0.0
+    for grid in reversed(grids[1:]):
+        level, state = _coarse(fine, grid, transforms, problem, (surface, free))
+        state.load = None if at.load is None else at.load * grid.size / fine.grid.size
+        _begin(level, state, last)
+        iterate(level, state, _TOLERANCE, _LIMIT)
+        level.set_scales(state)
+        pairs += (level.pairs + 1) * grid.size / fine.grid.size
+        last = level, state
+    if last is None:
+        at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
+    _begin(fine, at, last)
+    return pairs
+
+
+def _coarse(
+    fine: Level,
+    grid: Grid,
+    transforms: Transforms,
+    problem: Problem,
+    spectra: tuple[ComplexArray, ComplexArray],
+) -> tuple[Level, Fields]:
+    """The problem on a coarser grid: punch, gap without pressure, and stiffness."""
+    coarse = transforms.of_shape(grid.points, single=True)
+    level = Level(grid, coarse, transforms.truncated(problem.stiffness, coarse), fine.floor)
+    h, free = (
+        coarse.backward(transforms.truncated(each, coarse)).astype(np.float64) / fine.grid.size
+        for each in spectra
+    )
+    return level, Fields(h, h - free, np.zeros(h.size), np.zeros(h.size), None)
+
+
+def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
+    """Write a first pressure, from a coarser grid or where the punch lies lowest, and its gap."""
+    if last is not None:
+        prolong(*last, level, at.p)
+    if last is None or not level.set_load(at):
+        sums = level.grid.sums
+        lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
+        # Where the load is given, half way up to the mean height.
+        height = 0.0 if at.load is None else 0.5 * (lowest + mean)
+        level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
+        level.set_load(at)
+    level.add_response(at)

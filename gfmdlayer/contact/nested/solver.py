@@ -1,0 +1,207 @@
+"""Projected conjugate gradients with nested grids, for large rough surfaces.
+
+The method and its state are those of `iteration`; here is what surrounds it.
+
+Nested grids
+    Without a good guess the problem is solved on a grid of some 64 points along its shorter axis first, and
+    its pressure is the guess for the next finer grid (`nesting`): after this nested iteration a few
+    corrections are left for the given grid.
+Precision
+    The iteration adds corrections in single precision, whose errors shrink with them. The state that it ends
+    with is evaluated in double precision, and goes on from there if its residual is too large: every solution
+    is assessed in double precision.
+Hand-over
+    Where the residual falls no more, as for a stiff film on a soft base, the active set takes the problem
+    from the last pressure. After two such steps in a row it keeps the run.
+
+Everything that concerns all points goes through the grid: sums, rows beside those of this process,
+transforms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.active_set.solver import ActiveSet
+from gfmdlayer.contact.nested import passes
+from gfmdlayer.contact.nested.iteration import iterate
+from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.nesting import nest
+from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
+from gfmdlayer.contact.problem import Problem, Solution, make_solution
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import State
+
+_POOR = 0.1  # residual of a guess from which coarser grids are the better beginning
+_LIMIT = 400  # iterations between two evaluations in double precision
+_PROGRESS = 0.5  # part of the last residual that an evaluation has to find
+_FAILURES = 2  # steps in a row after which the active set keeps the run
+_AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the punch cannot be shifted
+
+
+class NestedGradient:
+    """The solver for the steps of one run.
+
+    Parameters
+    ----------
+    transforms : Transforms
+        Plans for the grid.
+    tolerance : float
+        Residual at which a step is accepted.
+    max_iterations : int
+        Iterations after which the step counts as not converged.
+    grid : Grid, optional
+        The grid; without it that of the transforms, of period 1.
+
+    Attributes
+    ----------
+    spent : tuple of float
+        Pairs of transforms of the last step in double and in single precision, those of coarser grids as
+        parts.
+    """
+
+    starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
+
+    def __init__(
+        self,
+        transforms: Transforms,
+        tolerance: float = 1e-6,
+        max_iterations: int = 20_000,
+        grid: Grid | None = None,
+    ) -> None:
+        self._transforms, self._tolerance, self._max_iterations = transforms, tolerance, max_iterations
+        self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
+        self._fine: Level | None = None
+        self._stiffness: FloatArray | None = None
+        self._work = transforms.empty_spectrum()
+        self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
+        self._doubles = 0.0
+        self.spent = 0.0, 0.0
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from a first guess of the pressure, one value a point.
+
+        Raises
+        ------
+        ValueError
+            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
+        """
+        if trivial := trivial_solution(problem, self._transforms):
+            return trivial
+        if self._failures >= _FAILURES and self._grid.is_whole:
+            return self._by_active_set(problem, start, 0, 0)
+        self._doubles, coarse = 0.0, 0.0
+        fine, at = self._level_of(problem), self._fields(problem, start)
+        if not self._is_near(fine, problem, at):
+            coarse = nest(fine, self._transforms, problem, at)
+            self._doubles += 0.5
+            self._evaluate(problem, fine, at)
+        iterations, last = 0, np.inf
+        while True:
+            limit = min(_LIMIT, self._max_iterations - iterations)
+            iterations += iterate(fine, at, CLOSE * self._tolerance, limit)[1]
+            spectrum = self._evaluate(problem, fine, at)
+            solution = self._solution(problem, fine, at, spectrum)
+            if solution.converged or limit <= 0 or not solution.residual < _PROGRESS * last:
+                break
+            last = solution.residual
+        self.spent = self._doubles, fine.pairs + coarse
+        pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
+        solution = replace(solution, transforms=int(pairs), iterations=iterations)
+        if solution.converged or not self._grid.is_whole:
+            self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
+            return solution
+        self._failures += 1
+        return self._by_active_set(problem, at.p, int(pairs), iterations)
+
+    def state(self) -> State:
+        """Return the number of steps handed over in a row, and the count of a part of a pair."""
+        return {"failures": self._failures, "part": self._part}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._failures, self._part = int(state["failures"]), float(state["part"])
+
+    def compile(self) -> None:
+        """Compile the kernels that only a hand-over comes to."""
+        ActiveSet(self._transforms).compile()
+
+    def _level_of(self, problem: Problem) -> Level:
+        """The operators of the grid, made anew only where the stiffness has changed."""
+        if self._fine is None:
+            single = self._transforms.of_shape(self._grid.points, single=True)
+            self._fine = Level(self._grid, single, problem.stiffness, problem.residual_floor)
+        elif self._stiffness is None or not np.array_equal(problem.stiffness, self._stiffness):
+            self._fine.set_stiffness(problem.stiffness)
+        self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
+        return self._fine
+
+    def _fields(self, problem: Problem, start: FloatArray) -> Fields:
+        """The problem with the first guess, not negative; NaN counts as zero."""
+        p, gap = self._transforms.empty_field(), self._transforms.empty_field()
+        np.fmax(start, 0.0, out=p)
+        if problem.mean_pressure is not None:
+            return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
+        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None)
+        nothing = np.zeros_like(self._work)
+        passes.displace(problem.stiffness, problem.intercept, nothing, self._work)
+        self._transforms.transform_back(self._work, at.gap0)
+        np.subtract(at.h, at.gap0 / self._grid.size, out=at.gap0)
+        self._doubles += 0.5
+        return at
+
+    def _is_near(self, fine: Level, problem: Problem, at: Fields) -> bool:
+        """Whether the first guess is a better beginning than coarser grids; its gap is then known."""
+        if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
+            at.p[:] = 0.0  # no contact
+        elif not fine.set_load(at):
+            return False
+        self._evaluate(problem, fine, at)
+        return iterate(fine, at, np.inf, 0)[0] < _POOR
+
+    def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> ComplexArray:
+        """Write the gap of the pressure, of the given load; return the transform of h - gap."""
+        fine.set_load(at)
+        spectrum: ComplexArray = self._transforms.empty_spectrum()
+        self._transforms.transform(at.p, spectrum)
+        passes.displace(problem.stiffness, problem.intercept, spectrum, self._work)
+        self._transforms.transform_back(self._work, at.gap)
+        fine.sweep.only(passes.open_gap, 1.0 / self._grid.size, at.h, at.gap)
+        self._doubles += 1
+        if at.load is None:
+            fine.set_scales(at)
+            at.aim = _AIM * self._tolerance * at.scales[1]
+        return spectrum
+
+    def _solution(self, problem: Problem, fine: Level, at: Fields, spectrum: ComplexArray) -> Solution:
+        """Clear the surface of the punch, and assess it."""
+        given, overlap = at.load is not None, fine.set_scales(at)
+        at.level = -overlap if given else 0.0
+        fine.set_scales(at, shifted=True)
+        u, (pressure, depth) = self._transforms.empty_field(), at.scales
+        (touching, load, gaps, total), (residual, overlap) = fine.sweep(
+            passes.settle, 1.0 / pressure, 1.0 / depth, at.level, at.h, at.p, at.gap, u
+        )
+        if given and self._grid.first_row == 0:
+            spectrum[0] = total
+        clear = overlap <= max(CLAMPED * depth, HEIGHT_ROUNDING * fine.floor.depth)
+        size = self._grid.size
+        finite = np.isfinite(load) and np.isfinite(gaps)
+        return make_solution(
+            problem, u, at.p, spectrum, spent=(0, 0), within=self._tolerance if clear else -1.0, gap=at.gap,
+            assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
+        )  # fmt: skip
+
+    def _by_active_set(self, problem: Problem, start: FloatArray, pairs: int, iterations: int) -> Solution:
+        """Leave the problem to the active set."""
+        solver = ActiveSet(
+            self._transforms, self._tolerance, max(self._max_iterations - iterations, 1), windows=False
+        )
+        found = solver.solve(problem, start)
+        self.spent = self.spent[0] + found.transforms, self.spent[1]
+        return replace(found, transforms=found.transforms + pairs, iterations=found.iterations + iterations)

@@ -1,0 +1,130 @@
+"""Groups of ranks as the workers of a run.
+
+The ranks of a job are divided into groups of equal size. The first of each group takes cases from the
+schedule as a single process would, the first of the job among them, and starts each on its group; the others
+wait for that, asleep.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, launched_size, ranks, world
+
+if TYPE_CHECKING:
+    from gfmdlayer.grid.ranks import Ranks
+
+Result = TypeVar("Result")
+
+_POLL = 0.005  # seconds between two looks of a waiting rank
+
+
+class _Group:
+    """The ranks that compute a case together with this one.
+
+    Parameters
+    ----------
+    communicator : mpi4py.MPI.Comm
+        The ranks.
+    """
+
+    def __init__(self, communicator: Any) -> None:
+        from gfmdlayer.grid.ranks import MpiRanks
+
+        self._ranks = MpiRanks(communicator)
+
+    def run(self, task: Callable[..., Result], *arguments: Any) -> Result:
+        """Run a task on all ranks of the group; called on the first of them, whose result is returned."""
+        for rank in range(1, self._ranks.count):
+            self._ranks.control.send((task, arguments), rank)
+        return task(self._ranks, *arguments)
+
+    def serve(self) -> None:
+        """Run tasks with the first rank until it dismisses the group."""
+        while True:
+            while not self._ranks.control.iprobe(source=0):
+                time.sleep(_POLL)
+            task, arguments = self._ranks.control.recv(source=0)
+            if task is None:
+                return
+            task(self._ranks, *arguments)
+
+    def dismiss(self) -> None:
+        """End `serve` on the other ranks."""
+        for rank in range(1, self._ranks.count):
+            self._ranks.control.send((None, ()), rank)
+
+
+class _Member:
+    """The group of this process; a task that comes from another one has no other way to it."""
+
+    group: _Group
+
+
+def together(task: Callable[..., Result], *arguments: Any) -> Result:
+    """Run a task, whose first argument are the ranks, on the group of this process."""
+    return _Member.group.run(task, *arguments)
+
+
+def run_case_together(case: Case, **options: Any) -> Outcome:
+    """Run a case on the group of this process, see `run_case`."""
+    return together(_run_case, case, options)
+
+
+def _run_case(ranks: Ranks, case: Case, options: dict[str, Any]) -> Outcome:
+    return run_case(case, **options, ranks=ranks)
+
+
+@contextmanager
+def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
+    """Assemble a pool of groups of ranks.
+
+    Parameters
+    ----------
+    size : int
+        Ranks of a group.
+    prepare : callable, optional
+        Called on all but the first rank while that prepares, such as for imports.
+
+    Yields
+    ------
+    WorkerPool or None
+        None on all but the first rank, after the run.
+
+    Raises
+    ------
+    LauncherError
+        Where there is no launcher, or its number of processes is no multiple of the size.
+    """
+    launched = launched_size(os.environ)
+    if launched is None:
+        raise LauncherError(f"--ranks-per-case {size}: needs MPI ranks; start it by mpirun -n {size}")
+    comm = world(launched)
+    count, number = comm.Get_size(), comm.Get_rank()
+    if count % size and number:
+        yield None  # the first rank says it
+        return
+    if count % size:
+        raise LauncherError(f"--ranks-per-case {size}: got {count} ranks; must be a multiple of {size}")
+    with guarded(comm):
+        group = comm.Split(number // size, number)
+        leaders = comm.Split(int(group.Get_rank() > 0), number)
+        _Member.group = _Group(group)
+        if group.Get_rank() > 0:
+            if prepare is not None:
+                prepare()
+            _Member.group.serve()
+            yield None
+            return
+        kind = f"group{'s' * (count > size)} of {size} MPI ranks"
+        with alone() if count == size else ranks(leaders, prepare) as pool:
+            yield pool and replace(pool, kind=kind)
+        _Member.group.dismiss()

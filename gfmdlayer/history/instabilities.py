@@ -1,0 +1,125 @@
+"""Changes of an attracted surface over a step: instabilities, and how far the drive has gone meanwhile.
+
+Where an interface attracts, the surface may jump into contact or out of it while the punch hardly moves. The
+solver says so (`Solution.released_energy`). A fast separation is another matter: a gap g that changes over
+one step by a large part of the range of the interface, or of itself where it is wider,
+
+    separation = max |change of g| / max(range, g)
+
+over the points. Both are resolved by shorter steps (`adaptive_steps`): a fast separation then takes several,
+and a jump is left in a step over which the drive changes little,
+
+    drive = (change of depth, load or strength of the interface) / (range, largest load, largest strength).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.grid.sums import Sums
+from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.kernels import LANES, kernel
+from gfmdlayer.resumable import State
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change over a step under an interface that attracts.
+
+    Attributes
+    ----------
+    jumps : bool
+        Whether energy was released in an instability.
+    separation : float
+        Largest change of a gap, relative to the range of the interface or the gap, whichever is larger.
+    drive : float
+        Change of what is prescribed, relative to its scale.
+    """
+
+    jumps: bool
+    separation: float
+    drive: float
+
+
+class Changes:
+    """Compares each step with the last one that was accepted; finds nothing beside a hard wall.
+
+    Parameters
+    ----------
+    interface : InterfaceLaw
+        Its range, and whether it attracts at any time.
+    sums : Sums
+        Sums over the grid.
+    """
+
+    def __init__(self, interface: InterfaceLaw, sums: Sums) -> None:
+        self._interface, self._sums = interface, sums
+        self._gap: FloatArray | None = None
+        self._drive = 0.0, 0.0  # prescribed depth or load, and strength of the interface
+        self._largest = 0.0, 0.0
+
+    def over(
+        self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
+    ) -> Change | None:
+        """Return the change since the last accepted step; None beside a hard wall, and at the first step.
+
+        Parameters
+        ----------
+        prescribed : float
+            Depth or load at the end of the step.
+        problem, solution : Problem, Solution
+            The contact problem there.
+        lost : bool
+            Whether the punch is pulled off.
+
+        Returns
+        -------
+        Change or None
+        """
+        if self._gap is None:
+            return None
+        drive, reach = (prescribed, problem.interface.strength), self._interface.range
+        scale = self._scales(drive, reach, load=problem.mean_pressure is not None)
+        parts = zip(drive, self._drive, scale, strict=True)
+        moved = max(abs(now - before) / most if most else 0.0 for now, before, most in parts)
+        separation = self._sums.maximum(_separation(self._gap, solution.gap, reach))
+        return Change(lost or solution.released_energy > 0, separation, moved)
+
+    def remember(self, prescribed: float, problem: Problem, solution: Solution) -> None:
+        """Take note of an accepted step, see `over`."""
+        if self._interface.attracts:
+            now, (load, strength) = problem.interface.strength, self._largest
+            self._drive, self._gap = (prescribed, now), solution.gap
+            self._largest = max(load, abs(prescribed)), max(strength, now)
+
+    def _scales(self, drive: tuple[float, float], reach: float, *, load: bool) -> tuple[float, float]:
+        largest = max(self._largest[0], abs(drive[0])) if load else reach
+        return largest, max(self._largest[1], drive[1])
+
+    def state(self) -> State:
+        """Return the last accepted step."""
+        return {} if self._gap is None else {"gap": self._gap, "drive": self._drive, "largest": self._largest}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        if "gap" in state:
+            self._gap = state["gap"]
+            (*drive,), (*largest,) = state["drive"].tolist(), state["largest"].tolist()
+            self._drive, self._largest = (drive[0], drive[1]), (largest[0], largest[1])
+
+
+@kernel(reorder=True)
+def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
+    """Largest change of a gap over the reach, or over the lesser of the gaps before and after."""
+    most = np.zeros(LANES)
+    for first in range(0, before.size, LANES):
+        old, new = before[first : first + LANES], after[first : first + LANES]
+        for i in range(old.size):
+            change, gap = abs(new[i] - old[i]), min(old[i], new[i])
+            change /= gap if gap > reach else reach
+            most[i] = change if change > most[i] else most[i]
+    return most.max()  # type: ignore[no-any-return]

@@ -1,0 +1,93 @@
+"""Observables of an interface that attracts: its energy, its zones, and how the punch is pulled off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.resumable import State
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+
+PART = 0.1  # of the largest traction, from which on a point counts as attracted
+
+
+class Adhesion(Observable):
+    """Energy of the interface, area that it attracts and largest tension; pull-off and work of separation.
+
+    The pull-off is the largest pull on the punch in the steps in which the depth falls or rests: not that of
+    a surface that snaps into contact during the approach. The work of separation is the area between
+    the curve of mean pressure against depth and zero, where the punch pulls while it retracts:
+
+        - integral of min(pbar, 0) d(-depth)        over the steps in which the depth falls
+
+    per area of the cell, as all energies; that of several retractions is their sum.
+    """
+
+    COLUMNS = (
+        Column("interface_energy", "energy of the interface per area, zero far away", "pressure length"),
+        Column(
+            "attractive_area",
+            f"part of the surface out of contact with at least {PART:g} of the largest traction",
+        ),
+        Column("largest_tension", "largest tension of the surface", "pressure"),
+    )
+    NUMBERS = (
+        Column("pull_off_force", "pull-off force, the largest pull in retraction", "force"),
+        Column("pull_off_stress", "pull-off force over the area of the cell", "pressure"),
+        Column("work_of_separation", "work of separation per area of the cell", "pressure length"),
+    )
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case whose interface attracts."""
+        return cls.COLUMNS if config.interfaces else None
+
+    def __init__(self, _case: Parts) -> None:
+        self._force = self._stress = self._work = 0.0
+        self._last: tuple[float, float] | None = None  # depth and mean pressure
+
+    @property
+    def attributes(self) -> Mapping[str, float]:  # type: ignore[override]
+        """The numbers of the run so far."""
+        values = self._force, self._stress, self._work
+        return {column.name: value for column, value in zip(self.NUMBERS, values, strict=True)}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the columns, and take note of the pull."""
+        from gfmdlayer.observables.distributions import in_contact
+
+        solution, law = step.solution, step.problem.interface
+        traction = law.traction(solution.gap)
+        apart = ~in_contact(step.problem, solution)
+        self._pull(step.surface.depth, solution.mean_pressure, float(step.row["force"]))
+        attracted = apart & (traction >= PART * law.strength) if law.attracts else apart & False
+        return {
+            "interface_energy": float(law.energy(solution.gap).mean()),
+            "attractive_area": float(attracted.mean()),
+            "largest_tension": max(-float(solution.pressure.min()), 0.0),
+        }
+
+    def _pull(self, depth: float, pressure: float, force: float) -> None:
+        if self._last is not None and depth <= self._last[0]:
+            self._force, self._stress = max(self._force, -force), max(self._stress, -pressure)
+            before, now = max(-self._last[1], 0.0), max(-pressure, 0.0)
+            part = 1.0  # of the step in which it pulls
+            if min(self._last[1], pressure) < 0 < max(self._last[1], pressure):
+                part = max(before, now) / abs(pressure - self._last[1])
+            self._work += 0.5 * (before + now) * (self._last[0] - depth) * part
+        self._last = depth, pressure
+
+    def state(self) -> State:
+        """Return the numbers so far and the last point."""
+        last = {} if self._last is None else {"last": self._last}
+        return {"force": self._force, "stress": self._stress, "work": self._work, **last}
+
+    def restore(self, state: State) -> None:
+        """Continue from those of another run."""
+        self._force, self._stress, self._work = (float(state[name]) for name in ("force", "stress", "work"))
+        if "last" in state:
+            depth, pressure = state["last"]
+            self._last = float(depth), float(pressure)

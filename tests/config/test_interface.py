@@ -1,0 +1,118 @@
+"""The key `interface`: what it takes and refuses, its digest, and the solver that goes with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config.model import stem
+from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.execution.sweep import cases
+from gfmdlayer.interface.adhesion import Exponential
+from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.validation.units import Units
+
+LAW: dict[str, Any] = {"law": "exponential", "work": 1e-3, "range": 4e-3}
+VOLTAGE: dict[str, Any] = {"law": "electrostatic", "voltage": 100.0, "insulation": 1e-6}
+
+
+def test_the_hard_wall_is_the_default_and_has_its_digest() -> None:
+    plain, named = Config(name="a"), Config(name="a", interface={"law": "hard_wall"})
+    assert digest(plain) == digest(named)
+    assert stem(plain) == stem(named)
+    assert plain.interfaces == named.interfaces == ()
+    assert "interface" not in plain.dump()
+    adhesive = Config(name="a", interface=LAW)
+    assert len({digest(plain), digest(adhesive), digest(adhesive.with_values({"interface.work": 2.0}))}) == 3
+    assert stem(adhesive) != stem(plain)
+
+
+def test_a_law_is_a_section_and_a_python_object() -> None:
+    assert Config(name="a", interface=Exponential(work=1e-3, range=4e-3)).interfaces == (Exponential(**LAW),)
+    both = Config(name="a", interface=[Exponential(work=1, range=1), LAW, {"law": "hard_wall"}])
+    assert [law.work for law in both.interfaces] == [1, 1e-3]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("interface", "message"),
+    [
+        ({"law": "har_wall"}, "interface.law: got the text 'har_wall'; must be one of"),
+        ({"law": "exponential", "work": -1, "range": 1}, "interface.work: got -1; must be a number > 0"),
+        ({"law": "dugdale", "work": 1}, "interface.stress: missing; must be a number > 0"),
+        ([LAW, {"law": "dugdale", "work": 1, "stress": 1, "smoothing": 0}], "interface[1].smoothing: got 0;"),
+        ([LAW, LAW | {"wrk": 1}], "interface[1].wrk: unknown key; allowed: law, work, range"),
+        ([], "interface: got an empty list; must hold at least one"),
+        (3, "interface: got 3; must be a mapping"),
+        (VOLTAGE, "interface.permittivity: missing; must be given in units of pressure length^2/V^2"),
+        (VOLTAGE | {"voltage": "none.txt"}, "none.txt does not exist"),
+        (VOLTAGE | {"insulation": 0}, "interface.insulation: got 0; must be a number > 0"),
+        (VOLTAGE | {"insulation": []}, "interface.insulation: got an empty list"),
+        (
+            VOLTAGE | {"insulation": [{"thickness": 1, "permittivity": 0.5}]},
+            "interface.insulation[0].permittivity: got 0.5; must be a number >= 1, finite: relative",
+        ),
+    ],
+)
+def test_impossible_laws_are_refused(interface: Any, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        Config(name="a", interface=interface)
+    assert any(message in line for line in caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("units", "permittivity"),
+    [(("m", "Pa"), 8.8541878128e-12), (("mm", "MPa"), 8.8541878128e-12), (("um", "kPa"), 8.8541878128e-3)],
+)
+def test_the_permittivity_of_vacuum_follows_from_units(units: tuple[str, str], permittivity: float) -> None:
+    # eps0 V^2/d^2 is a stress: 1 Pa m^2 = 1e12 Pa um^2 = 1e9 kPa um^2.
+    given = {"length": units[0], "stress": units[1], "time": "s"}
+    law = Config(name="a", units=given, interface=VOLTAGE).interfaces[0]
+    assert isinstance(law, Electrostatic)
+    assert law.permittivity_of_vacuum(Units(**given)) == pytest.approx(permittivity, rel=1e-15)
+    inches = {"length": "in", "stress": "psi", "time": "s"}
+    with pytest.raises(ConfigError, match=r"interface.permittivity: missing"):
+        Config(name="a", units=inches, interface=VOLTAGE)
+
+
+def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
+    chosen = Config(name="a", interface=LAW)
+    assert SOLVERS[chosen.solver.method].adhesive
+    assert not SOLVERS[Config(name="a").solver.method].adhesive
+    # The configuration that is stored with the results names it, and is the same.
+    assert Config(**Config(name="a", interface=LAW).model_dump(exclude_none=True)) == chosen
+    for method, declared in SOLVERS.items():
+        if declared.adhesive:
+            assert Config(name="a", interface=LAW, solver={"method": method}).solver.method == method
+        else:
+            with pytest.raises(
+                ConfigError, match=r"solver.method: .* the hard wall alone; must be fire or newton"
+            ):
+                Config(name="a", interface=LAW, solver={"method": method})
+    swept = Config(name="a", interface=LAW, sweep={"interface": [LAW, {"law": "hard_wall"}]})
+    assert [case.config.solver.method for case in cases(swept)] == [chosen.solver.method, "active_set"]
+
+
+def test_an_isolated_contact_has_no_law() -> None:
+    with pytest.raises(ConfigError) as caught:
+        Config(name="a", interface=LAW, grid={"geometry": "axisymmetric"})
+    (line,) = caught.value.problems
+    assert line.startswith("interface: given with grid.geometry: axisymmetric")
+
+
+def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:
+    (tmp_path / "volts.txt").write_text("0 0\n1 10\n")
+    (tmp_path / "case.yaml").write_text(
+        "name: a\ngrid: {points: 64}\ninterface:\n"
+        "  - {work: 1.0, range: 1.0}\n"
+        "  - {law: electrostatic, voltage: volts.txt, permittivity: 1.0, insulation: 1}\n"
+        "sweep: {interface.1.voltage: [5, volts.txt]}\n"
+    )
+    config = load(tmp_path / "case.yaml")
+    named = [case.config.interfaces[1].voltage for case in cases(config)]  # type: ignore[attr-defined]
+    assert named == [5.0, tmp_path / "volts.txt"]
+    before = digest(cases(config)[1].config)
+    (tmp_path / "volts.txt").write_text("0 0\n1 11\n")
+    assert digest(cases(config)[1].config) != before

@@ -1,0 +1,355 @@
+"""Interfaces that attract: the solvers find a minimum, and the one to which the state before leads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.newton.solver import Newton
+from gfmdlayer.contact.problem import Problem, Solution, Solver
+from gfmdlayer.contact.projection import project
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
+from gfmdlayer.interface.electrostatic import Electrostatic
+from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw, total
+
+Floats = NDArray[np.float64]
+
+LINE: tuple[int, ...] = (32,)
+SURFACE: tuple[int, ...] = (6, 6)
+TRANSFORMS = {shape: Transforms(shape) for shape in (LINE, SURFACE)}
+
+
+def problem(
+    kappa: Floats,
+    h: Floats,
+    law: InterfaceLaw,
+    load: float | None = None,
+    b: NDArray[np.complex128] | None = None,
+) -> Problem:
+    """Contact problem on a line, or with the transform of an intercept."""
+    intercept = np.zeros(kappa.size, complex) if b is None else b
+    return Problem(kappa, intercept.astype(complex), h, load, interface=law)
+
+
+def at_rest(size: int) -> Floats:
+    """Gap before the first step."""
+    return np.full(size, np.inf)
+
+
+def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
+    """K as a matrix over the points."""
+    spectral = (*shape[:-1], shape[-1] // 2 + 1)
+    unit = np.eye(int(np.prod(shape))).reshape(-1, *shape)
+    axes = tuple(range(1, unit.ndim))
+    rows = np.fft.irfftn(kappa.reshape(spectral) * np.fft.rfftn(unit, axes=axes), s=shape, axes=axes)
+    return rows.reshape(len(unit), -1)
+
+
+def random_law(rng: np.random.Generator) -> InterfaceLaw:
+    """Any law, from much stronger than the body to much weaker."""
+    stress, length = 10 ** rng.uniform(-3, 1), 10 ** rng.uniform(-3, -0.5)
+    work = stress * length
+    match rng.integers(5):
+        case 0:
+            return Exponential(work=work, range=length).interaction()
+        case 1:
+            return Dugdale(work=work, stress=stress, smoothing=rng.uniform(0.05, 1)).interaction()
+        case 2:
+            return LennardJones(work=work, separation=length).interaction()
+        case 3:
+            return Electrostatic(voltage=stress**0.5, insulation=length, permittivity=2e-3).interaction()
+    parts = Exponential(work=work, range=length), LennardJones(work=0.1 * work, separation=0.3 * length)
+    return total([part.interaction() for part in parts])
+
+
+def random_problems(seed: int) -> Iterator[tuple[Problem, tuple[int, ...]]]:
+    """Three steps of one body and one punch, under depths or loads that differ by any amount."""
+    rng = np.random.default_rng(seed)
+    shape = SURFACE if rng.random() < 0.3 else LINE
+    grid = Grid(shape, (1.0,) * len(shape))
+    q, n = np.ravel(grid.wavenumbers), int(np.prod(shape))
+    E, x = 10 ** rng.uniform(-1, 1), q * 10 ** rng.uniform(-2, 1)
+    with np.errstate(all="ignore"):
+        kappa = [
+            E * q,  # halfspace
+            E * np.where(x > 0, q / np.tanh(x), q[1] / x[1]),  # compressible layer on a rigid base
+            E * q * (1e-3 + np.tanh(x) ** 2),  # stiff layer on a soft base
+            E * np.where(x > 0, q * (1 + 1 / x**2), 0),  # thin incompressible layer
+        ][rng.integers(4)]
+    squares = np.ravel(sum(axis**2 for axis in np.meshgrid(*grid.coordinates, indexing="ij")))
+    heights = [
+        10 ** rng.uniform(-1, 1) * squares,
+        10 ** rng.uniform(-3, -1) * rng.normal(size=n),
+        0.01 * np.cumsum(rng.normal(size=n)),
+    ][rng.integers(3)]
+    h, law, loaded = heights - heights.min(), random_law(rng), rng.random() < 0.3
+    history = rng.normal(size=n) * law.strength * rng.choice([0.0, 0.1])
+    b = np.fft.rfftn(history.reshape(shape)).ravel()
+    if loaded or kappa[0] == 0:
+        kappa, b = kappa.copy(), b.copy()
+        kappa[0] = b[0] = 0.0
+    for _ in range(3):
+        if loaded:
+            yield problem(kappa, h, law, rng.uniform(0, 1) * law.strength, b), shape
+        else:
+            yield problem(kappa, h - rng.uniform(-1, 0.9) * h.mean(), law, None, b), shape
+
+
+def least_eigenvalue(K: Floats, of: Problem, found: Solution) -> float:
+    """Least curvature of the energy along the free points, over the largest of the interface."""
+    curvature = of.interface.curvature(found.gap)
+    pressed = (found.gap <= 0) & (of.wall_pressure(found.pressure, found.gap) > 0)
+    hessian = (K + np.diag(curvature))[np.ix_(~pressed, ~pressed)]
+    free = len(hessian)
+    if of.mean_is_fixed and free:  # displacements of zero sum
+        basis = np.linalg.qr(np.c_[np.ones(free), np.eye(free)[:, 1:]])[0][:, 1:]
+        hessian = basis.T @ hessian @ basis
+    scale = np.abs(of.interface.curvature(np.linspace(0, 4 * of.interface.range, 400))).max()
+    return float(np.linalg.eigvalsh(hessian)[0] / scale) if len(hessian) else 0.0
+
+
+def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
+    tolerance, count = 1e-6, 0
+    for seed in range(334):
+        start, K = None, None
+        for each, shape in random_problems(seed):
+            solver = Newton(TRANSFORMS[shape], tolerance)
+            start = at_rest(each.obstacle.size) if start is None else start
+            K = dense(each.stiffness, shape) if K is None else K
+            found = solver.solve(each, start)
+            start = found.gap
+            # The residual, from K as a matrix; its scales are the strength at least and the range at most.
+            assert found.converged, seed
+            history = np.fft.irfftn(
+                each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=range(len(shape))
+            )
+            force = history.ravel() - K @ found.displacement
+            pressure = force + (found.pressure - force).mean()
+            wall, law = each.wall_pressure(pressure, found.gap), each.interface
+            np.testing.assert_allclose(pressure, found.pressure, atol=1e-9 * law.strength)
+            scale = max(law.strength, wall.max())
+            assert np.abs(np.minimum(wall / scale, found.gap / law.range)).max() <= 2 * tolerance, seed
+            # Near the end of a branch a residual t leaves u uncertain by sqrt(2 t) of the range.
+            assert least_eigenvalue(K, each, found) >= -np.sqrt(2 * tolerance), seed
+            count += 1
+    assert count > 1000
+
+
+def energy(of: Problem, K: Floats, b: Floats, u: Floats) -> float:
+    """Energy, sum over the points, at a given depth."""
+    return float(0.5 * u @ K @ u - b @ u + of.interface.energy(of.obstacle - u).sum())
+
+
+def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch() -> None:
+    for seed in range(60):
+        each, shape = next(random_problems(seed))
+        if each.mean_pressure is not None:
+            continue
+        K, n = dense(each.stiffness, shape), each.obstacle.size
+        history = np.fft.irfftn(
+            each.intercept.reshape(TRANSFORMS[shape].spectral_shape), s=shape, axes=tuple(range(len(shape)))
+        )
+        whole = Newton(TRANSFORMS[shape]).solve(each, at_rest(n))
+        states = [
+            Newton(TRANSFORMS[shape], max_iterations=k).solve(each, at_rest(n)).displacement
+            for k in range(1, whole.iterations + 1)
+        ]
+        found = [energy(each, K, history.ravel(), u) for u in (*states, whole.displacement)]
+        # To rounding of its parts, which the loop itself cannot see: 1e-13 of each, in K 1e-15 n.
+        assert (np.diff(found) <= 1e-11 * (np.abs(found[1:]) + np.abs(found[:-1]))).all(), seed
+
+
+N = 256
+X = Grid((N,), (1.0,)).coordinates[0]
+HALFSPACE = 2.0 * Grid((N,), (1.0,)).wavenumbers  # E* = 4
+ADHESIVE = Exponential(work=1e-3, range=4e-3).interaction()
+
+
+def follow(
+    solver: Solver,
+    h: Floats,
+    law: InterfaceLaw,
+    values: Sequence[float],
+    *,
+    loaded: bool = False,
+    noise: float = 0.0,
+) -> list[Solution]:
+    """Follow a line contact on a halfspace over given depths or loads; shake each start by some noise."""
+    rng, start, found = np.random.default_rng(0), at_rest(N), []
+    for value in values:
+        each = problem(HALFSPACE, h if loaded else h - value, law, value if loaded else None)
+        found.append(solver.solve(each, start))
+        assert found[-1].converged
+        shaken = found[-1].gap + noise * law.range * rng.normal(size=N)
+        start = np.where(found[-1].gap > 0, np.maximum(shaken, 1e-12), 0.0)
+    return found
+
+
+def legs(count: int, *turns: float) -> list[float]:
+    """Depths on the way from each turn to the next, in so many steps."""
+    ways = (np.linspace(a, b, count + 1)[1:] for a, b in pairwise(turns))
+    return [turns[0], *np.concatenate(list(ways))]
+
+
+def rough(seed: int) -> Floats:
+    """A rough line, zero at its lowest point."""
+    rng = np.random.default_rng(seed)
+    waves = (0.01 * k**-1.2 * np.cos(2 * np.pi * (k * X + rng.random())) for k in range(1, 20))
+    h = np.sum(list(waves), axis=0)
+    return np.asarray(h - np.min(h))
+
+
+TWO_BUMPS = np.minimum(3 * (X - 0.25) ** 2, 3 * (X + 0.25) ** 2 + 5e-4)
+
+
+@pytest.mark.parametrize(
+    ("h", "law", "turns", "loaded"),
+    [
+        (2 * X**2, ADHESIVE, (-0.015, 0.004, -0.003), False),
+        (2 * X**2, ADHESIVE, (-0.015, 0.004, -0.009), False),
+        (TWO_BUMPS, ADHESIVE, (-0.01, 0.002, -0.004), False),
+        (rough(0), Exponential(work=3e-4, range=2e-3).interaction(), (-0.004, 0.01, 0.0), False),
+        (rough(1), Exponential(work=3e-4, range=2e-3).interaction(), (0.0, 0.01, -0.003), True),
+        (rough(2), LennardJones(work=3e-4, separation=1.5e-3).interaction(), (-0.004, 0.008, 0.0), False),
+    ],
+    ids=["snapped in", "pulled off", "two bumps", "rough", "rough under load", "rough, Lennard-Jones"],
+)
+def test_landings_depend_neither_on_the_time_step_nor_on_the_start(
+    h: Floats, law: InterfaceLaw, turns: Sequence[float], loaded: bool
+) -> None:
+    tolerance, solver = 1e-7, Newton(Transforms((N,)), 1e-7)
+    reference = follow(solver, h, law, legs(40, *turns), loaded=loaded)
+    assert sum(found.released_energy > 0 for found in reference[1:]) > 0 or loaded
+    others = [follow(solver, h, law, legs(count, *turns), loaded=loaded)[-1] for count in (4, 10, 20)]
+    # A start that differs by less than the tolerance lets know is another solution of the step before.
+    others.append(follow(solver, h, law, legs(20, *turns), loaded=loaded, noise=0.1 * tolerance)[-1])
+    for other in others:
+        # The same minimum, each within the residual; its least curvature is above a hundredth of the largest.
+        np.testing.assert_allclose(other.gap, reference[-1].gap, rtol=0, atol=100 * tolerance * law.range)
+
+
+def explicit_descent(of: Problem, K: Floats) -> Floats:
+    """Gap at the end of eta du/dt = p_c with u <= h and mean(u) = 0, from rest, by short explicit steps."""
+    h, law = of.obstacle, of.interface
+    dt = 0.2 / (np.linalg.norm(K, 2) + np.abs(law.curvature(np.zeros(1)))[0])
+    u = np.zeros(h.size)
+    project(u, h, mean_is_fixed=True)
+    for _ in range(100_000):
+        force = law.traction(h - u) - K @ u
+        free = u < h
+        for _ in range(3):
+            free = (u < h) | (force < force[free].mean())
+        v = np.minimum(u + dt * np.where(free, force - force[free].mean(), 0.0), h)
+        project(v, h, mean_is_fixed=True)
+        if np.abs(v - u).max() < 1e-11 * law.range:
+            break
+        u = v
+    return np.asarray(h - u)
+
+
+def test_an_instability_ends_where_the_overdamped_descent_of_the_energy_does() -> None:
+    n, several = 32, 0
+    grid, transforms = Grid((n,), (1.0,)), Transforms((n,))
+    kappa, x = 2 * grid.wavenumbers, grid.coordinates[0]
+    K, law = dense(kappa, (n,)), Exponential(work=4e-3, range=2e-3).interaction()
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        h = np.sum([0.01 / k * np.cos(2 * np.pi * (k * x + rng.random())) for k in range(1, 12)], axis=0)
+        each = problem(kappa, h - np.min(h) - rng.uniform(-0.003, 0.005), law)
+        found = Newton(transforms, 1e-8).solve(each, at_rest(n))
+        # One minimum, or gaps that differ by a good part of the range; see above for the tolerance.
+        expected = explicit_descent(each, K)
+        np.testing.assert_allclose(found.gap, expected, rtol=0, atol=1e-4 * law.range, err_msg=f"{seed}")
+        pressed = Newton(transforms, 1e-8).solve(each, np.zeros(n))
+        several += np.abs(pressed.gap - found.gap).max() > law.range
+    assert several > 0  # the descent had a choice
+
+
+def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
+    # |w''| is less than kappa_1 everywhere: the energy is convex, also at a step of a relaxing body.
+    law = Exponential(work=2e-4, range=5e-3).interaction()
+    assert np.abs(law.curvature(np.zeros(1)))[0] < HALFSPACE[1]
+    history = np.fft.rfft(0.02 * np.cos(2 * np.pi * X))
+    for kappa, b, load in (
+        (HALFSPACE, None, None),
+        (HALFSPACE, history, None),
+        (HALFSPACE + 3.0, history, None),
+        (HALFSPACE, None, -0.002),
+        (HALFSPACE, history, 0.01),
+    ):
+        each = problem(kappa, 2 * X**2 - 0.002, law, load, b)
+        transforms = Transforms((N,))
+        newton, fire = (
+            solver.solve(each, at_rest(N))
+            for solver in (Newton(transforms, 1e-9), Fire(transforms, 1e-9, starts_from="gap"))
+        )
+        assert newton.converged
+        assert fire.converged
+        # Both within 1e-9 of the strength; the softest mode less the curvature is a third of kappa_1.
+        np.testing.assert_allclose(newton.gap, fire.gap, atol=10 * 1e-9 * law.strength / HALFSPACE[1])
+        np.testing.assert_allclose(newton.pressure, fire.pressure, atol=100 * 1e-9 * law.strength)
+        assert newton.released_energy == 0
+        assert newton.mean_pressure == pytest.approx(fire.mean_pressure, abs=1e-8 * law.strength)
+
+
+def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
+    # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
+    q = Grid((N,), (1.0,)).wavenumbers
+    kappa = 4.0 * np.where(q > 0, q * (0.2 + (10 / np.maximum(q, 1)) ** 2), 0)
+    least, law = kappa[1:].min(), Exponential(work=1.0, range=0.05).interaction()
+    gap = law.range * np.log(law.strength / law.range / least)  # at which -w'' is that stiffness
+    even = Newton(Transforms((N,)), 1e-9).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N))
+    assert np.ptp(even.gap) == 0
+    assert 0 < even.margin < 0.1
+    assert even.released_energy == 0
+    uneven = Newton(Transforms((N,)), 1e-9).solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N))
+    assert np.ptp(uneven.gap) > 0.1 * law.range
+    assert uneven.margin > 0
+    assert uneven.released_energy > 0
+
+
+def test_no_solution_is_claimed_where_nothing_holds_the_load() -> None:
+    solver = Newton(Transforms((N,)))
+    held = follow(solver, 2 * X**2, ADHESIVE, [0.0, -0.01], loaded=True)[-1]
+    lost = solver.solve(problem(HALFSPACE, 2 * X**2, ADHESIVE, -0.02), held.gap)
+    assert not lost.converged
+    assert ADHESIVE.traction(lost.gap).max() < 0.02
+    short = Newton(Transforms((N,)), max_iterations=2).solve(
+        problem(HALFSPACE, 2 * X**2, ADHESIVE), at_rest(N)
+    )
+    assert not short.converged
+    assert short.residual > 1e-6
+
+
+def test_a_hard_wall_is_a_law_like_others() -> None:
+    each = problem(HALFSPACE, 2 * X**2 - 0.01, HARD_WALL)
+    found = Newton(Transforms((N,)), 1e-9).solve(each, at_rest(N))
+    exact = Fire(Transforms((N,)), 1e-9).solve(each, np.zeros(N))
+    assert found.converged
+    np.testing.assert_allclose(found.pressure, exact.pressure, atol=1e-7 * exact.pressure.max())
+    assert found.residual == pytest.approx(
+        np.abs(np.minimum(found.pressure / found.pressure.max(), found.gap / -found.displacement.min())).max()
+    )
+
+
+@pytest.mark.parametrize(
+    "law", [ADHESIVE, Dugdale(work=1e-3, stress=0.3).interaction()], ids=["exponential", "dugdale"]
+)
+def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law: InterfaceLaw) -> None:
+    n, grid = 64, Grid((64, 8), (1.0, 1.0))
+    line, surface = Newton(Transforms((n,)), 1e-8), Newton(Transforms((n, 8)), 1e-8)
+    h = 2 * grid.coordinates[0] ** 2
+    start, starts = at_rest(n), at_rest(8 * n)
+    for depth in legs(10, -0.012, 0.004, -0.006):
+        one = line.solve(problem(2 * Grid((n,), (1.0,)).wavenumbers, h - depth, law), start)
+        kappa = 2 * np.ravel(grid.wavenumbers)
+        two = surface.solve(problem(kappa, np.repeat(h, 8) - depth, law), starts)
+        start, starts = one.gap, two.gap
+        np.testing.assert_allclose(two.gap.reshape(n, 8), np.tile(one.gap[:, None], 8), atol=1e-5 * law.range)

@@ -1,0 +1,83 @@
+"""Force against depth with its areas, and numbers of whole cases against swept keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.labels import value_labels
+from gfmdlayer.figures.loop_plot import loop_figure
+from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.plots import plot_results
+from gfmdlayer.results.reader import open_case, open_results
+from gfmdlayer.results.schema import ResultsError
+
+KEYS: dict[str, Any] = {
+    "name": "pull",
+    "grid": {"points": 128},
+    "layer": {"thickness": 0},
+    "interface": {"law": "exponential", "work": 2e-3, "range": 1e-2},
+    "trajectory": {"kind": "approach_retract", "depth": 0.002, "start": -0.03, "approach_speed": 0.02},
+    "time": {"step": 0.1},
+    "sweep": {"trajectory.retract_speed": [0.01, 0.02], "interface.work": [1e-3, 2e-3]},
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("loop") / "pull"
+    gfmdlayer.run(KEYS, out=folder)
+    return folder
+
+
+def texts(figure: Any) -> str:
+    found = [text.get_text() for axes in figure.axes for text in axes.texts]
+    return " ".join([*found, *(entry.get_text() for legend in figure.legends for entry in legend.texts)])
+
+
+def shown(value: float) -> str:
+    return f"= {value_labels([float(f'{value:.3g}')])[0]}"
+
+
+def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) -> None:
+    sweep = open_results(results).sel(work=2e-3)
+    figure = loop_figure(results, sweep)
+    curves = figure.axes[0].lines[:2]
+    for number, curve in zip((1, 3), curves, strict=True):
+        case = open_case(results / "cases" / f"{number:04d}.h5")
+        np.testing.assert_array_equal(curve.get_xdata(), case.depth)
+        np.testing.assert_array_equal(curve.get_ydata(), case.force)
+        assert shown(case.attrs["work_of_separation"]) in texts(figure)
+
+
+def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
+    case = open_case(results / "cases" / "0000.h5")
+    written = texts(loop_figure(results / "cases" / "0000.h5", case, y="mean_stress"))
+    area = np.trapezoid(case.mean_stress, case.depth)
+    # The column is integrated by parabolas: the trapezoids of some thirty steps are within per cents of it.
+    done = float(case.work[-1] - case.work[0])
+    assert area == pytest.approx(done, abs=0.05 * float(np.ptp(case.work.to_numpy())))
+    assert shown(area) in written
+    assert shown(case.attrs["work_of_separation"]) in written
+
+
+def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results: Path) -> None:
+    sweep = open_results(results)
+    figure = curves_figure(sweep, x="retract_speed", y=["pull_off_force"])
+    drawn = np.array([line.get_ydata() for line in figure.axes[0].lines])
+    np.testing.assert_array_equal(drawn, sweep.pull_off_force.transpose("work", "retract_speed"))
+    figure = map_figure(sweep, z=["work_of_separation"])
+    np.testing.assert_array_equal(figure.axes[0].images[0].get_array().T, sweep.work_of_separation)
+    with pytest.raises(ResultsError, match="there is no column pull_off_force"):
+        curves_figure(sweep, y=["pull_off_force"])
+
+
+def test_pictures_of_loops_lie_with_the_results(results: Path) -> None:
+    assert plot_results(results, kind="loop") == [results / "pull-loop.png"]
+    with pytest.raises(ResultsError, match="a loop has one quantity along y, not 2"):
+        plot_results(results, kind="loop", y=["force", "depth"])

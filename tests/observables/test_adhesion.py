@@ -1,0 +1,117 @@
+"""Observables of an interface that attracts, against the surfaces and curves that they come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+
+import gfmdlayer
+from gfmdlayer.config import Config
+from gfmdlayer.observables import columns
+from gfmdlayer.observables.adhesion import PART, Adhesion
+from gfmdlayer.results.journal import Journal
+
+LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
+PULL: dict[str, Any] = {
+    "grid": {"points": 256},
+    "layer": {"thickness": 0},
+    "interface": LAW,
+    "trajectory": {
+        "kind": "approach_retract",
+        "start": -0.01,
+        "depth": 0.002,
+        "approach_speed": 0.01,
+        "retract_speed": 0.01,
+    },
+    "time": {"step": 0.02},
+}
+
+
+@pytest.fixture(scope="module")
+def pulled() -> xarray.Dataset:
+    return gfmdlayer.run(PULL | {"output": {"snapshots": [1.2, 1.6]}})
+
+
+def test_energy_tension_and_attractive_area_are_those_of_the_surface(pulled: xarray.Dataset) -> None:
+    law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
+    for time in (1.2, 1.6):
+        row, surface = pulled.sel(time=time, method="nearest"), pulled.sel(snapshot=time)
+        gap = surface.gap.to_numpy()
+        # The gap of a point in contact is exactly zero in a snapshot, and within the residual in the row.
+        assert float(row.interface_energy) == pytest.approx(law.energy(gap).mean(), rel=1e-5)
+        attracted = (gap > 0) & (law.traction(gap) >= PART * 0.25)
+        assert float(row.attractive_area) == attracted.mean() > 0
+        assert float(row.largest_tension) == -float(surface.pressure.min()) > 0
+
+
+def test_pull_off_and_work_of_separation_are_those_of_the_curve(pulled: xarray.Dataset) -> None:
+    force, depth = pulled.force.to_numpy(), pulled.depth.to_numpy()
+    back = np.append(False, np.diff(depth) <= 0)
+    assert pulled.attrs["pull_off_force"] == -force[back].min() > 0.01
+    assert pulled.attrs["pull_off_stress"] == -pulled.mean_stress.to_numpy()[back].min()
+    # Much finer than the steps, so that where the force changes sign does not matter.
+    fine = np.linspace(0, depth.size - 1, 100 * (depth.size - 1) + 1)
+    pull = np.maximum(-np.interp(fine, np.arange(depth.size), force), 0)
+    fallen = np.maximum(-np.diff(np.interp(fine, np.arange(depth.size), depth)), 0)
+    work = float((0.5 * (pull[1:] + pull[:-1]) * fallen).sum())
+    assert pulled.attrs["work_of_separation"] == pytest.approx(work, rel=1e-4)
+
+
+def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path: Path) -> None:
+    short = PULL | {"time": {"step": 0.1}}
+    swept = {"interface.work": [5e-4, 1e-3], "trajectory.retract_speed": [0.01, 0.02]}
+    memory = gfmdlayer.run(short, sweep=swept)
+    folder = gfmdlayer.run(short, sweep=swept, out=tmp_path / "out")
+    for data in (memory, folder):
+        assert data.pull_off_force.dims == ("work", "retract_speed")
+        assert data.pull_off_force.attrs["units"] == "force / length"
+        assert (data.pull_off_force.isel(work=1) > data.pull_off_force.isel(work=0)).all()
+        assert "pull_off_force" not in data.attrs
+    xarray.testing.assert_equal(memory.work_of_separation, folder.work_of_separation.load())
+    case = gfmdlayer.open_case(tmp_path / "out" / "cases" / "0003.h5")
+    assert case.attrs["pull_off_force"] == float(folder.pull_off_force[1, 1])
+
+
+def test_the_hard_wall_has_none_of_them() -> None:
+    names = {column.name for column in columns(Config(name="a", interface={"law": "hard_wall"}))}
+    assert names.isdisjoint(column.name for column in Adhesion.COLUMNS)
+    assert names == {column.name for column in columns(Config(name="a"))}
+
+
+def test_the_work_counts_the_pull_in_retraction_alone() -> None:
+    def step(depth: float, pressure: float) -> Any:
+        solution = SimpleNamespace(mean_pressure=pressure)
+        return depth, solution.mean_pressure, 2 * pressure
+
+    found = Adhesion(SimpleNamespace())  # type: ignore[arg-type]
+    for values in (step(0, -3), step(1, -3), step(2, -1), step(1, 1), step(0, -1), step(-1, -1), step(-2, 0)):
+        found._pull(*values)
+    # From 2 to 1 and from 1 to 0 half a step each pulls, 1/4; then a whole one, 1, and a triangle, 1/2.
+    assert found.attributes == {"pull_off_force": 2, "pull_off_stress": 1, "work_of_separation": 2.0}
+
+
+def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(
+    pulled: xarray.Dataset, tmp_path: Path
+) -> None:
+    law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
+    np.testing.assert_allclose(pulled.traction, law.traction(pulled.gap), rtol=1e-14)
+    keys = PULL | {"name": "a", "output": {"snapshots": [1.2, 1.6]}}
+    folder = gfmdlayer.run(keys, out=tmp_path / "out")
+    xarray.testing.assert_equal(folder.traction.load(), pulled.traction)
+    assert "traction" not in gfmdlayer.run(keys | {"interface": {"law": "hard_wall"}, "time": {"step": 0.1}})
+    # The journal of a case that is taken up passes on what it has kept.
+    fields = [np.full(256, float(i)) for i in range(4)]
+    found: list[Any] = []
+    recorder = SimpleNamespace(row=lambda **_: None, snapshot=lambda *values: found.append(values))
+    journal = Journal(tmp_path / "journal", recorder)  # type: ignore[arg-type]
+    journal.row(time=0.0)
+    journal.snapshot(0.5, *fields)
+    position = journal.kept()
+    journal.close()
+    Journal(tmp_path / "journal", recorder).replay(position)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found[0][1:], found[1][1:])
