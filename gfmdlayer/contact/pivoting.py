@@ -140,6 +140,10 @@ class Pivoting:
         if not contact.any():
             rise = 0.0 if load is None else float(self._free_gap.min())
             return np.zeros(contact.size), self._free_gap - rise
+        if load is not None and contact.all():  # a shift of the punch alone takes no pressure
+            pressure = load + self._field(self._stiffness * self._plans.forward(-self._free_gap))
+            gap = self._free_gap + self._response(pressure)
+            return pressure, gap - float(gap.mean())
         pressure = self._closing(contact, -self._free_gap[contact])
         if load is not None:
             lifted = self._closing(contact, np.ones(int(contact.sum())))
