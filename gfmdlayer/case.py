@@ -259,17 +259,13 @@ class Case:
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
-        chosen = choose(
-            given.method,
-            axes=len(self.grid.points),
-            rough=self.config.punch.rough,
-            attracts=self.interface.attracts,
-        )
+        axes, attracts = len(self.grid.points), self.interface.attracts
+        chosen = choose(given.method, axes=axes, rough=self.config.punch.rough, attracts=attracts)
         declared, tolerance = SOLVERS[chosen.method], given.tolerance
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
         if given.inertia is not None:
             options["mass_weighted"] = given.inertia == "mass_weighted"
-            options["starts_from"] = "gap" if self.interface.attracts else "displacement"
+            options["starts_from"] = "gap" if attracts else "displacement"
         moved = self.velocity is not None and not declared.nonsymmetric
         inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
