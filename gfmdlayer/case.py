@@ -259,8 +259,8 @@ class Case:
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
-        axes, attracts = len(self.grid.points), self.interface.attracts
-        chosen = choose(given.method, axes=axes, rough=self.config.punch.rough, attracts=attracts)
+        rough, attracts = self.config.punch.rough, self.interface.attracts
+        chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
         declared, tolerance = SOLVERS[chosen.method], given.tolerance
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
         if given.inertia is not None:

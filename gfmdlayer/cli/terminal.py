@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gfmdlayer.files.shared_folders import printable
+
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
@@ -60,7 +62,7 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 def refuse(*problems: str) -> int:
     """Print what is wrong with the input, a line each, and return the exit status."""
     for problem in problems:
-        print(f"gfmdlayer: {problem}", file=sys.stderr)
+        print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     return REFUSED
 
 
@@ -118,8 +120,8 @@ def count_cases(number: int) -> str:
     return "1 case" if number == 1 else f"{number} cases"
 
 
-def cut_short(lines: Iterable[str]) -> list[str]:
-    """Return the first lines of a list, and the number of further ones."""
-    every = list(lines)
-    more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
-    return [*every[:LISTED], *more]
+def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
+    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
+    every = list(map(printable, lines))
+    further = (len(every) if number is None else number) - LISTED
+    return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]

@@ -118,15 +118,15 @@ def _of_indentation(config: Config, steps: int) -> Cost:
     return Cost(steps=steps, pairs=0.0, work=INDENTING * steps, memory=PROGRAM, storage=storage)
 
 
-def total(costs: Iterable[Cost]) -> Cost:
-    """Add up cases; the memory is that of the largest, as they run one after the other."""
+def total(costs: Iterable[Cost], part: float = 1.0) -> Cost:
+    """Add up cases, which may be a part of all; the memory is that of the largest, as they run in turn."""
     every = list(costs)
     return Cost(
-        steps=sum(cost.steps for cost in every),
-        pairs=sum(cost.pairs for cost in every),
-        work=sum(cost.work for cost in every),
+        steps=round(sum(cost.steps for cost in every) / part),
+        pairs=sum(cost.pairs for cost in every) / part,
+        work=sum(cost.work for cost in every) / part,
         memory=max(cost.memory for cost in every),
-        storage=sum(cost.storage for cost in every),
+        storage=sum(cost.storage for cost in every) / part,
     )
 
 
