@@ -2,9 +2,10 @@
 Pulled off slowly and fast
 ==========================
 
-A ridge is pressed into a sticky viscoelastic layer, rests until the layer has relaxed, and is pulled off. The slow pull meets
-the relaxed layer. Faster ones meet a layer that is stiff around the opening edge: the force is several times larger,
-and most of the work turns into heat. The fastest is limited by the strength of the interface, and parts sooner.
+A ridge is pressed into a sticky viscoelastic layer, rests until the layer has relaxed, and is pulled off.
+The slow pull meets the relaxed layer. Faster ones meet a layer that is stiff around the opening edge: the
+force is several times larger, and most of the work turns into heat. The fastest is limited by the strength
+of the interface, and parts sooner.
 """
 
 import matplotlib.pyplot as plt
@@ -37,7 +38,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.4), layout="constrain
 for speed, case, colour in zip(speeds, cases, plt.cm.plasma(np.linspace(0, 0.85, len(speeds))), strict=True):
     left.plot(case.depth, 1e3 * case.force, color=colour, label=f"{speed:g} mm/s")
 left.axhline(0, color="0.7", lw=0.8)
-left.set(xlabel="depth [mm]", ylabel="force per length [N/m]", xlim=(-0.45, 0.1), ylim=(-45, 30))
+left.set(xlabel="depth [mm]", ylabel="force per length [N/m]", xlim=(-0.08, 0.1), ylim=(-45, 30))
 left.legend(fontsize=8, title="retraction")
 right.loglog(speeds, [1e3 * case.attrs["pull_off_force"] for case in cases], "o-", label="pull-off [N/m]")
 work = [1e6 * case.attrs["work_of_separation"] for case in cases]

@@ -2,9 +2,9 @@
 An electroadhesive film that snaps late
 =======================================
 
-An electrode with a gentle wave is held 8 µm above a soft film, and a voltage is switched on. The film is stiff at first and
-bears the attraction. While it relaxes it rises towards the electrode, until no equilibrium is left, and its summit snaps to
-the electrode: the grip comes a second after the voltage.
+An electrode with a gentle wave is held 8 µm above a soft film, and a voltage is switched on. The film is
+stiff at first and bears the attraction. While it relaxes it rises towards the electrode, until no
+equilibrium is left, and its summit snaps to the electrode: the grip comes a second after the voltage.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 The paper's Figure 2
 ====================
 
-A parabola is pressed into layers of several thicknesses on a base as stiff as the layer's glassy modulus, and held. With
-no layer, or with nothing else, the contact area stays in the hold; between these the layer relaxes above a base that
-does not, and the contact spreads.
+A parabola is pressed into layers of several thicknesses on a base as stiff as the layer's glassy modulus,
+and held. With no layer, or with nothing else, the contact area stays in the hold; between these the layer
+relaxes above a base that does not, and the contact spreads.
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,7 @@ import gfmdlayer
 
 sweep = gfmdlayer.run(
     {
-        "grid": {"points": 4096},
+        "grid": {"points": 2048},
         "halfspace": {"shear_modulus": 10.0},
         "time": {"end": 8.0, "step": "adaptive", "tolerance": 1e-4},
         "sweep": {"layer.thickness": [0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, float("inf")]},

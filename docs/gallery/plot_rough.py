@@ -2,8 +2,8 @@
 A rough surface relaxing
 ========================
 
-A self-affine surface is pressed into a layer on a rigid base by a load, which is then held. Between the two maps the layer
-relaxes: the summits sink in, and spots of contact merge.
+A self-affine surface is pressed into a layer on a rigid base by a load, which is then held. Between the two
+maps the layer relaxes: the summits sink in, and spots of contact merge.
 """
 
 import matplotlib.pyplot as plt
@@ -33,7 +33,11 @@ figure, panels = plt.subplots(1, 3, figsize=(10, 3.3), layout="constrained", wid
 for panel, shot in zip(panels, data.snapshot.values, strict=False):
     pressure = data.pressure.sel(snapshot=shot)
     image = panel.imshow(
-        pressure.where(pressure > 1e-9).T, origin="lower", extent=(-0.5, 0.5, -0.5, 0.5), cmap="inferno", vmax=1.5
+        pressure.where(pressure > 1e-9).T,
+        origin="lower",
+        extent=(-0.5, 0.5, -0.5, 0.5),
+        cmap="inferno",
+        vmax=1.5,
     )
     panel.set(title=f"t = {shot:g} τ", xticks=[], yticks=[], facecolor="0.93")
 figure.colorbar(image, ax=panels[1], label="pressure / G0")

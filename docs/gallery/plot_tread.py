@@ -2,8 +2,9 @@
 A tyre's tread
 ==============
 
-A stone of the road is pressed into the tread within five milliseconds. The rubber's surface ages to a stiff skin, which keeps
-the stone from sinking in: the thicker the skin, the smaller the contact, long after the compound below has relaxed.
+A stone of the road is pressed into the tread within five milliseconds. The rubber's surface ages to a stiff
+skin, which keeps the stone from sinking in: the thicker the skin, the smaller the contact, long after the
+compound below has relaxed.
 """
 
 import matplotlib.pyplot as plt
@@ -15,9 +16,21 @@ tread = gfmdlayer.run(
         "units": {"length": "mm", "stress": "MPa", "time": "s"},
         "grid": {"points": 1024, "period": 20.0},
         "layers": [
-            {"thickness": 0.2, "poisson": 0.49, "material": {"model": "zener", "G0": 4.0, "Ginf": 30.0, "tau": 0.01}},
-            {"thickness": 7.0, "poisson": 0.49, "material": {"model": "zener", "G0": 1.0, "Ginf": 8.0, "tau": 2e-3}},
-            {"thickness": 2.0, "poisson": 0.49, "material": {"model": "zener", "G0": 0.6, "Ginf": 1.2, "tau": 5e-3}},
+            {
+                "thickness": 0.2,
+                "poisson": 0.49,
+                "material": {"model": "zener", "G0": 4.0, "Ginf": 30.0, "tau": 0.01},
+            },
+            {
+                "thickness": 7.0,
+                "poisson": 0.49,
+                "material": {"model": "zener", "G0": 1.0, "Ginf": 8.0, "tau": 2e-3},
+            },
+            {
+                "thickness": 2.0,
+                "poisson": 0.49,
+                "material": {"model": "zener", "G0": 0.6, "Ginf": 1.2, "tau": 5e-3},
+            },
         ],
         "halfspace": {"shear_modulus": float("inf")},
         "punch": {"shape": "parabola", "radius": 5.0},
