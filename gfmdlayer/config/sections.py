@@ -167,7 +167,7 @@ class Solver(Section):
     """How one step's contact problem is solved; `inertia` is None for every method but fire."""
 
     method: Annotated[str, Word(*SOLVERS)] = "active_set"
-    """active_set, nested_gradient, conjugate_gradient, or fire, the paper's; with adhesion newton or fire"""
+    """fire is the paper's; with adhesion newton (default) or fire"""
     tolerance: Tolerance = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
     inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.body_plot import body_figure, config_of
-from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.loop_plot import loop_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
