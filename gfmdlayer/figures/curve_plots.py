@@ -2,22 +2,17 @@ r"""Curves of a run, a panel for each column, against time, another column or a 
 
 By default these are the panels of the paper, contact area $\tilde a$ and mean pressure $\tilde p$ against
 $t/\tau$; of a punch under a prescribed load the depth in place of the mean pressure, of a punch that moves
-along the surface also the friction. There is a curve for each case; `curve_family` chooses their looks. A
-loop is the force against the depth.
+along the surface also the friction. There is a curve for each case; `curve_family` chooses their looks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing, nullcontext
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.inset import Inset
-from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
 from gfmdlayer.figures.quantities import finish, quantity
 from gfmdlayer.figures.selection import (
@@ -29,12 +24,10 @@ from gfmdlayer.figures.selection import (
     notes,
     swept,
 )
-from gfmdlayer.results.reader import case_path, is_complete, open_case
+from gfmdlayer.figures.snapshots.inset import Inset
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
@@ -42,8 +35,7 @@ if TYPE_CHECKING:
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are below
 SHORT = 20  # letters of mathtext of a short entry, of which three fit below a column
-ROW_MM = 4.5  # of a row of the legend
-_SEPARATION = "work_of_separation"
+ROW_MM = 4.5
 
 
 def curves_figure(
@@ -175,81 +167,3 @@ def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, s
         figure.set_size_inches(width, height + max(rows - 2, 0) * ROW_MM * style.scale / 25.4)
         figure.legend(handles=entries, loc="outside lower center", ncols=across)
     return [f"{len(kept)} of {len(drawn.legend)} curves labelled"] * (len(kept) < len(drawn.legend))
-
-
-def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
-    """Draw a column against depth over a whole run, with areas in the legend or, of one case, in the panel.
-
-    The cases come from their own files: a sweep file holds the times that all cases share, which runs of
-    different speeds do not. The area of the loop is the integral of the mean pressure over the depth, the
-    work that the punch has done at the end.
-
-    Parameters
-    ----------
-    path : Path
-        The folder of results, or the file of a case.
-    dataset : Dataset
-        What the reader opens there, or a selection of its cases.
-    style : Style
-        Fonts and lines, and the size of a column.
-    y : str
-        The column: force, mean_stress or mean_pressure.
-
-    Raises
-    ------
-    ResultsError
-        If no case is complete, or there is no such column.
-    """
-    with styled(style):
-        drawn, legend = family(dataset), []
-        titles = [title for title, *_ in drawn.legend] if len(drawn.legend) == len(drawn.curves) else []
-        figure = new_figure(1, 66.0 + ROW_MM * len(titles), style)
-        axes = figure.subplots()
-        for i, curve in enumerate(drawn.curves):
-            opened = _opened(path, drawn.sweep, curve.place)
-            if opened is None:
-                continue
-            with opened as case:
-                areas = _draw(axes, case, y, curve.colour, curve.dashes, alone=len(drawn.curves) == 1)
-            if titles:
-                legend.append((", ".join([titles[i], *areas[1:]]), curve.colour, curve.dashes))
-            elif len(drawn.curves) == 1:
-                axes.text(0.03, 0.96, "\n".join(areas), transform=axes.transAxes, va="top")
-        if not axes.lines:
-            raise ResultsError(f"{path}: no case is complete")
-        axes.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
-        if entries := legend_entries(legend or drawn.legend):
-            figure.legend(handles=entries, loc="outside lower center", ncols=1 if legend else 3)
-        if drawn.bar is not None:
-            drawn.bar.draw(figure, axes)
-        finish(figure, [*notes(drawn.sweep), *drawn.notes])
-    return figure
-
-
-def _opened(path: Path, sweep: Dataset, place: dict[str, int]) -> AbstractContextManager[Dataset] | None:
-    """Open the case of a curve; None where it is not complete."""
-    if "case" not in sweep.coords:
-        return nullcontext(sweep)
-    file = case_path(path, int(sweep["case"].isel(place)))
-    return closing(open_case(file)) if is_complete(file) else None
-
-
-def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
-    """Draw one case; return its areas in words, that of the loop first."""
-    y = column_name(case, y)
-    along, up = quantity(case["depth"], case.attrs), quantity(case[y], case.attrs)
-    depth, values = case["depth"].to_numpy(), case[y].to_numpy()
-    axes.plot(depth / along.scale, values / up.scale, color=colour, linestyle=dashes)
-    if alone:
-        back = np.append(False, np.diff(depth) < 0)
-        pulls = np.where(back, np.minimum(values, 0.0), np.nan)
-        axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
-    axes.set(xlabel=along.label, ylabel=up.label)
-    found = {"loop_area": float(np.trapezoid(case["mean_stress"].to_numpy(), depth))}
-    if _SEPARATION in case.attrs:
-        found[_SEPARATION] = float(case.attrs[_SEPARATION])
-    written = []
-    for name, value in found.items():
-        area = quantity(case["work"].isel(time=0).rename(name), case.attrs)
-        written.append(area.equals(value_labels([float(f"{value / area.scale:.3g}")])[0]))
-    return written
