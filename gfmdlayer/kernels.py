@@ -21,6 +21,8 @@ import numba as nb
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
+from gfmdlayer.files.cache import is_writable, user_cache
+
 # Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
 FASTMATH = {"reassoc", "contract"}
 
@@ -66,8 +68,17 @@ def _compiled(function: Any, reorder: bool, inner: bool) -> Any:
     options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "no_cpython_wrapper": inner}
     dispatcher = nb.njit(**options)(function)
     if isinstance(dispatcher, Dispatcher):  # not where Numba is switched off
-        dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
+        _choose_place()
+        with suppress(RuntimeError):  # there is no place: each process compiles
+            dispatcher._cache = _SourceCache(function)  # type: ignore[attr-defined]  # as cache=True does
     return dispatcher
+
+
+@cache
+def _choose_place() -> None:
+    """Keep compiled code beside the sources, or among the user's caches where it cannot be kept there."""
+    if not (nb.config.CACHE_DIR or is_writable(_PACKAGE / "__pycache__")):  # type: ignore[attr-defined]
+        nb.config.CACHE_DIR = str(user_cache() / "kernels")  # type: ignore[attr-defined]
 
 
 class _SourceCache(FunctionCache):
@@ -87,7 +98,8 @@ def compiling() -> Iterator[None]:
     """Let one process at a time compile; those that wait then find the kernels in the cache."""
     with ExitStack() as stack:
         with suppress(OSError):  # on a file system without locks all may compile
-            file = stack.enter_context((_PACKAGE / "__pycache__" / "compiling.lock").open("w"))
+            place = Path(nb.config.CACHE_DIR or _PACKAGE / "__pycache__")  # type: ignore[attr-defined]
+            file = stack.enter_context((place / "compiling.lock").open("w"))
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
 

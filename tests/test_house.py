@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
-    "arrays", "resumable", "kernels", "files", "validation", "body", "grid", "punch", "interface", "contact",
+    "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "interface", "contact",
     "history", "indentation", "config", "inputs", "notes", "observables", "results", "figures", "case",
     "simulation", "preparation", "fitting", "execution", "force_maps", "interactive", "verification", "cli",
     "__main__", "__init__",

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import gfmdlayer
 from gfmdlayer.kernels import source_digest
 
@@ -51,6 +53,46 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_module_has
     residual.write_text(before.replace("return abs(pressure if", "return 0.0 * abs(pressure if"))
     assert residual.read_text() != before
     assert answer(tmp_path) == "True"
+
+
+HOMELESS = """
+import pwd
+def unknown(_):
+    raise KeyError("no such user")
+pwd.getpwuid = unknown
+from gfmdlayer.files.cache import user_cache
+from gfmdlayer.kernels import compiling, kernel
+@kernel
+def twice(x):
+    return 2 * x
+with compiling():
+    assert twice(2) == 4
+print(user_cache())
+"""
+
+
+@pytest.mark.parametrize(("home", "taken"), [("/proc/nowhere", False), (None, False), (None, True)])
+def test_an_installation_and_a_home_that_cannot_be_written_are_done_without(
+    home: str | None, taken: bool, tmp_path: Path
+) -> None:
+    """As in a container whose user the system does not know; even root cannot make a folder below a file."""
+    (copied(tmp_path) / "__pycache__").write_text("")
+    (tmp_path / "program.py").write_text(HOMELESS)
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    if taken:
+        (temporary / f"gfmdlayer-{os.getuid()}").symlink_to("/etc")
+    unset = ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
+    environment = {key: value for key, value in os.environ.items() if key not in unset}
+    environment |= {"PYTHONPATH": str(tmp_path), "TMPDIR": str(temporary)} | ({"HOME": home} if home else {})
+    command = [sys.executable, "program.py"]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+    place = Path(done.stdout.strip())
+    assert place.parent == temporary
+    assert (place.name == f"gfmdlayer-{os.getuid()}") is not taken
+    assert place.stat().st_mode & 0o077 == 0
+    assert list((place / "kernels").rglob("*twice*.nbc"))
+    assert {path.name for path in tmp_path.iterdir()} == {"gfmdlayer", "program.py", "tmp"}
 
 
 def test_the_digest_of_sources_is_that_of_the_module_and_of_what_it_imports(tmp_path: Path) -> None:

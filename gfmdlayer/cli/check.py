@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
     COMPLETE,
+    LISTED,
     add_config,
     add_out,
     count_cases,
@@ -36,31 +37,43 @@ def check(options: argparse.Namespace) -> int:
     """List the cases, the memory and the work of a configuration."""
     from gfmdlayer.execution import preflight
     from gfmdlayer.execution.cost import estimate, total
-    from gfmdlayer.execution.sweep import cases, label
+    from gfmdlayer.execution.sweep import Cases, label
     from gfmdlayer.notes import notes
 
     config = read_config(options)
-    every: Sequence[Case] = cases(config)
+    every = Cases(config)
+    some: Sequence[Case] = every.examined()
+    part = len(some) / len(every)
     directory = results_folder(options, config)
-    every, found = _in_folder(directory, config, every)
-    cost = total(estimate(case.config) for case in every)
+    some, found = _in_folder(directory, config, some) if part == 1 else (some, [])
+    cost = total((estimate(case.config) for case in some), part)
     lines = [f"{config.name}: {count_cases(len(every))}"]
     if config.sweep:
-        lines += cut_short(f"  {case.index:04d}  {label(case.values)}" for case in every)
+        first = some if part == 1 else every[:LISTED]
+        lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
+    if part < 1:
+        lines.append(f"examined   {len(some)} cases, drawn at random; a run examines all before it begins")
     lines += [
-        f"steps      {cost.steps:,}",
+        f"steps      {'about ' * (part < 1)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
-        *_laws([case.config for case in every]),
-        _time(directory, every),
+        *_solvers([case.config for case in some]),
+        *_laws([case.config for case in some]),
+        _time(directory, some, part),
         *found,
     ]
-    memory = preflight.memory_warnings(options.jobs * cost.memory)
+    memory = preflight.memory_warnings(cost.memory, options.jobs)
     space = preflight.disk_warnings(directory, cost.storage)
-    lines += [f"warning: {text}" for text in (*notes(case.config for case in every), *memory, *space)]
+    lines += [f"warning: {text}" for text in (*notes(case.config for case in some), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
+
+
+def _solvers(every: Sequence[Config]) -> list[str]:
+    """Return the contact solvers, and why they are taken."""
+    chosen = dict.fromkeys(config.contact_solver for config in every if not config.grid.axisymmetric)
+    return [f"solver     {each.method}: {each.reason}" for each in chosen]
 
 
 def _laws(configs: Sequence[Config]) -> list[str]:
@@ -103,8 +116,8 @@ def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 
-def _time(directory: Path, every: Sequence[Case]) -> str:
-    """Estimate the seconds of the cases that are not complete."""
+def _time(directory: Path, every: Sequence[Case], part: float) -> str:
+    """Estimate the seconds of the cases that are not complete; `every` may be a part of them."""
     from gfmdlayer.execution.cost import CostModel
     from gfmdlayer.execution.folder import Folder
     from gfmdlayer.execution.status import duration
@@ -114,6 +127,6 @@ def _time(directory: Path, every: Sequence[Case]) -> str:
     done = {folder.case(case.index): case.config for case in every if case.index in complete}
     model = CostModel.of_files(done) if done else CostModel()  # which reads no file
     left = [case for case in every if case.index not in complete]
-    seconds = sum(model.seconds(case.config) for case in left)
-    of = "" if len(left) == len(every) else f" for the {count_cases(len(left))} left"
+    seconds = sum(model.seconds(case.config) for case in left) / part
+    of = "" if len(left) == len(every) else f" for the {count_cases(round(len(left) / part))} left"
     return f"time       about {duration(seconds)} on one core{of}"

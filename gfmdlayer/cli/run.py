@@ -112,13 +112,15 @@ def _pool(
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
+    from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.execution.run import RunOptions, run_sweep
     from gfmdlayer.results.schema import ResultsError
 
     try:
-        config = read_config(options, options.ranks_per_case)
+        with interrupts.at_once():
+            config = read_config(options, options.ranks_per_case)
         directory = results_folder(options, config)
         if options.only_failed:
             Folder(Path(directory)).must_hold_results()
@@ -133,6 +135,9 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
         return refuse(*input_problems(error))
+    except KeyboardInterrupt:
+        print("stopped before the first case")
+        return RESUMABLE
     except ResultsError as error:
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED

@@ -12,6 +12,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short
+from gfmdlayer.files.shared_folders import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
@@ -84,7 +85,8 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    return [_counts(seen), *cut_short([_running(case) for case in seen.running]), *_failures(seen)]
+    lines = [_counts(seen), *cut_short([_running(case) for case in seen.running]), *_failures(seen)]
+    return [printable(line).replace("\n", " ") for line in lines]
 
 
 def _counts(seen: Overview) -> str:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
+from concurrent.futures import BrokenExecutor
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from gfmdlayer.files.shared_folders import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -60,7 +63,7 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 def refuse(*problems: str) -> int:
     """Print what is wrong with the input, a line each, and return the exit status."""
     for problem in problems:
-        print(f"gfmdlayer: {problem}", file=sys.stderr)
+        print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     return REFUSED
 
 
@@ -78,6 +81,19 @@ def input_problems(error: Exception) -> Sequence[str]:
     if isinstance(error, ConfigError):
         return error.problems
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
+
+
+def machine_problem(error: Exception) -> str:
+    """Return the message of an error of the machine: of memory, files, processes; else nothing."""
+    cause = f"{type(error).__name__}: {error}"
+    if isinstance(error, MemoryError):
+        return f"memory does not suffice ({cause})"
+    if isinstance(error, OSError):
+        named = f"{printable(str(error.filename))}: " if error.filename else ""
+        return f"{named}{printable(error.strerror or cause)}"
+    if isinstance(error, BrokenExecutor) or "can't start new thread" in str(error):
+        return f"processes or threads cannot be started ({cause})"
+    return ""
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
@@ -118,8 +134,8 @@ def count_cases(number: int) -> str:
     return "1 case" if number == 1 else f"{number} cases"
 
 
-def cut_short(lines: Iterable[str]) -> list[str]:
-    """Return the first lines of a list, and the number of further ones."""
-    every = list(lines)
-    more = [f"  ... and {len(every) - LISTED} more"] if len(every) > LISTED else []
-    return [*every[:LISTED], *more]
+def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
+    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
+    every = list(map(printable, lines))
+    further = (len(every) if number is None else number) - LISTED
+    return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]

@@ -14,6 +14,8 @@ from gfmdlayer.validation.problems import Location, Problem, location_of_key, no
 MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
 
+MAX_CHECKED_VALUES = 5_000  # of a key; of more of them some, and the others when their cases are run
+
 Validate = Callable[[Row], list[Problem]]
 
 
@@ -194,7 +196,7 @@ def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Pr
     known = problems_of(first)
     found = [_at_value(problem, factors, first, 0) for problem in known]
     for n, indices in enumerate(places):
-        for i in indices[1:]:
+        for i in indices[1 :: -(-len(indices) // MAX_CHECKED_VALUES)]:
             at = (*first[:n], i, *first[n + 1 :])
             found += [_at_value(p, factors, at, n) for p in problems_of(at) if p not in known]
     if not found and math.prod(map(len, places)) <= MAX_CHECKED_PRODUCT:

@@ -16,18 +16,19 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO
 
 from gfmdlayer.config import Config, sweeps
 from gfmdlayer.execution import growth
-from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.folder import ASIDE, Folder, FolderError
 from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
-from gfmdlayer.files.locks import exclusive, try_lock
+from gfmdlayer.files.locks import exclusive, open_for_writing, try_lock
+from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
@@ -106,7 +107,7 @@ def held(folder: Folder) -> Iterator[bool]:
     """
     shard = folder.shard
     with ExitStack() as stack:
-        common = stack.enter_context((folder.cases / ".lock").open("a+"))
+        common = stack.enter_context(open(folder.cases / ".lock", "a+", opener=no_link))
         granted = try_lock(common)
         if shard is None:
             if granted is False:
@@ -122,7 +123,8 @@ def held(folder: Folder) -> Iterator[bool]:
             try_lock(common, shared=True)
         else:
             _refuse_other_division(folder, common, shard)
-        own = stack.enter_context((folder.cases / f".lock-{shard.number}-of-{shard.count}").open("a+"))
+        lock = folder.cases / f".lock-{shard.number}-of-{shard.count}"
+        own = stack.enter_context(open(lock, "a+", opener=no_link))
         if try_lock(own) is False:
             raise _in_use(folder, f"another run of shard {shard} is writing here")
         yield granted is True
@@ -202,6 +204,30 @@ def remove_results(folder: Folder) -> None:
         path.unlink(missing_ok=True)
 
 
+def refuse_open_files(folder: Folder, todo: Iterable[int]) -> None:
+    """Refuse to run cases whose files, or the sweep file, would be replaced while they are open elsewhere.
+
+    Raises
+    ------
+    FolderError
+        Where one is.
+    """
+    for path in (folder.sweep, *map(folder.case, todo)):
+        if path.exists() and open_for_writing(path):
+            raise FolderError(f"{path}: is open for writing in another program; close it there first")
+
+
+def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
+    """Rename files of complete cases that cannot be read, among those to be run; return a line on each."""
+    damaged = [index for index in todo if folder.case(index).exists()]
+    for index in damaged:
+        folder.set_aside(folder.case(index))
+    return [
+        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
+        for index in damaged
+    ]
+
+
 def _case_number(path: Path) -> int | None:
     number = path.name.partition(".")[0]
     return int(number) if number.isdigit() else None
@@ -211,7 +237,7 @@ def _probe(folder: Folder) -> None:
     """Write some bytes, to find a full disk before any work."""
     path = unfinished_path(folder.cases / "probe")
     try:
-        with path.open("wb") as file:
+        with open(path, "xb", opener=no_link) as file:
             file.write(bytes(_PROBE))
             file.flush()
             os.fsync(file.fileno())

@@ -23,24 +23,28 @@ numbers where these do not run from 0, because the sweep has grown (`gfmdlayer.e
 from __future__ import annotations
 
 import hashlib
-import json
 import os
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
+from gfmdlayer.files.seals import is_intact
+from gfmdlayer.files.shared_folders import write_new
 from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.sections import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 ASIDE = ".aside"
 _CASES, _FILES = "# Cases: ", "# Files: "  # in the head of the configuration
+_CASES_OF_RUN = re.compile(r"[0-9]{1,9}")
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -150,9 +154,9 @@ class Folder:
         with self.config.open(encoding="utf-8") as file:
             _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
         number = cases.removeprefix(_CASES)
-        count = int(number) if number.isdecimal() else sweeps.count(self.stored_sweep())
+        count = int(number) if _CASES_OF_RUN.fullmatch(number) else sweeps.count(self.stored_sweep())
         if files.startswith(_FILES):
-            found = list(_numbers(files.removeprefix(_FILES)))
+            found = list(islice(_numbers(files.removeprefix(_FILES)), count + 1))
             if len(found) == count:
                 return found
         return range(count)
@@ -188,7 +192,7 @@ class Folder:
             content = path.read_bytes()
             place, hashed = (hashlib.sha256(each).hexdigest()[:16] for each in (bytes(path), content))
             kept = self.path / "inputs" / f"{path.stem}-{place}-{hashed}{path.suffix}"
-            if kept.exists():
+            if kept.exists() and kept.read_bytes() == content:
                 return kept
             kept.parent.mkdir(exist_ok=True)
             if not changed and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
@@ -196,7 +200,7 @@ class Folder:
                     f"{path}: has changed since the results in {self.path} were begun; {WAYS_OUT}"
                 )
             with unfinished(kept) as part:
-                part.write_bytes(content)
+                write_new(part, content)
         except OSError as error:
             raise FolderError(f"{path}: cannot be copied into {self.path} ({error.strerror})") from None
         return kept
@@ -213,15 +217,6 @@ class Folder:
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
-
-
-def read_json(path: Path) -> dict[str, Any] | None:
-    """Read a small JSON file; None where there is none or it cannot be read."""
-    with suppress(OSError, ValueError):
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(content, dict):
-            return content
-    return None
 
 
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:
@@ -287,6 +282,8 @@ def stored_config(
     from gfmdlayer.results.schema import ResultsError
 
     try:
+        if is_intact(Path(path)) is False:
+            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
         known = attributes(path)
     except ResultsError as error:
         raise ConfigError([str(error)]) from None

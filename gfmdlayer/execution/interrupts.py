@@ -1,19 +1,28 @@
-"""Signals that ask a run to stop, which it does between two time steps.
+"""Signals that ask a run to stop, between two time steps or before the first; ends of other processes.
 
 A handler sets a flag and nothing more. The simulation's progress callback checks the flag once a step and
-raises `Stopped`, so that no step and no file is cut in half.
+raises `Stopped`, so that no step and no file is cut in half. While cases are read and kernels compiled there
+is neither, and the handler raises.
 """
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
 from types import FrameType
 from typing import Self
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+AGAIN = 1.0  # seconds
+WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
 class Stopped(Exception):  # noqa: N818 - requested, not an error
@@ -59,6 +68,34 @@ def listening() -> Iterator[None]:
 
 
 @contextmanager
+def at_once() -> Iterator[None]:
+    """Raise KeyboardInterrupt within the block at a request to stop, or at its begin after an earlier one.
+
+    For work that has no time steps: reading, compiling, planning. Python drops an exception that strikes a
+    destructor or a callback, so that it is raised again after `AGAIN` seconds until the block is left.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(signum: int, frame: FrameType | None) -> None:
+        request_stop(signum, frame)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        raise KeyboardInterrupt
+
+    signals = (*STOP_SIGNALS, signal.SIGALRM)
+    before = {signum: signal.signal(signum, interrupt) for signum in signals}
+    try:
+        if stop_requested():
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        for signum, handler in before.items():
+            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+
+
+@contextmanager
 def signals_blocked() -> Iterator[None]:
     """Block the stop signals while child processes are started.
 
@@ -96,3 +133,31 @@ class Listener:
         """
         if stop_requested():
             raise Stopped
+
+
+def end_after(wait: Callable[[], None]) -> None:
+    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
+
+    def watch() -> None:
+        wait()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def end_with(launcher: int) -> None:
+    """End this process when the launcher's process on this host dies.
+
+    MPI keeps the interpreter while it starts, and with it the thread that watches: the kernel has to do. It
+    is asked where it is known that a single thread of the launcher starts the ranks.
+    """
+    with suppress(OSError):
+        if Path(f"/proc/{launcher}/comm").read_text().startswith("hydra_pmi"):
+            ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+    end_after(partial(_wait_for_launcher, launcher))
+
+
+def _wait_for_launcher(launcher: int) -> None:
+    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
+    while os.getppid() == launcher:
+        time.sleep(WATCH_INTERVAL)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 MPI_PACKAGES = ("mpich", "openmpi", "impi-rt")
+
+ESTIMATED = 1.5  # the estimate of the memory of a case over what it takes, at most
+_GROUPS = Path("/sys/fs/cgroup")
 
 Cores = frozenset[int]
 
@@ -100,12 +105,60 @@ def disk_warnings(directory: Path, needed: float) -> list[str]:
     return [f"{directory}: about {in_bytes(needed)} will be written, but only {in_bytes(free)} are free"]
 
 
-def memory_warnings(needed: float) -> list[str]:
-    """Warn of processes that together need more bytes than this machine has."""
+def memory_warnings(each: float, number: int = 1) -> list[str]:
+    """Warn of processes that need more bytes than they may have, by the estimate `each` of one of them."""
+    for limit, whose, together in memory_limits():
+        if (needed := each * (number if together else 1)) > limit:
+            processes = f" by {number} processes" * (together and number > 1)
+            return [
+                f"about {in_bytes(needed)} of memory are needed{processes}, but {whose} {in_bytes(limit)}: "
+                f"take fewer grid.points{' or --jobs' * bool(processes)}"
+            ]
+    return []
+
+
+def memory_refusal(each: float, number: int = 1) -> list[str]:
+    """Return why processes cannot have the memory that they need, also if the estimate is too high."""
+    return memory_warnings(each, number) if memory_warnings(each / ESTIMATED, number) else []
+
+
+def memory_limits() -> list[tuple[float, str, bool]]:
+    """Return the limits of memory: bytes, words on them, and whether all processes together are meant."""
     present = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed <= present:
-        return []
-    return [f"about {in_bytes(needed)} of memory are needed, but this machine has {in_bytes(present)}"]
+    found = [(float(present), "this machine has", True)]
+    found += [(limit, "the job's control group allows", True) for limit in _of_control_groups()]
+    slurm = (("SLURM_MEM_PER_NODE", "1"), ("SLURM_MEM_PER_CPU", os.environ.get("SLURM_CPUS_ON_NODE", "")))
+    for variable, times in slurm:
+        megabytes = os.environ.get(variable, "")
+        if megabytes.isdecimal() and times.isdecimal() and int(megabytes) > 0:
+            found.append((float(megabytes) * int(times) * 2**20, f"Slurm ({variable}) allows", True))
+    for kind, option in ((resource.RLIMIT_AS, "v"), (resource.RLIMIT_DATA, "d")):
+        limit, _ = resource.getrlimit(kind)
+        if limit != resource.RLIM_INFINITY:
+            found.append((float(limit), f"ulimit -{option} allows a process", False))
+    return found
+
+
+def _of_control_groups(proc: Path = Path("/proc/self/cgroup"), root: Path = _GROUPS) -> Iterator[float]:
+    """Yield the limits of the control groups of this process, of either version of Linux's."""
+    try:
+        lines = proc.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, kinds, name = line.split(":", 2)
+        if kinds == "":
+            place, file = root, "memory.max"
+        elif "memory" in kinds.split(","):
+            place, file = root / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        group = place / name.lstrip("/")
+        for folder in (group, *group.parents):
+            with suppress(OSError, ValueError):
+                yield float(int((folder / file).read_text()))  # "max" is no number
+            if folder == place:
+                break
 
 
 def in_bytes(number: float) -> str:

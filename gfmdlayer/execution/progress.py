@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import stop_requested
-from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.status import Progress, Running, duration, running
+from gfmdlayer.execution.schedule import Outcome, Progress
+from gfmdlayer.execution.status import Running, duration, running
+from gfmdlayer.files.shared_folders import printable
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -60,7 +61,7 @@ class Log:
     def note(self, line: str) -> None:
         """Write one line."""
         with suppress(OSError):  # the reader of a pipe may have gone; the run continues
-            self._stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}\n")
+            self._stream.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {printable(line)}\n")
             self._stream.flush()
 
     def advance(self, progress: Progress) -> None:
@@ -94,7 +95,7 @@ class Screen:
 
     def note(self, line: str) -> None:
         """Write one line above the moving ones."""
-        self._live.console.print(line, markup=False, highlight=False)
+        self._live.console.print(printable(line), markup=False, highlight=False)
 
     def advance(self, progress: Progress) -> None:
         """Update the moving lines."""
@@ -112,7 +113,7 @@ class Screen:
 
         def row(name: str, fraction: float, *texts: str) -> tuple[RenderableType, ...]:
             bar = ProgressBar(total=1.0, completed=fraction, width=_BAR_WIDTH)
-            cells = [Text(text, no_wrap=True, overflow="ellipsis") for text in texts]
+            cells = [Text(printable(text), no_wrap=True, overflow="ellipsis") for text in texts]
             return Text(name), bar, Text(f"{fraction:4.0%}"), *cells
 
         room = max(min(_CASE_LINES, self._live.console.height - _OTHER_LINES), 1)
@@ -189,10 +190,12 @@ class Reporter:
         """Show that `work` goes on in the block, and how long it took, unless it takes less than 2 s."""
         begun, start = time.monotonic(), threading.Timer(PREPARATION, self.note, [work])
         start.start()
-        yield
-        start.cancel()
+        try:
+            yield
+        finally:
+            start.cancel()
         self._ready = time.monotonic()
-        if (taken := time.monotonic() - begun) > PREPARATION:
+        if (taken := time.monotonic() - begun) > PREPARATION and not stop_requested():
             self.note(f"kernels and transforms are ready after {duration(taken)}")
 
     def ended(self, outcome: Outcome) -> None:

@@ -7,25 +7,27 @@ results do not depend on the process that ran a case: all processes compute with
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from io import StringIO
 from pathlib import Path
 
-from gfmdlayer.config import Config, digest
+from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
-from gfmdlayer.execution import CHECKPOINT_EVERY, growth, preflight
-from gfmdlayer.execution.case_run import record_failure, run_case, warm_up
-from gfmdlayer.execution.claim import claimed
+from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
+from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
+from gfmdlayer.execution.claim import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.cost import CostModel, estimate
-from gfmdlayer.execution.folder import ASIDE, WAYS_OUT, Folder, FolderError, read_json
+from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.groups.pool import run_case_together
 from gfmdlayer.execution.groups.refusals import refuse_other_ranks
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Case, Shard, cases
 from gfmdlayer.execution.workers import WorkerPool
-from gfmdlayer.files.locks import exclusive, open_for_writing
+from gfmdlayer.files.locks import exclusive
+from gfmdlayer.files.shared_folders import read_json
 from gfmdlayer.notes import notes
 
 
@@ -140,7 +142,8 @@ def run_sweep(
         own = growth.with_inputs(folder, found.numbered(own), found.changed)
         own = growth.with_earlier(folder, own) if alone else own
         work = _find_work(folder, own, options.only_failed)
-        _refuse_open_files(folder, work.todo)
+        refuse_open_files(folder, [case.index for case in work.todo])
+        _refuse_too_large(work.todo, pool, options)
         refuse_other_ranks(folder, work.todo, options.ranks_per_case)
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
@@ -153,12 +156,9 @@ def run_sweep(
             if found.changed:
                 for line in growth.lines(folder, found, own):
                     reporter.note(line)
-            for line in _set_damaged_aside(folder, work.todo):
+            for line in set_damaged_aside(folder, [case.index for case in work.todo]):
                 reporter.note(line)
-            with reporter.preparing(_preparation(work.todo)):
-                wisdom, said = warm_up(work.todo, options.threads, folder.wisdom, plan=alone)
-            for line in said:
-                reporter.note(f"warning: {line}")
+            wisdom = _prepare(work.todo, options, folder, reporter)
             run, threads = run_case if alone else run_case_together, options.threads
             interval = options.checkpoint_every
             task = partial(run, folder=folder, wisdom=wisdom, threads=threads, checkpoint_every=interval)
@@ -174,6 +174,21 @@ def run_sweep(
         notes, lost = collected or ([], [])
         outcomes |= {outcome.index: outcome for outcome in lost}
     return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
+
+
+def _prepare(todo: Sequence[Case], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
+    """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
+    configs = (case.config for case in todo)
+    every = ("axisymmetric" if each.grid.axisymmetric else each.contact_solver.method for each in configs)
+    solvers = ", ".join(dict.fromkeys(every))
+    work = f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
+    wisdom: Wisdom = {}
+    said: list[str] = []
+    with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
+        wisdom, said = warm_up(todo, options.threads, folder.wisdom, plan=options.ranks_per_case == 1)
+    for line in said if not interrupts.stop_requested() else ():
+        reporter.note(f"warning: {line}")
+    return wisdom
 
 
 def _nothing() -> Display:
@@ -203,21 +218,12 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _refuse_open_files(folder: Folder, todo: Sequence[Case]) -> None:
-    for path in (folder.sweep, *(folder.case(case.index) for case in todo)):
-        if path.exists() and open_for_writing(path):
-            raise FolderError(f"{path}: is open for writing in another program; close it there first")
-
-
-def _set_damaged_aside(folder: Folder, todo: Sequence[Case]) -> list[str]:
-    """Rename files of complete cases that cannot be read; return a line on each."""
-    damaged = [case.index for case in todo if folder.case(case.index).exists()]
-    for index in damaged:
-        folder.set_aside(folder.case(index))
-    return [
-        f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"
-        for index in damaged
-    ]
+def _refuse_too_large(todo: Sequence[Case], pool: WorkerPool, options: RunOptions) -> None:
+    """Refuse cases that need more memory than this job may have."""
+    largest = max((estimate(case.config).memory for case in todo), default=0.0) / options.ranks_per_case
+    number = min(pool.size, len(todo)) if pool.kind == "processes" else 1
+    if refused := preflight.memory_refusal(largest, number):
+        raise ConfigError(refused)
 
 
 def _opening(work: _Work, pool: WorkerPool, options: RunOptions) -> str:
@@ -234,15 +240,6 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
     space = preflight.disk_warnings(folder.path, sum(estimate(case.config).storage for case in work.todo))
     found = (*notes(case.config for case in work.own), *pool.warnings, *space)
     return [f"warning: {warning}" for warning in found]
-
-
-def _preparation(todo: Sequence[Case]) -> str:
-    solvers = ", ".join(
-        dict.fromkeys(
-            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
-        )
-    )
-    return f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
 
 
 def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:

@@ -19,7 +19,9 @@ from typing import Any, Literal, Protocol
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import request_stop, stop_requested
+from gfmdlayer.execution.status import Running, duration
 from gfmdlayer.execution.workers import WorkerPool
+from gfmdlayer.files.shared_folders import write_new
 
 POLL = 0.2  # seconds between two checks for a request to stop while workers compute
 AHEAD = 4  # cases a worker submitted ahead, where the submitting process only waits
@@ -48,6 +50,54 @@ class Outcome:
     reason: str = ""
     seconds: float = 0.0
     note: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of a run.
+
+    Attributes
+    ----------
+    total, complete, failed : int
+        Numbers of cases; those complete before the run are counted.
+    at_work : tuple of Running
+        The running cases.
+    seconds_left : float or None
+        Time left at the pace so far; None before any progress.
+    slowest : Outcome or None
+        The case of this run that took longest so far.
+    """
+
+    total: int
+    complete: int
+    failed: int = 0
+    at_work: tuple[Running, ...] = ()
+    seconds_left: float | None = None
+    slowest: Outcome | None = None
+
+    @property
+    def done(self) -> float:
+        """Number of cases done, fractions of running ones included."""
+        parts = sum(case.fraction for case in self.at_work)
+        return min(self.complete + self.failed + parts, self.total)
+
+    @property
+    def fraction(self) -> float:
+        """The part of all cases that is done."""
+        return self.done / self.total
+
+    @property
+    def words(self) -> str:
+        """A line on the whole run."""
+        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
+        parts = (
+            f"{self.complete} of {self.total} complete",
+            f"{len(self.at_work)} running" if self.at_work else "",
+            f"{self.failed} failed" if self.failed else "",
+            f"{duration(self.seconds_left)} left" if self.seconds_left else "",
+            slowest or "",
+        )
+        return ", ".join(filter(None, parts))
 
 
 class Numbered(Protocol):
@@ -99,6 +149,11 @@ class Schedule:
 
     def run(self, items: Sequence[Numbered]) -> Iterator[Outcome]:
         """Run cases; yields their outcomes in the order in which they end."""
+        if stop_requested():  # before the first case begins: no workers are started
+            for item in items:
+                self._end(Outcome(item.index, "stopped"))
+                yield self._outcomes.get()
+            return
         self._waiting.extend(items)
         # A submitting thread that computes has no time to submit more; a pool of processes is slow with many.
         self._submit(len(items) if self._pool.joins else AHEAD * self._pool.size)
@@ -132,8 +187,8 @@ class Schedule:
                 self._waiting.appendleft(self._returned.get_nowait())
                 self._submit(1)
             if stop_requested():
-                with suppress(OSError):  # signals alone must do then
-                    self._folder.stop.touch()
+                with suppress(OSError):  # there is one, or signals alone must do
+                    write_new(self._folder.stop, b"")
                 self._submit(len(self._waiting))
                 self._take_over()  # no case begins after a request to stop: they end at once
             with suppress(Empty):

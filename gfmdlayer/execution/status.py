@@ -15,18 +15,18 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
-from gfmdlayer.execution.folder import Folder, read_json
+from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped, stop_requested
+from gfmdlayer.files.locks import born
+from gfmdlayer.files.shared_folders import read_json
 from gfmdlayer.files.whole import write_text
-
-if TYPE_CHECKING:
-    from gfmdlayer.execution.schedule import Outcome
 
 WRITE_INTERVAL = 1.0  # seconds between two status files of a case
 SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
+_MOST = 2**63  # of numbers in a status
 STEPS_TRUSTED = 0.9  # part of the expected steps, beyond which only the simulated time tells the progress
 FAILURES_READ = 1000  # records of failures that an overview reads
 
@@ -52,7 +52,7 @@ class StatusFile:
         self._path = folder.case(index, "running")
         self._stop = folder.stop
         self._written = -WRITE_INTERVAL
-        me = {"host": socket.gethostname(), "pid": os.getpid(), "started": time.time()}
+        me = {"host": socket.gethostname(), "pid": os.getpid(), "born": born(), "started": time.time()}
         self._fixed: dict[str, object] = me | {"end": end, "label": label, "expected": expected}
         self._steps = -1  # the call on entering is not a step
 
@@ -108,6 +108,27 @@ class Running:
     since: float = math.nan
     since_time: float = math.nan
     expected: int = 0
+    born: str = ""
+
+    @classmethod
+    def from_record(cls, index: int, record: Mapping[str, Any]) -> Self:
+        """Return the status that a file holds.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it holds something else.
+        """
+        case = cls(index=index, **record)
+        texts, numbers = (case.host, case.label, case.born), (case.pid, case.steps, case.expected)
+        if not all(isinstance(each, str) for each in texts):
+            raise ValueError(texts)
+        if not all(isinstance(each, int) and 0 <= each < _MOST for each in numbers):
+            raise ValueError(numbers)
+        times = case.simulated_time, case.end, case.started, case.updated
+        if not all(isinstance(each, int | float) and abs(each) < _MOST for each in times):
+            raise ValueError(times)
+        return replace(case, since=float(case.since), since_time=float(case.since_time))
 
     @property
     def fraction(self) -> float:
@@ -136,8 +157,8 @@ class Running:
         except ProcessLookupError:
             return False
         except PermissionError:
-            return True
-        return True
+            pass
+        return self.born in ("", born(self.pid))  # not another one, with the number of a dead one
 
 
 def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]:
@@ -158,58 +179,10 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
     for index in sorted(folder.numbers()["running"] if begun is None else begun):
         content: dict[str, Any] = read_json(folder.case(index, "running")) or {}
         with suppress(TypeError, ValueError):
-            case = Running(index=index, **content)
+            case = Running.from_record(index, content)
             if case.alive:
                 found.append(case)
     return found
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a run.
-
-    Attributes
-    ----------
-    total, complete, failed : int
-        Numbers of cases; those complete before the run are counted.
-    at_work : tuple of Running
-        The running cases.
-    seconds_left : float or None
-        Time left at the pace so far; None before any progress.
-    slowest : Outcome or None
-        The case of this run that took longest so far.
-    """
-
-    total: int
-    complete: int
-    failed: int = 0
-    at_work: tuple[Running, ...] = ()
-    seconds_left: float | None = None
-    slowest: Outcome | None = None
-
-    @property
-    def done(self) -> float:
-        """Number of cases done, fractions of running ones included."""
-        parts = sum(case.fraction for case in self.at_work)
-        return min(self.complete + self.failed + parts, self.total)
-
-    @property
-    def fraction(self) -> float:
-        """The part of all cases that is done."""
-        return self.done / self.total
-
-    @property
-    def words(self) -> str:
-        """A line on the whole run."""
-        slowest = self.slowest and f"slowest {self.slowest.index:04d} in {duration(self.slowest.seconds)}"
-        parts = (
-            f"{self.complete} of {self.total} complete",
-            f"{len(self.at_work)} running" if self.at_work else "",
-            f"{self.failed} failed" if self.failed else "",
-            f"{duration(self.seconds_left)} left" if self.seconds_left else "",
-            slowest or "",
-        )
-        return ", ".join(filter(None, parts))
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,16 @@ from the cases that are complete: shards that start at different times never cla
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from gfmdlayer.config import Config
-from gfmdlayer.config.sweeps import as_label, combinations
+from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.validation.sections import Section
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 Part = TypeVar("Part", bound=Section)
 
+EXAMINED = 2_000  # cases that are examined before a run, at most: about two seconds
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 
@@ -71,28 +74,66 @@ class Case:
     given: Config | None = None
 
 
-def cases(config: Config) -> list[Case]:
-    """Return the cases of a configuration, the last swept key fastest.
+class Cases(Sequence[Case]):
+    """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
-    end/200, so that their curves share a time axis.
+    end/200, so that their curves share a time axis. A case whose values are not possible raises ConfigError.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config, self._axes = config, axes(config.sweep)
+
+    def __len__(self) -> int:
+        return math.prod(len(axis.rows) for axis in self._axes)
+
+    @overload
+    def __getitem__(self, place: int) -> Case: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[Case]: ...
+    def __getitem__(self, place: int | slice) -> Case | list[Case]:
+        if isinstance(place, slice):
+            return [self[i] for i in range(*place.indices(len(self)))]
+        if not 0 <= place < len(self):
+            raise IndexError(place)
+        left, rows = place, []
+        for axis in reversed(self._axes):
+            left, i = divmod(left, len(axis.rows))
+            rows.append(axis.rows[i])
+        values = {key: value for row in reversed(rows) for key, value in row.items()}
+        case = self._config.with_values(values)
+        if self._config.sweep and case.time.step == "adaptive" and case.output.times is None:
+            case = case.with_values({"output.times": case.time.end / _ROWS})
+        return Case(place, case, values)
+
+    def examined(self) -> list[Case]:
+        """Return all cases, or of more than `EXAMINED` the first, the last and others drawn at random."""
+        if len(self) <= EXAMINED:
+            return self[:]
+        drawn = random.Random(0).sample(range(1, len(self) - 1), EXAMINED - 2)
+        return [self[place] for place in (0, *sorted(drawn), len(self) - 1)]
+
+
+def cases(config: Config) -> list[Case]:
+    """Return the cases of a configuration.
 
     Raises
     ------
     ConfigError
         Where a combination of values is not possible.
     """
-    found = []
-    for index, values in enumerate(combinations(config.sweep)):
-        case = config.with_values(values)
-        if config.sweep and case.time.step == "adaptive" and case.output.times is None:
-            case = case.with_values({"output.times": case.time.end / _ROWS})
-        found.append(Case(index, case, values))
-    return found
+    return Cases(config)[:]
 
 
 def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:
     """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files.
+
+    Of very many cases some are checked, and the others when they are run.
 
     Parameters
     ----------
@@ -101,7 +142,7 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
     ranks : Ranks, optional
         The processes that check it together.
     """
-    doubtful = [case.config for case in cases(config) if not case.config.plainly_possible]
+    doubtful = [case.config for case in Cases(config).examined() if not case.config.plainly_possible]
     if not doubtful:
         return ()
     from gfmdlayer import inputs
@@ -166,7 +207,7 @@ class Shard:
         work so far; in whole numbers, so that every host adds up the same.
         """
         work = [max(1, round(estimate(case.config).work)) for case in cases]
-        loads = [(0, number) for number in range(1, self.count + 1)]
+        loads = [(0, number) for number in range(1, min(self.count, len(cases)) + 1)]
         heapify(loads)
         own = []
         for place in sorted(range(len(cases)), key=lambda place: (-work[place], place)):

@@ -13,14 +13,12 @@ import os
 import socket
 import sys
 import threading
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import Any, NoReturn
 
@@ -30,9 +28,9 @@ from gfmdlayer.execution import interrupts, preflight
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 # Set by launchers that may not set a number.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
+MOST = 1 << 14  # processes, and threads of one
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
-WATCH_INTERVAL = 1.0  # seconds between two checks that the launcher's process is alive
 
 
 class LauncherError(Exception):
@@ -120,8 +118,8 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         Where fewer than one is asked for.
     """
     if asked is not None:
-        if asked < 1:
-            raise LauncherError(f"--threads {asked}: must be 1 or more")
+        if not 1 <= asked <= MOST:
+            raise LauncherError(f"--threads {asked}: must be from 1 to {MOST}")
         environment["OMP_NUM_THREADS"] = str(asked)
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
@@ -150,8 +148,8 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     LauncherError
         Where `jobs` is below 1 or asked for under MPI, or launcher and MPI library do not belong together.
     """
-    if jobs < 1:
-        raise LauncherError(f"--jobs {jobs}: must be 1 or more")
+    if not 1 <= jobs <= MOST:
+        raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
     size = launched_size(os.environ)
     comm = None if size in (None, 1) else world(size or 0)
     if comm is not None and comm.Get_size() > 1:
@@ -217,27 +215,12 @@ def _begin_worker() -> None:
     interrupts.listen_and_unblock()
     parent = parent_process()
     if parent is not None:
-        _end_after(parent.join)
-
-
-def _end_after(wait: Callable[[], None]) -> None:
-    """End this process when a call returns: no process of a killed run may go on writing into its folder."""
-
-    def watch() -> None:
-        wait()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _wait_for_launcher(launcher: int) -> None:
-    """Wait until the launcher's process on this host, which would end the ranks with it, has died."""
-    while os.getppid() == launcher:
-        time.sleep(WATCH_INTERVAL)
+        interrupts.end_after(parent.join)
 
 
 def world(size: int) -> Any:
     """Return the communicator of all ranks; a launcher started `size` of them, 0 where it does not tell."""
+    interrupts.end_with(os.getppid())  # before MPI starts, which does not notice that a launcher dies then
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -266,7 +249,6 @@ def guarded(comm: Any) -> Iterator[Callable[..., NoReturn]]:
         comm.Abort(1)  # the other ranks would wait for this one for ever
         raise AssertionError("unreachable")
 
-    _end_after(partial(_wait_for_launcher, os.getppid()))
     sys.excepthook = abort
     threading.excepthook = lambda args: abort(args.exc_type, args.exc_value, args.exc_traceback)
     try:

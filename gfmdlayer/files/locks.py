@@ -1,4 +1,4 @@
-"""Locks between processes, kept by the kernel: it releases a lock when its holder dies.
+"""Locks between processes, kept by the kernel: it releases a lock when its holder dies; ages of processes.
 
 On a file system without locks nothing is locked, and the user has to keep two runs apart.
 """
@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
+
+from gfmdlayer.files.shared_folders import no_link
 
 
 def try_lock(file: IO[str], shared: bool = False) -> bool | None:
@@ -40,7 +42,7 @@ def try_lock(file: IO[str], shared: bool = False) -> bool | None:
 def exclusive(path: Path) -> Iterator[None]:
     """Wait until no other process holds this lock file, hold it for the block, and remove it."""
     while True:
-        with path.open("a+") as file:
+        with open(path, "a+", opener=no_link) as file:
             with suppress(OSError):
                 fcntl.flock(file, fcntl.LOCK_EX)
             if _is_same_file(path, file):  # else the holder before has removed it
@@ -59,6 +61,21 @@ def open_for_writing(path: Path) -> bool:
     except OSError as error:
         return error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK)
     return False
+
+
+def born(process: int | None = None) -> str:
+    """Return when a process began, which tells it from a later one of the same number; empty if unknown.
+
+    Parameters
+    ----------
+    process : int, optional
+        Its number; by default this process.
+    """
+    with suppress(OSError, IndexError):  # not on every system
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        state = Path(f"/proc/{process or os.getpid()}/stat").read_bytes().rpartition(b")")[2].split()
+        return f"{boot} {state[19].decode()}"  # clock ticks from the start of the machine
+    return ""
 
 
 def _is_same_file(path: Path, file: IO[str]) -> bool:

@@ -12,6 +12,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
+from gfmdlayer.files.shared_folders import read_small, write_new
 from gfmdlayer.files.whole import unfinished
 
 _FORM = b"\ngfmdlayer seal %08x\n"
@@ -75,7 +76,7 @@ def write_sealed(path: Path, contents: bytes, replace: bool = True) -> None:
         See `gfmdlayer.files.whole.publish`.
     """
     with unfinished(path, replace=replace) as part:
-        part.write_bytes(contents + _FORM % zlib.crc32(contents))
+        write_new(part, contents + _FORM % zlib.crc32(contents))
 
 
 def read_sealed(path: Path) -> bytes | None:
@@ -86,7 +87,7 @@ def read_sealed(path: Path) -> bytes | None:
     OSError
         If the file cannot be read.
     """
-    written = path.read_bytes()
+    written = read_small(path)
     contents = written[:-_LENGTH]
     return contents if written == contents + _FORM % zlib.crc32(contents) else None
 

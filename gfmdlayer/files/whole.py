@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from gfmdlayer.files.shared_folders import write_new
+
 UNFINISHED = ".part"
 
 _UNFINISHED_NAME = re.compile(rf".+-\d+-[0-9a-f]{{8}}{re.escape(UNFINISHED)}(\.\w+)?")
@@ -125,7 +127,7 @@ def write_text(path: Path, text: str, durable: bool = True, replace: bool = True
         See `publish`.
     """
     with unfinished(path, durable=durable, replace=replace) as part:
-        part.write_text(text, encoding="utf-8")
+        write_new(part, text.encode())
 
 
 def _name_first(part: Path, path: Path) -> None:

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from gfmdlayer.execution.progress import PREPARATION, Display, make_display
-from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.status import Progress, Running
+from gfmdlayer.execution.schedule import Outcome, Progress
+from gfmdlayer.execution.status import Running
 
 DELAY = 1.0  # seconds of a run that pass in silence
 INTERVAL = 0.2  # seconds between two updates

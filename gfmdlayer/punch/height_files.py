@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.files.hdf5_inputs import open_group
 from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
 from gfmdlayer.grid.grid import Grid
 
@@ -185,15 +186,19 @@ def _labelled(file: Path, axes: int, dataset: str | None, rows: slice) -> Height
     hdf5 = bool(h5py.is_hdf5(file))
     options: dict[str, Any] = {"engine": "h5netcdf", "phony_dims": "sort"} if hdf5 else {"engine": "scipy"}
     try:
+        if hdf5:
+            with h5py.File(file, locking=False) as h5:
+                open_group(file, h5, group)
+            options["driver_kwds"] = {"locking": False}
         with xarray.open_dataset(file, group=group or None, decode_times=False, **options) as found:
             chosen = _chosen(file, found, axes, name)
             if set(chosen.dims) == {"x", "y"}:
                 chosen = chosen.transpose("x", "y")
             values = chosen[rows].to_numpy().astype(np.float64)
             coordinates = {str(dim): found[dim].to_numpy() for dim in chosen.dims if dim in found.coords}
-    except (OSError, TypeError, ValueError, KeyError) as error:
-        if isinstance(error, TableError):
-            raise
+    except TableError:
+        raise
+    except Exception as error:  # a damaged file can fail anywhere in its libraries, with any exception
         raise TableError(f"{file}: cannot be read as HDF5 or netCDF ({error})") from error
     if len(coordinates) < values.ndim:
         return Heights(values, None, chosen.shape)

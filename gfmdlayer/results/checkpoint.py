@@ -1,11 +1,12 @@
 """The checkpoint of an unfinished case: its state, a position in its journal, and its provenance.
 
 An uncompressed .npz, written whole (`files.whole`): under its name there is always one whole state, the last
-or the one before. Each array in it carries a checksum.
+or the one before. A digest over all of it shows whether it is the one that was written.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import unfinished
 
 _ABOUT = "about"
@@ -50,9 +52,11 @@ class Checkpoint:
         OSError
             If it cannot be written; the checkpoint before is then still there.
         """
-        about = json.dumps({"made_by": self.made_by, "names": sorted(self.state), **self.about})
-        with unfinished(path) as part, part.open("xb") as file:
-            np.savez(file, **{_ABOUT: np.array(about)}, **self.state)  # type: ignore[arg-type]
+        state = {name: np.asarray(values) for name, values in self.state.items()}
+        plain = {**self.about, "made_by": dict(self.made_by)}
+        about = json.dumps({**plain, "digest": _digest(plain, state)})
+        with unfinished(path) as part, open(part, "xb", opener=no_link) as file:
+            np.savez(file, **{_ABOUT: np.array(about)}, **state)  # type: ignore[arg-type]
 
 
 def read_about(path: Path) -> dict[str, Any] | None:
@@ -84,9 +88,8 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
         with np.load(path, allow_pickle=False) as file:
             state = dict(file)
         about = json.loads(str(state.pop(_ABOUT)))
-        others: dict[str, str] = about.pop("made_by")
-        if about.pop("names") != sorted(state):  # the zip archive's own list has no checksum
-            raise ValueError("arrays are missing")  # noqa: TRY301
+        digest = about.pop("digest", "")
+        others: dict[str, str] = dict(about["made_by"])
     except Exception as error:  # a damaged file can fail anywhere, with any exception
         raise CheckpointError(f"it cannot be read: {type(error).__name__}: {error}") from None
     changed = [
@@ -96,4 +99,16 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
     ]
     if changed:
         raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
+    if digest != _digest(about, state):
+        raise CheckpointError("it cannot be read: other arrays are in it than were written")
+    del about["made_by"]
     return Checkpoint(made_by, about, state)
+
+
+def _digest(about: Mapping[str, Any], state: Mapping[str, NDArray[Any]]) -> str:
+    """Return a hash of all that a checkpoint holds."""
+    found = hashlib.blake2b(json.dumps(about, sort_keys=True).encode(), digest_size=16)
+    for name, values in sorted(state.items()):
+        found.update(json.dumps([name, values.dtype.str, values.shape]).encode())
+        found.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+    return found.hexdigest()

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import Attribute, FloatArray
+from gfmdlayer.files.shared_folders import no_link
 
 HELD = 1 << 24  # bytes held in memory at most, before they are appended
 
@@ -127,7 +128,7 @@ class Journal:
         if position.size == 0:  # an empty journal has no file
             return
         try:
-            file = self._path.open("r+b")
+            file = open(self._path, "r+b", opener=no_link)  # noqa: SIM115 - it stays open
         except OSError as error:
             raise ValueError(f"{self._path.name}, which belongs to it, cannot be read ({error})") from None
         self._file = file

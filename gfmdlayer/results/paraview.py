@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from gfmdlayer.files.shared_folders import write_new
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.netcdf import naming
 from gfmdlayer.results.schema import FIELDS
@@ -47,7 +48,7 @@ def describe(h5: h5py.File, path: Path) -> Path:
     times = h5["snapshot"][()].tolist()
     written = path.with_suffix(".xdmf")
     with naming(written), unfinished(written) as part:
-        part.write_text(_xdmf(path.name, times, fields), encoding="utf-8")
+        write_new(part, _xdmf(path.name, times, fields).encode())
     return written
 
 

@@ -20,8 +20,8 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.observables import OBSERVABLES
-from gfmdlayer.results import journal
-from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_checkpoint
+from gfmdlayer.results import journal, provenance
+from gfmdlayer.results.checkpoint import Checkpoint, CheckpointError, read_about, read_checkpoint
 from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import attributes
 
@@ -178,6 +178,16 @@ def test_a_checkpoint_that_is_cut_off_or_changed_anywhere_is_refused_or_read_rig
     assert refused > len(content) / 7 / 2
 
 
+def test_a_checkpoint_with_other_arrays_than_were_written_is_refused(tmp_path: Path) -> None:
+    Checkpoint(MADE_BY, {}, STATE).write(tmp_path / "c")
+    with np.load(tmp_path / "c") as file:
+        forged = dict(file) | {"solver.age": np.arange(3) + 1}
+    with (tmp_path / "c").open("wb") as changed:
+        np.savez(changed, **forged)  # type: ignore[arg-type]
+    with pytest.raises(CheckpointError, match="cannot be read: other arrays are in it than were written"):
+        read_checkpoint(tmp_path / "c", MADE_BY)
+
+
 def run(folder: Folder, every: float = 0.0) -> str:
     return cases.run_case(CASE, folder, checkpoint_every=every).state
 
@@ -256,8 +266,8 @@ def test_another_version_is_told_and_the_case_begins_anew(
     stop_after(4)
     run(folder)
     stop_after(0)
-    made_by = checkpoints.made_by
-    monkeypatch.setattr(checkpoints, "made_by", lambda digest: made_by(digest) | {version: "other"})
+    made_by = provenance.made_by
+    monkeypatch.setattr(provenance, "made_by", lambda digest: made_by(digest) | {version: "other"})
     assert run(folder) == "complete"
     told = capsys.readouterr().err
     assert "case 0007 begins anew, its checkpoint is set aside: it would not give the same bits" in told
@@ -296,11 +306,11 @@ def test_plans_that_cannot_be_had_again_are_told_and_the_case_begins_anew(
     run(folder)
     stop_after(0)
     path = folder.case(7, "checkpoint")
-    with np.load(path) as file:
-        content = dict(file)
-    content["transforms.plans"] = np.asarray("(of another FFTW)")
-    with path.open("wb") as changed:
-        np.savez(changed, **content)  # type: ignore[arg-type]
+    about = read_about(path)
+    assert about is not None
+    kept = read_checkpoint(path, about["made_by"])
+    plans = {"transforms.plans": np.asarray("(of another FFTW)")}
+    Checkpoint(kept.made_by, kept.about, {**kept.state, **plans}).write(path)
     assert run(folder) == "complete"
     assert "same bits: FFTW plans the transforms in another way here" in capsys.readouterr().err
 

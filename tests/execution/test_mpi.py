@@ -208,7 +208,7 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
 COMPILING = """
 import os, sys, time
 from gfmdlayer.execution import case_run, run
-def compile_for_long(todo, threads=1):
+def compile_for_long(*_, **__):
     open("compiling", "w").close()
     time.sleep(600)
 def meanwhile():
@@ -221,14 +221,34 @@ sys.exit(main(["run", "tiny.yaml"]))
 """
 
 
+# MPI starts, which keeps the interpreter.
+STARTING = """
+import ctypes, glob, os, sys
+from gfmdlayer.execution import workers
+class Starting:
+    @property
+    def MPI(self):
+        open(f"started-{os.getpid()}", "w").close()
+        if len(glob.glob("started-*")) == 2:
+            open("compiling", "w").close()
+        ctypes.PyDLL(None).sleep(600)
+sys.modules["mpi4py"] = Starting()
+from gfmdlayer.cli import main
+sys.exit(main(["run", "tiny.yaml"]))
+"""
+
+
 @pytest.mark.parametrize("death", ["os.kill(os.getpid(), 9)", "os._exit(3)", "sys.exit(3)"])
 def test_a_rank_that_dies_while_rank_0_compiles_ends_the_job(death: str) -> None:
     process = over_ranks(2, "-c", COMPILING.format(death))
     assert process.returncode not in (0, 75)
 
 
-def test_ranks_end_when_the_launcher_dies_while_rank_0_compiles() -> None:
-    Path("compiling.py").write_text(COMPILING.format("time.sleep(600)"))
+@pytest.mark.parametrize(
+    "program", [COMPILING.format("time.sleep(600)"), STARTING], ids=["compiles", "starts"]
+)
+def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
+    Path("compiling.py").write_text(program)
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:

@@ -148,3 +148,44 @@ def test_check_estimates_the_time_left_from_finished_cases(
     run_here("tiny.yaml", shard=Shard(1, 2))
     assert "on one core for the 2 cases left" in checked()
     assert "cases left" not in checked("--set", "time.end=0.04")
+
+
+def test_memory_is_compared_with_the_limits_of_the_job(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    groups = tmp_path / "cgroup"
+    (groups / "job" / "step").mkdir(parents=True)
+    (groups / "memory" / "old").mkdir(parents=True)
+    (groups / "job" / "memory.max").write_text("3000000000\n")
+    (groups / "job" / "step" / "memory.max").write_text("max\n")
+    (groups / "memory" / "old" / "memory.limit_in_bytes").write_text("2000000000\n")
+    own = tmp_path / "own"
+    own.write_text("4:cpu,memory:/old\n1:name=systemd:/x\n0::/job/step\n")
+    assert list(preflight._of_control_groups(own, groups)) == [2e9, 3e9]
+    monkeypatch.setenv("SLURM_MEM_PER_CPU", "1000")
+    monkeypatch.setenv("SLURM_CPUS_ON_NODE", "4")
+    monkeypatch.setattr(preflight, "_of_control_groups", lambda: iter([5e9]))
+    monkeypatch.setattr(preflight.resource, "getrlimit", lambda _: (10**9, 10**9))
+    assert preflight.memory_limits()[1:] == [
+        (5e9, "the job's control group allows", True),
+        (4000 * 2**20, "Slurm (SLURM_MEM_PER_CPU) allows", True),
+        (1e9, "ulimit -v allows a process", False),
+        (1e9, "ulimit -d allows a process", False),
+    ]
+    (warning,) = preflight.memory_warnings(0.9e9, 6)
+    assert (
+        "by 6 processes, but the job's control group allows 5 GB: take fewer grid.points or --jobs" in warning
+    )
+    (warning,) = preflight.memory_warnings(1.1e9)
+    assert warning.endswith("ulimit -v allows a process 1 GB: take fewer grid.points")
+    assert preflight.memory_refusal(1.4e9) == []  # which may be half as much
+    assert preflight.memory_refusal(1.6e9) != []
+
+
+def test_memory_that_cannot_be_had_is_refused_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(preflight, "memory_limits", lambda: [(1e8, "this machine has", True)])
+    assert main(["run", "tiny.yaml"]) == 2
+    assert "of memory are needed, but this machine has 100 MB" in capsys.readouterr().err
+    assert not list(Path("results").rglob("*.h5"))

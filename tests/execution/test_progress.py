@@ -16,7 +16,7 @@ from gfmdlayer.execution import progress as reports
 from gfmdlayer.execution import status
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.progress import Reporter, Screen
-from gfmdlayer.execution.schedule import Outcome
+from gfmdlayer.execution.schedule import Outcome, Progress
 
 
 def told(folder: Folder, outcomes: list[Outcome], complete: int = 0) -> list[str]:
@@ -45,7 +45,7 @@ def test_a_run_that_found_everything_complete_sums_nothing_up(tmp_path: Path) ->
 def test_a_terminal_has_a_line_for_each_case_at_work_that_it_has_room_for() -> None:
     case = status.Running(7, "here", 1, 2.0, 8.0, 0.0, 10.0, "thickness = 0.1", 5, 4.0, 0.0)
     at_work = (case, *(replace(case, index=i, simulated_time=6.0) for i in range(8, 40)))
-    progress = status.Progress(40, 3, 1, at_work, 90.0, Outcome(2, "complete", seconds=30.0))
+    progress = Progress(40, 3, 1, at_work, 90.0, Outcome(2, "complete", seconds=30.0))
     console = Console(width=120, height=10, file=io.StringIO())
     screen = Screen(console)
     screen.advance(progress)

@@ -229,3 +229,9 @@ def test_a_file_system_without_locks_lets_every_run_in(
         assert not alone
         assert not also
     assert one.stop.name == "stop-1-of-2"
+
+
+def test_more_shards_than_cases_take_no_memory() -> None:
+    every = cases(load(Path("tiny.yaml")))
+    assert Shard(10**9, 10**9).share(every) == []
+    assert [len(Shard(number, 10**9).share(every)) for number in range(1, 8)] == [1] * 6 + [0]

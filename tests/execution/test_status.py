@@ -68,7 +68,8 @@ def test_few_files_are_opened_for_a_thousand_cases(make: Make, monkeypatch: pyte
     opened: list[str] = []
 
     def counting(file: Any, *rest: Any, **options: Any) -> Any:
-        opened.append(str(file))
+        if not str(file).startswith("/proc"):
+            opened.append(str(file))
         return io.open(file, *rest, **options)  # noqa: UP020 - the one that is not replaced
 
     monkeypatch.setattr(builtins, "open", counting)

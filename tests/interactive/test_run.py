@@ -419,7 +419,7 @@ def test_progress_grows_to_its_end(monkeypatch: pytest.MonkeyPatch, sweep: dict[
 
 
 def test_a_short_run_shows_nothing_and_a_long_one_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
-    from gfmdlayer.execution.status import Progress
+    from gfmdlayer.execution.schedule import Progress
     from gfmdlayer.interactive import progress
 
     made: list[_Spy] = []

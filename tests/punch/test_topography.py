@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -65,6 +66,37 @@ def test_arrays_text_hdf5_and_netcdf_hold_the_same(unit: float, tmp_path: Path) 
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15, err_msg=file.name)
 
 
+def linked(h5: h5py.File, other: Path) -> None:
+    h5["height"] = h5py.ExternalLink(other.name, "/height")
+
+
+def linked_group(h5: h5py.File, other: Path) -> None:
+    h5["scan"] = h5py.ExternalLink(other.name, "/")
+
+
+def stored(h5: h5py.File, other: Path) -> None:
+    h5.create_dataset("height", WAVES.shape, "f8", external=[(str(other), 0, WAVES.nbytes)])
+
+
+def virtual(h5: h5py.File, other: Path) -> None:
+    layout = h5py.VirtualLayout(WAVES.shape, "f8")
+    layout[...] = h5py.VirtualSource(other.name, "height", WAVES.shape)
+    h5.create_virtual_dataset("height", layout)
+
+
+@pytest.mark.parametrize("way", [linked, linked_group, stored, virtual])
+def test_heights_in_other_files_are_refused(way: Callable[[h5py.File, Path], None], tmp_path: Path) -> None:
+    """The digest of a case knows the contents of the files that its configuration names, and of no others."""
+    file = tmp_path / "h.h5"
+    with h5py.File(tmp_path / "other.h5", "w") as h5:
+        h5["height"] = WAVES
+    with h5py.File(file, "w") as h5:
+        way(h5, tmp_path / "other.h5")
+    named = {"dataset": "scan/height"} if way is linked_group else {}
+    with pytest.raises(TableError, match=r"(link to other\.h5|in another file); must be in the file itself"):
+        Topography(file=file, **named).heights(GRID)
+
+
 def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
     file = tmp_path / "h.h5"
     with h5py.File(file, "w") as h5:
@@ -75,7 +107,7 @@ def test_one_of_several_datasets_is_chosen_by_name(tmp_path: Path) -> None:
         Topography(file=file).heights(GRID)
     with pytest.raises(TableError, match="no dataset 'depth' there; known: height, phase"):
         Topography(file=file, dataset="depth").heights(GRID)
-    with pytest.raises(TableError, match="cannot be read as HDF5"):
+    with pytest.raises(TableError, match="h5: has no group 'scan 2'"):
         Topography(file=file, dataset="scan 2/height").heights(GRID)
     found = Topography(file=file, dataset="scan 1/height").heights(GRID)
     np.testing.assert_allclose(found, WAVES.max() - WAVES, atol=1e-15)

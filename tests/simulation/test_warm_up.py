@@ -10,6 +10,8 @@ import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
+from gfmdlayer.preparation import _in_small
+from gfmdlayer.simulation import simulate
 
 PROGRAM = """
 import sys
@@ -41,6 +43,7 @@ CASES = [
     SHORT | ADAPTIVE | {"output.histograms.gap": {"max": 0.1}},
     SHORT | {"trajectory.velocity": 0.2},
     SHORT | {"solver.method": "conjugate_gradient"},
+    SHORT | {"solver.method": "nested_gradient"},
     SHORT | {"solver.method": "fire"},
 ]
 for values in CASES:
@@ -54,9 +57,10 @@ for values in CASES:
     except ConvergenceError:
         pass
     else:
-        assert config.solver.method == "active_set"
+        assert config.contact_solver.method in {"active_set", "nested_gradient"}
     late = {name for name, count in compiled().items() if count != before.get(name, 0)}
-    if config.solver.method == "active_set":  # its last resort is compiled when it is needed, by one process
+    # The last resort of the active set is compiled when it is needed, by one process.
+    if config.contact_solver.method in {"active_set", "nested_gradient"}:
         late = {name for name in late if not name.startswith(RARE)}
     assert not late, (values, late)
 """
@@ -64,6 +68,33 @@ for values in CASES:
 
 def test_nothing_is_left_to_compile(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], check=True)
+
+
+class Rows:
+    def __init__(self) -> None:
+        self.count = 0
+
+    def row(self, **_: object) -> None:
+        self.count += 1
+
+    def note(self, **_: object) -> None: ...
+
+    def snapshot(self, *_: object) -> None: ...
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"time": {"end": 1.0, "step": "adaptive", "tolerance": 1e-13}},
+        {"time": {"end": 1e6, "step": 1e-6}},
+        {"layer.thickness": 50e-6, "trajectory": {"control": "load", "load": 0.01}},
+    ],
+    ids=str,
+)
+def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> None:
+    rows = Rows()
+    simulate(_in_small(Config(name="warm").with_values(values)), rows)
+    assert 3 <= rows.count < 200
 
 
 @pytest.mark.parametrize(

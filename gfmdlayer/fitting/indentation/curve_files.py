@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.files.hdf5_inputs import refuse_other_files
 from gfmdlayer.files.tables import TableError, is_number, read_lines
 from gfmdlayer.fitting.indentation.curve import ForceCurve
 from gfmdlayer.fitting.indentation.units import COLUMNS, Sizes, allowed, parse_heading, size_of
@@ -221,6 +223,7 @@ def _hdf5_columns(entry: Entry) -> tuple[dict[str, FloatArray], dict[str, str]]:
     with _hdf5(entry.path) as file:
         row = int(entry.key) if "force" in file and entry.key else None
         place = file if "force" in file else file[entry.key]
+        refuse_other_files(entry.path, place)
         columns, units = {}, {}
         for column in COLUMNS:
             if column not in place:
@@ -239,12 +242,17 @@ def _hdf5_columns(entry: Entry) -> tuple[dict[str, FloatArray], dict[str, str]]:
     return columns, units
 
 
-def _hdf5(path: Path) -> Any:
+@contextmanager
+def _hdf5(path: Path) -> Iterator[Any]:
     import h5py
 
     try:
-        return h5py.File(path, locking="best-effort")
-    except OSError as error:
+        with h5py.File(path, locking=False) as file:
+            refuse_other_files(path, file)
+            yield file
+    except TableError:
+        raise
+    except Exception as error:  # a damaged file can fail anywhere in HDF5, with any exception
         raise TableError(f"{path}: cannot be read as HDF5 ({error})") from None
 
 

@@ -1,0 +1,114 @@
+"""Requests to stop that come before the first step: while a configuration is read, kernels are compiled."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gfmdlayer.cli import main
+from gfmdlayer.config import Config
+from gfmdlayer.execution import interrupts
+from gfmdlayer.execution import run as running
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.interrupts import AGAIN, STOP_SIGNALS, at_once
+from gfmdlayer.execution.schedule import Outcome, Schedule
+from gfmdlayer.execution.workers import processes
+
+PATIENCE = 60.0  # seconds in which a test that fails ends
+
+
+@pytest.fixture(autouse=True)
+def restored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(interrupts._Flag, "raised", False)
+    handlers = {signum: signal.getsignal(signum) for signum in (*STOP_SIGNALS, signal.SIGALRM)}
+    interrupts.listen()
+    yield
+    for signum, handler in handlers.items():
+        signal.signal(signum, handler)
+
+
+def wait() -> None:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        time.sleep(0.01)
+
+
+class Struck:
+    """Its destructor gets the signal, and Python drops the exception."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("signum", STOP_SIGNALS)
+@pytest.mark.parametrize("dropped", [False, True])
+def test_a_signal_ends_the_block_at_once(signum: signal.Signals, dropped: bool) -> None:
+    begun = time.monotonic()
+    before = [signal.getsignal(each) for each in STOP_SIGNALS]
+    strike = Struck if dropped else partial(signal.raise_signal, signum)
+
+    def work() -> None:
+        strike()
+        wait()
+
+    with pytest.raises(KeyboardInterrupt), at_once():
+        work()
+    assert time.monotonic() - begun < AGAIN + PATIENCE / 2
+    assert interrupts.stop_requested()
+    assert [signal.getsignal(each) for each in STOP_SIGNALS] == before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    with pytest.raises(KeyboardInterrupt), at_once():
+        raise AssertionError("an earlier request ends the block before it begins")
+
+
+@pytest.mark.parametrize("swallowed", [False, True])
+def test_a_run_that_is_stopped_while_compiling_begins_no_case(
+    swallowed: bool, monkeypatch: pytest.MonkeyPatch, run_here: Callable[..., Any]
+) -> None:
+    def compile_long(*_: object, **__: object) -> Any:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            if not swallowed:  # as a compiler may
+                raise
+        return {}, ["the cases compile their kernels themselves"]
+
+    monkeypatch.setattr(running, "warm_up", compile_long)
+    config = Config(name="early", sweep={"layer.thickness": [0.1, 0.2]})
+    summary, log = run_here(config)
+    assert summary.count("stopped") == 2
+    assert "kernels themselves" not in log
+    assert sorted(path.name for path in Path("out/cases").iterdir()) == [".lock"]
+
+
+def test_no_workers_are_started_after_a_request_to_stop() -> None:
+    folder = Folder(Path("out"))
+    folder.cases.mkdir(parents=True)
+    interrupts.request_stop()
+    with processes(2) as pool:
+        schedule = Schedule(pool, lambda _: Outcome(0, "complete"), folder, lambda _: None)
+        states = [outcome.state for outcome in schedule.run([Outcome(0, "waiting"), Outcome(1, "waiting")])]
+        assert pool.executor._pool._processes == {}  # type: ignore[attr-defined]
+    assert states == ["stopped", "stopped"]
+
+
+def test_a_signal_while_the_configuration_is_read_ends_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def read(*_: object) -> Config:
+        signal.raise_signal(signal.SIGTERM)
+        wait()
+        raise AssertionError("not reached")
+
+    monkeypatch.setattr("gfmdlayer.cli.run.read_config", read)
+    assert main(["run", "a.yaml"]) == 75
+    assert capsys.readouterr().out == "stopped before the first case\n"
+    assert not Path("results").exists()
