@@ -33,13 +33,14 @@ NAMES = (
     "whole_run",
     "overhead",
     "ranks",
+    "slabs",
     "peer",
     "rough",
     "ablation",
     "indentation",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "peer", "rough", "ablation")  # left out by --quick, unless named by --only
+OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation")  # left out by --quick, unless named by --only
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
