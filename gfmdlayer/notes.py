@@ -140,16 +140,17 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
         ("layer",): 0.0 in thicknesses,
         ("grid",): config.grid.axisymmetric,
     }
+    follows = {("time", "end")} if config.trajectory.duration is not None else set()
     for at, section in sections_in(config):
         if unused.get(at[:1]):
             continue
         for key in type(section).model_fields:
             value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0
-            if value in {0.0, math.inf}:
+            if value in {0.0, math.inf} or (*at, key) in follows:
                 continue
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
-            elif abs(math.log(value / _paper(section, key))) > math.log(_FACTOR):
+            elif abs(math.log(abs(value / _paper(section, key)))) > math.log(_FACTOR):
                 foreign.append(dotted((*at, key)))
     return left, foreign
 

@@ -37,9 +37,10 @@ NAMES = (
     "rough",
     "ablation",
     "indentation",
+    "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "peer", "rough", "ablation")  # left out by --quick, unless named by --only
+OPTIONAL = ("ranks", "peer", "rough", "ablation", "adhesion")  # left out by --quick, unless named by --only
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -109,28 +109,29 @@ class LossStiffnessSolver:
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray
     ) -> tuple[Solution, BoolArray]:
-        transforms, iterations = so_far.transforms, so_far.iterations
+        state = so_far
         for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
             part = replace(
                 problem,
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
             )
-            pivoting = Pivoting(part, self._transforms, self._tolerance)
-            found = pivoting.solve(contact)
-            contact = found[0].contact
-            transforms, iterations = transforms + pivoting.transforms, iterations + pivoting.rounds
-            for u, spectrum, pressure, _ in found:
-                state = make_solution(
-                    problem,
-                    u,
-                    pressure,
-                    spectrum,
-                    spent=(transforms, iterations),
-                    within=self._tolerance,
-                )
-                if state.converged:
-                    break
+            state, contact = self._attempt(problem, part, state, contact)
             if share == 1 and state.converged:
+                return state, contact
+        return self._attempt(problem, problem, state, None)
+
+    def _attempt(
+        self, problem: Problem, part: Problem, so_far: Solution, contact: BoolArray | None
+    ) -> tuple[Solution, BoolArray]:
+        """State of a problem with a part of the loss, from a contact, or followed from first touch."""
+        pivoting = Pivoting(part, self._transforms, self._tolerance)
+        if contact is None:
+            contact = pivoting.pressed_in() if pivoting.follows else so_far.pressure > 0
+        found = pivoting.solve(contact)
+        spent = so_far.transforms + pivoting.transforms, so_far.iterations + pivoting.rounds
+        for u, spectrum, pressure, contact in found:  # noqa: B007
+            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=self._tolerance)
+            if state.converged:
                 break
         return state, contact
 

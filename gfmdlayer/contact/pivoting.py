@@ -8,7 +8,10 @@ overlap. If that does not make them fewer for a while, only one of them does, wh
 definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
 
 Where GMRES fails, as under a stiff film on a soft base, and the contact is small, the equations are solved
-by elimination. Without contact there is nothing to solve.
+by elimination. Without contact there is nothing to solve. Where guesses do not end, the contact of a small
+grid is followed from first touch while the punch is pressed in, one point after the other (C. E. Lemke,
+Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter). This ends, as C is positive
+definite.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ _MOST_ROUNDS, _PATIENCE = 200, 8
 _LINEAR = 1e-5  # of the tolerance: how well the linear equations are solved
 _KRYLOV, _RESTARTS = 60, 10
 _DENSE = 1500  # points in contact up to which elimination takes less than some tenths of a second
+_MOST_FOLLOWED = 512  # points of a grid whose contact is followed from first touch
 _ROUNDING = 1e-15  # of the deepest point: gaps below it are rounding
 
 
@@ -93,12 +97,53 @@ class Pivoting:
         solved = -gap.min() <= _LINEAR * self._tolerance * deepest
         return recomputed, self._pair(gap, pressure, contact) if solved else recomputed
 
+    @property
+    def follows(self) -> bool:
+        """Whether the grid is small enough for `pressed_in`."""
+        return self._free_gap.size <= _MOST_FOLLOWED
+
+    def pressed_in(self) -> BoolArray:
+        """Contact set at the given depth or load, followed from first touch.
+
+        With the punch lowered by z its pressure is linear in z until a point joins or leaves.
+        """
+        load, size = self._problem.mean_pressure, self._free_gap.size
+        self._influence = self._field(self._compliance.copy())
+        lowered, last = float(self._free_gap.min()), int(self._free_gap.argmin())
+        contact = np.arange(size) == last
+        for _ in range(20 * size):
+            self.rounds += 1
+            fixed, rate = np.zeros(size), np.zeros(size)
+            fixed[contact] = self._eliminated(contact, -self._free_gap[contact])
+            rate[contact] = self._eliminated(contact, np.ones(int(contact.sum())))
+            gap, opening = self._free_gap + self._response(fixed), self._response(rate) - 1.0
+            end, rise = 0.0, float(rate.sum())
+            if load is not None:
+                end = (load * size - float(fixed.sum())) / rise if rise > 0 else np.inf
+            # Where a pressure or a gap vanishes; of the point that has changed sides both still do.
+            zero, slope = np.where(contact, fixed, gap), np.where(contact, rate, opening)
+            falls = slope < 0
+            falls[last] = False
+            at = np.full(size, np.inf)
+            at[falls] = np.maximum(-zero[falls] / slope[falls], lowered)
+            last = int(at.argmin())
+            if at[last] >= end:
+                break
+            lowered, contact = float(at[last]), contact ^ (np.arange(size) == last)
+            if not contact.any():
+                break
+        return np.asarray(contact)
+
     def _balanced(self, contact: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Pressure on a contact set, and the gap everywhere."""
         load, rise = self._problem.mean_pressure, 0.0
         if not contact.any():
             rise = 0.0 if load is None else float(self._free_gap.min())
             return np.zeros(contact.size), self._free_gap - rise
+        if load is not None and contact.all():  # a shift of the punch alone takes no pressure
+            pressure = load + self._field(self._stiffness * self._plans.forward(-self._free_gap))
+            gap = self._free_gap + self._response(pressure)
+            return pressure, gap - float(gap.mean())
         pressure = self._closing(contact, -self._free_gap[contact])
         if load is not None:
             lifted = self._closing(contact, np.ones(int(contact.sum())))
@@ -143,7 +188,10 @@ class Pivoting:
         matrix = self._influence.reshape(shape)[tuple(apart)]
         # Far below what the tolerance shows, and enough for a matrix that is singular to rounding.
         matrix[np.diag_indices(gap.size)] *= 1.0 + 1e-13
-        return np.linalg.solve(matrix, gap)
+        try:
+            return np.linalg.solve(matrix, gap)
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(matrix, gap, rcond=None)[0])
 
     def _response(self, pressure: FloatArray) -> FloatArray:
         return self._field(self._compliance * self._plans.forward(pressure))

@@ -297,15 +297,16 @@ def _checked_iterate(  # type: ignore[no-untyped-def]
 
 def _compiled_anew(**replaced: object) -> Patches:
     """The active set's loops, on the surface and in windows, with other functions or constants."""
-    iterate = _with_globals(loop.iterate, replaced)
+    iterate = with_globals(loop.iterate, replaced)
     return [(solver, "iterate", iterate), *_in_windows(iterate)]
 
 
 def _in_windows(iterate: object) -> Patches:
-    return [(windows, "solve", _with_globals(window.solve, {"iterate": iterate}))]
+    return [(windows, "solve", with_globals(window.solve, {"iterate": iterate}))]
 
 
-def _with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
+def with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
+    """Compile a kernel anew with other functions or constants."""
     function = kernel.py_func
     if unknown := replaced.keys() - function.__globals__.keys():
         raise NameError(f"{function.__name__} uses no {', '.join(sorted(unknown))}")

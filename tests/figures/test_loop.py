@@ -10,6 +10,7 @@ import pytest
 
 import gfmdlayer
 from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.loop_plot import loop_figure
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plots import plot_results
@@ -39,6 +40,10 @@ def texts(figure: Any) -> str:
     return " ".join([*found, *(entry.get_text() for legend in figure.legends for entry in legend.texts)])
 
 
+def shown(value: float) -> str:
+    return f"= {value_labels([float(f'{value:.3g}')])[0]}"
+
+
 def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) -> None:
     sweep = open_results(results).sel(work=2e-3)
     figure = loop_figure(results, sweep)
@@ -47,7 +52,7 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
         case = open_case(results / "cases" / f"{number:04d}.h5")
         np.testing.assert_array_equal(curve.get_xdata(), case.depth)
         np.testing.assert_array_equal(curve.get_ydata(), case.force)
-        assert f"{case.attrs['work_of_separation']:.3g}"[:4] in texts(figure)
+        assert shown(case.attrs["work_of_separation"]) in texts(figure)
 
 
 def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
@@ -56,9 +61,9 @@ def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
     area = np.trapezoid(case.mean_stress, case.depth)
     # The column is integrated by parabolas: the trapezoids of some thirty steps are within per cents of it.
     done = float(case.work[-1] - case.work[0])
-    assert area == pytest.approx(done, abs=0.05 * float(np.ptp(case.work)))
-    assert f"{area:.3g}"[:4] in written
-    assert f"{case.attrs['work_of_separation']:.3g}"[:4] in written
+    assert area == pytest.approx(done, abs=0.05 * float(np.ptp(case.work.to_numpy())))
+    assert shown(area) in written
+    assert shown(case.attrs["work_of_separation"]) in written
 
 
 def test_numbers_of_cases_are_drawn_against_swept_keys_and_as_maps(results: Path) -> None:

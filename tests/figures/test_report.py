@@ -261,6 +261,7 @@ def visit(browser: Any) -> Iterator[Callable[..., Any]]:
     def visit(path: Path, width: int = 1280, scheme: str = "light") -> Any:
         opened.append(browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme))
         page = opened[-1].new_page()
+        page.set_default_timeout(300_000)  # a machine under load is slow to draw
         page.on(
             "console", lambda each: wrong.append(each.text) if each.type in ("error", "warning") else None
         )
@@ -379,3 +380,16 @@ def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_b
         if not unreached:
             break
     assert unreached == set()
+
+
+def test_a_folder_without_a_complete_case_has_a_page_of_its_cases(
+    run: Callable[[str], Path], tmp_path: Path, visit: Callable[..., Any]
+) -> None:
+    folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
+    for number in (0, 2):
+        case_path(folder, number).unlink()
+    assert main(["report", str(folder)]) == 0
+    page = visit(folder / "report.html")
+    assert "2 failed, 2 waiting" in page.text_content("#summary")
+    assert page.locator("#table tbody tr").count() == 4
+    assert page.text_content("#curves p") == page.text_content("#surface p") == "No case is complete."

@@ -86,3 +86,25 @@ def test_a_case_takes_an_interface_law_and_its_energy_balances(control: str) -> 
     # In the hold the balance changes by the truncation error of the history, (dt/tau)^2/12 of the heat.
     change = [row["energy_residual"] - after[0]["energy_residual"] for row in after]
     assert np.abs(change).max() < 0.02**2 / 12 * after[-1]["dissipated"] + 1e-9 * abs(after[-1]["work"])
+
+
+def test_an_adhesive_cylinder_rolls_and_its_energy_balances() -> None:
+    config = Config(name="rolling").with_values(
+        {
+            "grid.points": 256,
+            "layer": {"thickness": 0.1, "material": {"model": "zener", "G0": 1.0, "Ginf": 3.0, "tau": 1.0}},
+            "halfspace.shear_modulus": 1.0,
+            "trajectory": {"control": "depth", "depth": 0.004, "ramp_time": 0.5, "velocity": 0.05},
+            "time": {"end": 1.5, "step": 0.05},
+        }
+    )
+    adhesive, hard = Rows(), Rows()
+    simulate(config.with_values({"interface": {"law": "exponential", "work": 1e-3, "range": 4e-3}}), adhesive)
+    simulate(config, hard)
+    last = adhesive[-1]
+    # The edge behind opens against the attraction of a stiffened body: the punch is held back by more.
+    assert last["tangential_force"] > 2 * hard[-1]["tangential_force"] > 0
+    # The balance misses the truncation error of the history, (dt/tau)^2/12 of the heat, and the work of the
+    # residual, 1e-6 of the strength over the way of a point in each of 30 steps, at most the range.
+    change = last["energy_residual"] - adhesive[10]["energy_residual"]
+    assert abs(change) < 0.05**2 / 12 * last["dissipated"] + 30 * 1e-6 * 1e-3

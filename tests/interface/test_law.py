@@ -80,6 +80,14 @@ def test_the_work_is_the_integral_of_the_traction_and_the_strength_its_maximum(n
     assert law.range * law.strength == pytest.approx(WORK, rel=1e-12)
 
 
+def test_the_compiled_exponential_is_the_one_of_numpy() -> None:
+    # Seven squarings double the rounding of a power series each: 2^7 times 2e-16 at most.
+    gap = np.linspace(0, 63.9 * RANGE, 20_001)
+    expected = WORK / RANGE * np.exp(-gap / RANGE)
+    np.testing.assert_allclose(EXAMPLES["exponential"].traction(gap), expected, rtol=5e-14)
+    assert EXAMPLES["exponential"].traction([64 * RANGE, 1.0, math.inf]).tolist() == [0, 0, 0]
+
+
 def test_dugdales_traction_tends_to_a_step_as_its_end_narrows() -> None:
     law = Dugdale(work=WORK, stress=0.25, smoothing=0.01)
     np.testing.assert_array_equal(law.traction([0.0, 0.994 * RANGE, 1.006 * RANGE]), [0.25, 0.25, 0.0])

@@ -4,11 +4,11 @@ The margin of a state is the least of
 
     x.(K + w'')x / x.(K + kappa_1/2)x
 
-over all displacements x of the free points. Without attraction it is 1 or more; where a branch ends it
-falls to zero as the square root of the distance to that point. A state in balance may be no minimum: an
-even film stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by
-itself, by preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517),
-and kept from step to step, so that one turn of two FFT pairs follows it.
+over all displacements x of the free points. Without attraction it is 1 or more; where a branch ends it falls
+to zero as the square root of the distance to that point. A state in balance may be no minimum: an even film
+stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by itself, by
+preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517), and kept from
+step to step, so that one turn of two FFT pairs follows it.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def leave(
     pairs : int
         FFT pairs.
     """
-    n, strongest = x.size, 0.0
+    n, strongest = x.size, 1e-300
     for i in range(n):
         strongest = max(strongest, abs(at.curvature[i] * x[i]))
     far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at), 0

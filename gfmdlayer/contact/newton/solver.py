@@ -4,11 +4,11 @@ The energy E(u) = elastic energy + sum of w(h - u) is to be least over u <= h. W
 minima. The surface is in the one to which the state before leads:
 
 branch
-    A step begins with the last gap, at the new punch, history and load. Traction r_0 holds it there; the
-    mean of u differs by m_0 from that prescribed. Both are taken away, (1 - s) r_0 and (1 - s) m_0 with s
-    from 0 to 1: of an elastic body this is the motion of the punch. Newton steps in which the traction
-    differs little from its tangent follow the minimum (Davidenko's path), in most steps all the way at
-    once. Points at the wall stay there.
+    A step begins with the last gap, at the new punch, history and load. Traction r_0 holds it there; the mean
+    of u differs by m_0 from that prescribed. Both are taken away, (1 - s) r_0 and (1 - s) m_0 with s from 0
+    to 1: of an elastic body this is the motion of the punch. Newton steps in which the traction differs
+    little from its tangent follow the minimum (Davidenko's path), in most steps all the way at once. Points
+    at the wall stay there.
 descent
     Where the energy is not convex along the free points, or that path comes to a standstill, a branch ends.
     The punch stops (s is kept) and the surface descends overdamped, each point at a speed in proportion to
@@ -145,6 +145,15 @@ class Newton:
             drop=progress.drop - change,
             damping=-2 * curvature,
         ), change == 0.0
+
+    def compile(self) -> None:
+        """Compile the kernel that only a balance that is no minimum comes to."""
+        fields, size = self._fields, self._mode.size
+        stiffness = np.ones(fields.spectrum.size)
+        system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
+        for array in (*fields.at, *fields.to, *fields.step[:-2]):
+            array[:] = 0.0
+        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, np.zeros(size))
 
     def state(self) -> State:
         """Return the softest deformation."""

@@ -17,7 +17,6 @@ from gfmdlayer.figures.report.about import SOFTWARE, notes, provenance, warnings
 from gfmdlayer.figures.report.cases import Contents, Described, Listed, Reader, Surfaces
 from gfmdlayer.figures.report.marks import html, packed, plain
 from gfmdlayer.figures.selection import default_columns, value_titles
-from gfmdlayer.results.case_metadata import OF_ONE_CASE
 from gfmdlayer.results.schema import FIELDS
 from gfmdlayer.results.sweep_file import described_key, lay_out
 
@@ -26,7 +25,10 @@ if TYPE_CHECKING:
 
 SCALES = ("L", "G0", "tau")
 # Attributes that have a place of their own on the page.
-PLACED = OF_ONE_CASE | {*SOFTWARE, *SCALES, "name", "warnings", "settled"}
+PLACED = {
+    *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *(*SOFTWARE, *SCALES, "name", "warnings", "settled"),
+}
 
 
 class Drawn(NamedTuple):
@@ -221,8 +223,8 @@ def _shown_first(columns: Mapping[str, Drawn], complete: Sequence[Contents], swe
     held = xarray.Dataset(dict.fromkeys(names, ((), np.nan)), attrs=about)
     own = {name: each for name, each in swept.coordinates.items() if name == "control"}
     chosen = default_columns(held.assign_coords(own))
-    first, second = ([*chosen, *names] * 2)[:2]
-    return [first, "friction" if "friction" in chosen else second]
+    first = [*chosen, *names][:1]
+    return first + (["friction"] if "friction" in chosen else [*chosen[1:], *names, *first][:1])
 
 
 def _case(

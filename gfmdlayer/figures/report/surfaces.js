@@ -99,7 +99,7 @@ function drawMaps(one) {
       hoverongaps: false, hovertemplate: "%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
       colorbar: { title: { text: DATA.fields[name], side: NARROW.matches ? "top" : "right" }, thickness: 14, outlinewidth: 0, exponentformat: "power", nticks: 6 },
     }], {
-      xaxis: axis(DATA.fields.x, { range: whole ? undefined : seen.x, constrain: "domain", showgrid: false, zeroline: false }),
+      xaxis: axis(DATA.fields.x, { range: whole ? undefined : seen.x, constrain: "domain", constraintoward: "right", showgrid: false, zeroline: false }),
       yaxis: axis(DATA.fields.y, { range: whole ? undefined : seen.y, scaleanchor: "x", constrain: "domain", showgrid: false, zeroline: false }),
       plot_bgcolor: "#000000", uirevision: `${one.number},${whole}`,
       shapes: [{ type: "line", xref: "x domain", x0: 0, x1: 1, y0: cut, y1: cut, line: { color: "#8a8f98", width: 1.5, dash: "dash" } }],

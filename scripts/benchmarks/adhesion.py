@@ -1,0 +1,245 @@
+"""Adhesive contact: FFT pairs a step of Newton's method and of FIRE, time beside bare pairs, and ablations.
+
+A parabola on a line, a sphere and a rough surface on an elastic halfspace are pressed in and pulled off in
+equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1. Two numbers tell cases apart: the
+stiffness of the interface over that of the body, work/(range^2 kappa_1), and the points in the length of the
+cohesive zone, (pi/4) E* range^2/work.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numba as nb
+import numpy as np
+from benchmarks.ablation import with_globals
+from benchmarks.common import bare_pairs
+from benchmarks.tables import Cell, Effort, Table
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.contact.fire import Fire
+from gfmdlayer.contact.newton import loop, solver
+from gfmdlayer.contact.newton.passes import begin
+from gfmdlayer.contact.newton.solver import Newton
+from gfmdlayer.contact.problem import Problem, Solution, Solver
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.interface.adhesion import Exponential
+from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.punch.self_affine import SelfAffine
+
+EFFORT = Effort(points=(1 << 10, 1 << 12, 1 << 14, 1 << 16), steps=60, repetitions=3)
+QUICK = Effort(points=(1 << 10,), steps=30, repetitions=1)
+
+_WORK, _HALF_E_STAR, _CURVATURE = 1e-3, 2.0, 2.0
+_RANGES = {1 << 10: (4e-3, 2e-3, 1e-3), 1 << 12: (1e-3,), 1 << 14: (5e-4,), 1 << 16: (2.5e-4,)}
+_SIDES = (256, 512, 1024)
+_RESIDUAL = 1e-6
+
+
+class _Course(NamedTuple):
+    """A contact, and the depths that it goes through."""
+
+    name: str
+    grid: Grid
+    height: FloatArray
+    law: InterfaceLaw
+    depths: FloatArray
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield the contact problems."""
+        kappa = _HALF_E_STAR * np.ravel(self.grid.wavenumbers)
+        nothing = np.zeros(kappa.size, dtype=np.complex128)
+        for depth in self.depths:
+            yield Problem(kappa, nothing, self.height - depth, interface=self.law)
+
+
+class _Outcome(NamedTuple):
+    pairs: list[int]
+    jumps: list[bool]
+    seconds: float
+
+
+def measure(effort: Effort) -> list[Table]:
+    """Follow each course by both solvers; then take the ingredients out of Newton's method."""
+    courses = [_line(n, reach, effort.steps) for n in effort.points for reach in _RANGES.get(n, (1e-3,))]
+    large = max(effort.points) >= 1 << 14
+    courses += [_sphere(side, effort.steps // 3) for side in (_SIDES if large else (64,))]
+    courses += [_rough(side, effort.steps // 3) for side in (_SIDES[:1] if large else (64,))]
+    rows = [_row(course, effort.repetitions) for course in courses]
+    note = (
+        "Jumps are steps in which energy was released, the first, from rest, left out. Targets of Newton's "
+        "method on lines (points in the zone): 34 to 45 pairs at 1024 (51 to 3), 58 at 4096 (13), 119 to 242 "
+        "at 16384 (13); spheres 36 to 43; rough surfaces 47."
+    )
+    title = (
+        f"Adhesive contact on a halfspace, {effort.steps} depths or a third of them, residual {_RESIDUAL:g}"
+    )
+    return [
+        Table("adhesion", title, rows, note),
+        _ablations([course for course in courses if course.grid.size <= 1 << 12]),
+    ]
+
+
+def _line(n: int, reach: float, steps: int) -> _Course:
+    grid = Grid((n,), (1.0,))
+    return _Course(
+        f"line {n}", grid, _CURVATURE * grid.coordinates[0] ** 2, _law(reach), _depths(4e-3, -8e-3, steps)
+    )
+
+
+def _sphere(side: int, steps: int) -> _Course:
+    grid, reach = Grid((side, side), (1.0, 1.0)), 0.5 * math.sqrt(256 / side) * 5e-3
+    x, y = grid.coordinates
+    height = np.ravel(_CURVATURE * (x[:, np.newaxis] ** 2 + y**2))
+    return _Course(f"sphere {side}²", grid, height, _law(reach), _depths(8e-3, -4e-3, steps))
+
+
+def _rough(side: int, steps: int) -> _Course:
+    grid = Grid((side, side), (1.0, 1.0))
+    shape = SelfAffine(hurst=0.8, roll_off=0.25, short_cutoff=16 / side, rms_slope=0.1, seed=1)
+    height = np.ravel(shape.heights(grid))
+    top = float(height.mean())
+    return _Course(f"rough {side}²", grid, height, _law(2.5e-3), _depths(0.6 * top, 0.2 * top, steps))
+
+
+def _law(reach: float) -> InterfaceLaw:
+    return Exponential(work=_WORK, range=reach).interaction()
+
+
+def _depths(deepest: float, last: float, steps: int) -> FloatArray:
+    approach = np.linspace(0.0, deepest, steps // 3)
+    return np.concatenate([approach, np.linspace(deepest, last, steps - approach.size + 1)[1:]])
+
+
+def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
+    transforms = Transforms(course.grid.shape)
+    newton = Newton(transforms, _RESIDUAL)
+    found = _follow(newton, course)
+    fire = _follow(Fire(transforms, _RESIDUAL, starts_from="gap"), course)
+    taken = min(found.seconds, *(_follow(newton, course).seconds for _ in range(repetitions)))
+    smooth = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if not jumps]
+    rough = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if jumps]
+    law = course.law
+    return {
+        "contact": course.name,
+        "stiffness ratio": law.strength / law.range / (2 * math.pi * _HALF_E_STAR),
+        "points in the zone": math.pi * _HALF_E_STAR / 2 * law.range / law.strength * course.grid.shape[0],
+        "pairs a step": float(np.mean(smooth)),
+        "most": max(smooth),
+        "jumps": len(rough),
+        "pairs of a jump": float(np.mean(rough)) if rough else None,
+        "FIRE: pairs a step": float(np.mean(fire.pairs[1:])),
+        "CPU time / bare pairs": taken / (sum(found.pairs) * _bare(transforms)),
+    }
+
+
+def _follow(method: Solver, course: _Course) -> _Outcome:
+    """Follow a course; the first step, from rest, is left out of the counts."""
+    start, seconds = np.full(course.grid.size, np.inf), 0.0
+    pairs: list[int] = []
+    jumps: list[bool] = []
+    for problem in course.problems():
+        begun = time.process_time()
+        found = method.solve(problem, start)
+        seconds += time.process_time() - begun if pairs else 0.0  # without compilation
+        if not found.converged:
+            raise RuntimeError(f"{course.name}: a residual of {found.residual:g}")
+        pairs.append(found.transforms)
+        jumps.append(found.released_energy > 0)
+        start = found.gap
+    return _Outcome(pairs[1:], jumps[1:], seconds)
+
+
+def _bare(transforms: Transforms) -> float:
+    """CPU time of a bare pair."""
+    count = max(3, 3_000_000 // math.prod(transforms.shape))
+    task, best = bare_pairs(transforms, count), math.inf
+    for _ in range(5):
+        begun = time.process_time()
+        task()
+        best = min(best, (time.process_time() - begun) / count)
+    return best
+
+
+class _LastDisplacement(Newton):
+    """Starts from the last displacement, but for the points in contact, which stay there."""
+
+    _last: FloatArray
+
+    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+        """Solve from the gap of the last step."""
+        if np.isfinite(start).all():
+            start = np.where(start > 0, np.maximum(problem.obstacle - self._last, 0.0), 0.0)
+        found = super().solve(problem, start)
+        self._last = found.displacement
+        return found
+
+
+@nb.njit(nogil=True)
+def _no_preconditioner(plans, system, step, damping, lack):  # type: ignore[no-untyped-def]
+    """Take the place of the beginning of a step."""
+    pairs = begin(plans, system, step, damping, lack)
+    step.softening[:] = 1.0 / step.d.size
+    return pairs
+
+
+@nb.njit(nogil=True)
+def _no_search(plans, system, at, step, x):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Take the place of the search for the softest deformation."""
+    return 1.0, 1.0, 0.0, 0
+
+
+class _Ablation(NamedTuple):
+    name: str
+    solver: type[Newton] = Newton
+    loop: Callable[[], dict[str, Any]] = dict
+    others: tuple[tuple[str, object], ...] = ()
+
+
+def _in_step(**replaced: object) -> dict[str, Any]:
+    return {"_find_step": with_globals(loop._find_step, replaced)}
+
+
+_ABLATIONS = (
+    _Ablation("nothing: FFT pairs"),
+    _Ablation("start from the last gap: displacement", _LastDisplacement),
+    _Ablation("preconditioner", loop=lambda: _in_step(begin=_no_preconditioner)),
+    _Ablation("points put onto the wall: cut off", loop=lambda: _in_step(_PASSES=1)),
+    _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
+    _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
+    _Ablation("search for the softest deformation", others=(("find_margin", _no_search),)),
+)
+
+
+def _ablations(courses: list[_Course]) -> Table:
+    rows: list[dict[str, Cell]] = []
+    for ablation in _ABLATIONS:
+        row: dict[str, Cell] = {"taken out": ablation.name}
+        replaced = ablation.loop()
+        patches = [
+            *ablation.others,
+            *([("iterate", with_globals(loop.iterate, replaced))] if replaced else []),
+        ]
+        with ExitStack() as stack:
+            for attribute, value in patches:
+                stack.enter_context(patch.object(solver, attribute, value))
+            for course in courses:
+                key = f"{course.name}, {course.law.range:g}"
+                try:
+                    count = sum(
+                        _follow(ablation.solver(Transforms(course.grid.shape), _RESIDUAL), course).pairs
+                    )
+                except RuntimeError:
+                    row[key] = "fails"
+                else:
+                    whole = rows[0][key] if rows else None
+                    row[key] = count / whole if isinstance(whole, int) else count
+        rows.append(row)
+    title = "Newton's method for adhesive contact: FFT pairs, over those of the full method"
+    return Table("adhesion-ablation", title, rows)
