@@ -12,6 +12,7 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
+from gfmdlayer.contact.choice import choose
 from gfmdlayer.contact.loading import CONTROLS, Loading
 from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
@@ -258,13 +259,13 @@ class Case:
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
-        declared, tolerance = SOLVERS[given.method], given.tolerance
-        if self.interface.attracts and not declared.adhesive:
-            declared = SOLVERS["newton"]
+        rough, attracts = self.config.punch.rough, self.interface.attracts
+        chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
+        declared, tolerance = SOLVERS[chosen.method], given.tolerance
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
         if given.inertia is not None:
             options["mass_weighted"] = given.inertia == "mass_weighted"
-            options["starts_from"] = "gap" if self.interface.attracts else "displacement"
+            options["starts_from"] = "gap" if attracts else "displacement"
         moved = self.velocity is not None and not declared.nonsymmetric
         inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
         solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)

@@ -86,6 +86,7 @@ def _in_small(config: Config) -> Config:
         | {
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
+            "solver.method": config.contact_solver.method,
             "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             **loose,

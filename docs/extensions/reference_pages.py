@@ -153,6 +153,9 @@ def columns() -> Iterator[str]:
         yield f"## {observable.__name__}\n"
         yield f"{_sentence((observable.__doc__ or '').strip())}\n"
         yield from _columns(declared)
+        if observable.NUMBERS:
+            yield "Numbers of a whole case, in the attributes of its file and columns of the sweep file:\n"
+            yield from _columns(observable.NUMBERS)
     yield "## Isolated indentation\n"
     yield "With `grid.geometry: axisymmetric` a case has these columns in place of the above.\n"
     yield from _columns(INDENTATION)

@@ -58,6 +58,7 @@ def check(options: argparse.Namespace) -> int:
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
+        *_solvers([case.config for case in some]),
         *_laws([case.config for case in some]),
         _time(directory, some, part),
         *found,
@@ -67,6 +68,12 @@ def check(options: argparse.Namespace) -> int:
     lines += [f"warning: {text}" for text in (*notes(case.config for case in some), *memory, *space)]
     print("\n".join(lines))
     return COMPLETE
+
+
+def _solvers(every: Sequence[Config]) -> list[str]:
+    """Return the contact solvers, and why they are taken."""
+    chosen = dict.fromkeys(config.contact_solver for config in every if not config.grid.axisymmetric)
+    return [f"solver     {each.method}: {each.reason}" for each in chosen]
 
 
 def _laws(configs: Sequence[Config]) -> list[str]:

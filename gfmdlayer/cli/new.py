@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
-LIKE = ("indentation", "sweep", "prony", "stack", "sliding", "sphere", "rough")
+LIKE = ("indentation", "sweep", "prony", "stack", "sliding", "adhesion", "sphere", "rough")
 
 EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first"
 

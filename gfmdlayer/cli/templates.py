@@ -78,6 +78,20 @@ output.snapshots: []
 sweep: {trajectory.velocity: [0.03, 0.3, 3.0]}
 """,
     ),
+    "adhesion": (
+        "A parabola is pressed onto a layer that sticks, held, and pulled off at several speeds.",
+        _QUICK,
+        """
+layer.thickness: 0.2
+halfspace.shear_modulus: .inf
+interface: {law: exponential, work: 2.0e-4, range: 1.0e-3}
+trajectory: {kind: approach_retract, start: -0.004, depth: 0.002, approach_speed: 0.001, dwell: 10.0,
+  retract_speed: 0.001, final: -0.015}
+time.end: 190.0
+output.snapshots: []
+sweep: {trajectory.retract_speed: [1.0e-4, 1.0e-3, 1.0e-2]}
+""",
+    ),
     "sphere": (
         "A sphere is pressed into a coated solid by a force; a surface in two directions.",
         _SURFACE,

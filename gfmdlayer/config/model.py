@@ -19,11 +19,12 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweep_checks, sweeps, text
-from gfmdlayer.config.adhesion import attracting, problems_of_the_interface, solving
+from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
+from gfmdlayer.contact.choice import Choice, choose
 from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
@@ -91,7 +92,7 @@ class Config(Section):
     """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
-    solver: sections.Solver = Field(default_factory=sections.Solver, validate_default=True)
+    solver: sections.Solver = Field(default_factory=sections.Solver)
     """the contact problem of each step"""
     output: Output = Field(default_factory=Output)
     """what is kept besides the curves"""
@@ -102,12 +103,6 @@ class Config(Section):
     @classmethod
     def _to_the_end_of_the_trajectory(cls, time: sections.Time, info: ValidationInfo) -> sections.Time:
         return ending_with(info.data.get("trajectory"), time)
-
-    @field_validator("solver")
-    @classmethod
-    def _for_the_interface(cls, solver: sections.Solver, info: ValidationInfo) -> sections.Solver:
-        isolated = "grid" not in info.data or info.data["grid"].axisymmetric
-        return solver if isolated else solving(info.data.get("interface"), solver)
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -166,6 +161,12 @@ class Config(Section):
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract, which add; none with the hard wall alone."""
         return attracting(self.interface)
+
+    @property
+    def contact_solver(self) -> Choice:
+        """The solver that `solver.method` means, and why."""
+        axes, attracts = len(self.grid.points), bool(self.interfaces)
+        return choose(self.solver.method, axes=axes, rough=self.punch.rough, attracts=attracts)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.
@@ -268,6 +269,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     if not config.interfaces:  # a hard wall that is named is the paper's all the same
         left_out = left_out | {"interface": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
+    data["solver"]["method"] = config.contact_solver.method
 
     def contents(value: object) -> str:
         if isinstance(value, Path):

@@ -20,6 +20,7 @@ from pydantic import (
     field_validator,
 )
 
+from gfmdlayer.contact.choice import AUTO
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -166,8 +167,8 @@ class Time(Section):
 class Solver(Section):
     """How one step's contact problem is solved; `inertia` is None for every method but fire."""
 
-    method: Annotated[str, Word(*SOLVERS)] = "active_set"
-    """active_set, nested_gradient, conjugate_gradient, or fire, the paper's; with adhesion newton or fire"""
+    method: Annotated[str, Word(AUTO, *SOLVERS)] = AUTO
+    """auto, or active_set, nested_gradient, conjugate_gradient, newton, or fire, the paper's"""
     tolerance: Tolerance = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
     inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(

@@ -88,8 +88,7 @@ def estimate(config: Config) -> Cost:
     steps, turns = _steps(config)
     if config.grid.axisymmetric:
         return _of_indentation(config, steps)
-    method = config.solver.method
-    solver = SOLVERS["newton" if config.interfaces and not SOLVERS[method].adhesive else method]
+    solver = SOLVERS[config.contact_solver.method]
     pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
     pairs *= SLIDING if config.trajectory.moves else 1
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
@@ -205,7 +204,7 @@ class CostModel:
 def kind(config: Config) -> Hashable:
     """Return the settings that decide which kernels and plans a case uses, and so its seconds per work."""
     solver, time, trajectory, kept = config.solver, config.time, config.trajectory, config.output.histograms
-    numerics = solver.method, solver.inertia, time.integrator, time.step == "adaptive"
+    numerics = config.contact_solver.method, solver.inertia, time.integrator, time.step == "adaptive"
     grid = config.grid.geometry, config.grid.points
     others = kept.pressure is not None or kept.gap is not None, bool(config.interfaces)
     return *grid, *numerics, trajectory.control, trajectory.moves, *others

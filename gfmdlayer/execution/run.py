@@ -178,11 +178,9 @@ def run_sweep(
 
 def _prepare(todo: Sequence[Case], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
     """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
-    solvers = ", ".join(
-        dict.fromkeys(
-            "axisymmetric" if case.config.grid.axisymmetric else case.config.solver.method for case in todo
-        )
-    )
+    configs = (case.config for case in todo)
+    every = ("axisymmetric" if each.grid.axisymmetric else each.contact_solver.method for each in configs)
+    solvers = ", ".join(dict.fromkeys(every))
     work = f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
     wisdom: Wisdom = {}
     said: list[str] = []

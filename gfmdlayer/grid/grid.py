@@ -19,6 +19,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Sums
 
+COARSEST = 64  # points of an axis of the coarsest of nested grids, at least
 _SHORTEST = 64  # points of an axis of the smallest windows
 
 
@@ -131,6 +132,14 @@ class Grid:
         """Return the grid with half of the points of each axis that has twice the fewest; else None."""
         points = tuple(n // 2 if n >= 2 * fewest else n for n in self.points)
         return None if points == self.points else replace(self, points=points)
+
+    @property
+    def nested(self) -> list[Grid]:
+        """The grid and ever coarser ones, to the last with no axis of twice `COARSEST` points."""
+        grids = [self]
+        while coarser := grids[-1].coarser(COARSEST):
+            grids.append(coarser)
+        return grids
 
     def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:  # noqa: ARG002
         """Bring a field together: yield the number of a first row, and rows from it on.

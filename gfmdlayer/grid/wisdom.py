@@ -15,7 +15,7 @@ from llvmlite.binding import get_host_cpu_name
 
 from gfmdlayer.files.seals import read_sealed, write_sealed
 from gfmdlayer.grid.fftw import forget_wisdom
-from gfmdlayer.grid.grid import parts
+from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Transforms
 
@@ -23,7 +23,7 @@ _MAY_DIFFER = "results may differ from those of other runs in their last bits"
 
 
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Path | None = None) -> str:
-    """Wisdom for the transforms of a grid and of its windows, read from a folder or measured and kept there.
+    """Wisdom for the transforms of a grid, its windows and coarser grids, from a folder or measured.
 
     Of several runs that measure at the same time, all use the wisdom of the first one that is done. A warning
     says where kept wisdom cannot be used, which is replaced, or where none can be kept.
@@ -46,7 +46,8 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Pat
     """
     with_threads = f"-{threads}threads" if threads > 1 else ""
     made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
-    name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-parts.wisdom"
+    others = "parts" if len(shape) == 1 else "coarser"
+    name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-{others}.wisdom"
     places = [place / name for place in (results, folder) if place is not None]
     wisdom = next(filter(None, (_read(place, shape, threads) for place in places)), None)
     wisdom = wisdom or _measured(shape, threads, None)
@@ -60,6 +61,9 @@ def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
     transforms = Transforms(shape, wisdom, threads=threads)
     for part in parts(shape):
         transforms.shorter(part)
+    if len(shape) > 1:
+        for grid in Grid(shape, (1.0,) * len(shape)).nested:
+            transforms.of_shape(grid.points, single=True)
     return transforms.wisdom
 
 

@@ -865,7 +865,7 @@ def test_defaults_are_the_papers_values() -> None:
     assert (config.time.end, config.time.step, config.time.integrator) == (8.0, 0.005, "exponential")
     assert config.time.tolerance is None
     assert config.with_values({"time.step": "adaptive"}).time.tolerance == 1e-4
-    assert (config.solver.method, config.solver.tolerance) == ("active_set", 1e-6)
+    assert (config.solver.method, config.solver.tolerance) == ("auto", 1e-6)
     assert (config.solver.inertia, config.solver.max_iterations) == (None, 20000)
     assert config.output.snapshots == ()
     assert config.output.times is None
@@ -1125,7 +1125,7 @@ def test_dump_writes_out_every_default_readably() -> None:
     assert "material:\n    model: zener\n    G0: 1.0\n" in text
     assert "  points: 16384\n" in text
     assert "  layer.thickness: [0, .inf]\n" in text
-    assert "method: active_set\n" in text
+    assert "method: auto\n" in text
 
 
 def test_a_case_has_its_values_and_no_sweep() -> None:
@@ -1260,3 +1260,23 @@ def test_any_text_is_a_configuration_or_a_named_error(tmp_path: Path, content: s
 )
 def test_any_override_is_taken_or_a_named_error(tmp_path: Path, override: str) -> None:
     assert accepted_or_refused(write(tmp_path, "name: x"), override)
+
+
+ROUGH = {"shape": "self_affine", "hurst": 0.8, "short_cutoff": 0.1, "rms_slope": 0.1, "seed": 1}
+
+
+@pytest.mark.parametrize(
+    ("values", "method"),
+    [
+        ({}, "active_set"),
+        ({"grid.points": [64, 64]}, "active_set"),
+        ({"punch": ROUGH}, "active_set"),
+        ({"punch": ROUGH, "grid.points": [64, 64]}, "nested_gradient"),
+        ({"interface": {"law": "exponential", "work": 1e-3, "range": 1e-2}}, "newton"),
+    ],
+)
+def test_results_carry_the_solver_that_auto_takes(values: dict[str, object], method: str) -> None:
+    """So results of the active set, the default before, keep their digest."""
+    config = Config(name="x").with_values(values)
+    assert config.contact_solver.method == method
+    assert digest(config) == digest(config.with_values({"solver.method": method}))

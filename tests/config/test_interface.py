@@ -79,9 +79,9 @@ def test_the_permittivity_of_vacuum_follows_from_units(units: tuple[str, str], p
 
 def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
     chosen = Config(name="a", interface=LAW)
-    assert SOLVERS[chosen.solver.method].adhesive
-    assert not SOLVERS[Config(name="a").solver.method].adhesive
-    # The configuration that is stored with the results names it, and is the same.
+    assert SOLVERS[chosen.contact_solver.method].adhesive
+    assert not SOLVERS[Config(name="a").contact_solver.method].adhesive
+    # The configuration that is stored with the results is the same.
     assert Config(**Config(name="a", interface=LAW).model_dump(exclude_none=True)) == chosen
     for method, declared in SOLVERS.items():
         if declared.adhesive:
@@ -92,7 +92,7 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
             ):
                 Config(name="a", interface=LAW, solver={"method": method})
     swept = Config(name="a", interface=LAW, sweep={"interface": [LAW, {"law": "hard_wall"}]})
-    assert [case.config.solver.method for case in cases(swept)] == [chosen.solver.method, "active_set"]
+    assert [case.config.contact_solver.method for case in cases(swept)] == ["newton", "active_set"]
 
 
 def test_an_isolated_contact_has_no_law() -> None:

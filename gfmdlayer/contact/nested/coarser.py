@@ -77,16 +77,26 @@ def _smooth(
     first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
     smooth: FloatArray, deep: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too."""
+    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too.
+
+    Far from the contact any negative value does.
+    """
     rows, n = p.shape
     for i in range(first // n, end // n):
         up = p[i - 1] if i > 0 else before[0]
         down = p[i + 1] if i < rows - 1 else after[0]
+        here = p[i]
         for j in range(n):
-            left, right = p[i, j - 1], p[i, j + 1 if j < n - 1 else 0]
-            inside = min(min(min(up[j], down[j]), min(left, right)), p[i, j]) > 0.0
-            deep[i, j] = 1.0 if inside else 0.0
-            smooth[i, j] = p[i, j] ** 2 if p[i, j] > 0.0 else -mu * np.cbrt(gap[i, j] ** 2)
+            east = j + 1 if j < n - 1 else 0
+            west = j - 1 if j > 0 else n - 1
+            deep[i, j] = 0.0
+            if here[j] > 0.0:
+                smooth[i, j] = here[j] ** 2
+                if up[j] > 0.0 and down[j] > 0.0 and here[east] > 0.0 and here[west] > 0.0:
+                    deep[i, j] = 1.0
+                continue
+            around = here[east] + here[west] + up[west] + up[j] + up[east] + down[west] + down[j] + down[east]
+            smooth[i, j] = -mu * np.cbrt(gap[i, j] ** 2) if around > 0.0 else -1.0
     return (0.0,), (0.0,)
 
 
@@ -133,6 +143,9 @@ def _interpolate(
             m = int(x)
             x -= m
             right = m + 1 if m + 1 < n else 0
+            if max(max(p[row, m], p[row, right]), max(p[row + 1, m], p[row + 1, right])) <= 0.0:
+                target[i * columns + j] = 0.0
+                continue
             inner = deep[row, m] + deep[row, right] + deep[row + 1, m] + deep[row + 1, right]
             if inner == 4.0:
                 wx, found = _weights(x), 0.0

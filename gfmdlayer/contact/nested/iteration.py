@@ -21,6 +21,8 @@ the points that it lets go, and at last along r.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gfmdlayer.contact.nested import passes
@@ -29,7 +31,7 @@ from gfmdlayer.contact.nested.passes import Move
 
 _SHORTEST, _LONGEST = 0.1, 2.0  # of the lengths that are tried
 _LET_GO = 0.5  # beyond this part of a step that ends pressures it is taken as a whole
-_LOAD = 1e-8  # relative error of the load that the projection leaves
+_LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
@@ -78,97 +80,96 @@ class _Search:
     def advance(self) -> None:
         """Take one iteration."""
         self._direct()
-        slope, ended, fall = self._project()
-        if not slope > 0:
+        self._project()
+        if not self._slope > 0:
             self._on.sweep.only(passes.release, self._alpha, self._at.p, self._on.r, self._on.d)
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
-            slope, ended, fall = self._project()
-        along_r = not slope > 0
+            self._project()
+        along_r = not self._slope > 0
         if along_r:
             self._move(0.0, 1.0)
             np.copyto(self._on.d, self._on.r)
-            self._alpha = 0.5 * self._on.stiffest
-            slope, ended, fall = self._project()
+            self._alpha, self._shift = 0.5 * self._on.stiffest, 0.0
+            self._note(
+                self._on.sweep(
+                    passes.project,
+                    self._alpha,
+                    self._shift,
+                    self._at.p,
+                    self._on.r,
+                    self._on.d,
+                    self._on.step,
+                )[0]
+            )
+            self._project()
         self._on.respond()
-        length, scale = self._lengths(slope, ended > 0, fall)
+        optimum, length, scale = self._lengths()
         self._move(length, scale)
-        self._alpha = _SHORTEST if along_r else min(max(self._optimum * self._alpha, _SHORTEST), _LONGEST)
+        self._alpha = _SHORTEST if along_r else min(max(optimum * self._alpha, _SHORTEST), _LONGEST)
         self._product = 0.0 if along_r else self._product
 
     def _direct(self) -> None:
         """Write the next direction."""
-        count, total, pull, along, across, last, memory, mean = self._on.precondition()
-        excess = total / count if self._at.load is not None and count else 0.0
+        on, at = self._on, self._at
+        count, total, pull, along, across, last, memory, mean = on.precondition()
+        # Under a given load z has no mean, and r none that counts.
+        excess, common = (total / count, pull / count) if at.load is not None and count else (0.0, 0.0)
         product, change = along - excess * pull, across - excess * last
         beta = max((product - change) / self._product, 0.0) if self._product > 0 else 0.0
-        if product + beta * (memory - (pull / count * mean if excess else 0.0)) <= 0:
+        if product + beta * (memory - common * mean) <= 0:
             beta = 0.0
         self._product = product
-        found, _ = self._on.sweep(
-            passes.direct,
-            excess,
-            beta,
-            self._alpha,
-            self._shift,
-            self._at.p,
-            self._on.r,
-            self._on.z,
-            self._on.d,
+        self._shift = (self._load - at.load) / count if at.load is not None and count else 0.0
+        self._note(
+            on.sweep(passes.direct, excess, beta, self._alpha, self._shift, at.p, on.r, on.z, on.d, on.step)[
+                0
+            ]
         )
-        self._above = found
 
-    def _project(self) -> tuple[float, float, float]:
-        """Write the step; return how the energy falls along it, and what `passes.project` counts."""
+    def _project(self) -> None:
+        """Write the step of the given load."""
         on, at = self._on, self._at
-        if at.load is None:
-            (_, _, slope, ended), (fall,) = on.sweep(
-                passes.project, self._alpha, 0.0, at.p, on.r, on.d, on.step
-            )
-            return slope, ended, fall
-        total, count = self._above
         for _ in range(_PROJECTIONS):
-            self._shift += (total - at.load) / count if count else -at.load
-            (total, count, slope, ended), (fall,) = on.sweep(
-                passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step
-            )
-            if abs(total - at.load) <= _LOAD * at.load:
+            if at.load is None or abs(self._above) <= _LOAD * at.load:
                 break
-        self._above = [total, count]
-        return slope, ended, fall
+            self._shift += self._above / self._count if self._count else min(self._above, 0.0)
+            self._note(on.sweep(passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step)[0])
 
-    def _lengths(self, slope: float, ends: bool, fall: float) -> tuple[float, float]:
-        """Return the length of the step and the scale of the pressure after it, of the lowest energy."""
-        at = self._at
-        curvature, across = self._on.sweep(passes.respond, at.p, self._on.step, self._on.change)[0]
-        self._optimum = slope / curvature if curvature > 0 else 1.0
+    def _note(self, found: Sequence[float]) -> None:
+        """Note the load beyond the given one, the number of pressures, and how the energy falls."""
+        total, self._count, self._slope, self._ended = found
+        self._above = total - (self._at.load or 0.0)
+
+    def _lengths(self) -> tuple[float, float, float]:
+        """Return the length of the step of the lowest energy, the one to take, and the scale after it."""
+        on, at, slope = self._on, self._at, self._slope
+        curvature, across = on.sweep(passes.respond, at.p, on.step, on.change)[0]
+        optimum = slope / curvature if curvature > 0 else 1.0
+        # The energy of a p + b D is a parabola of a and b.
+        stiff, free, push = self._weighted - self._free, self._free - at.aim * self._load, slope + across
         if at.load is None:
-            # The energy of a p + b D is a parabola of a and b.
-            stiff, free = self._weighted - self._free, self._free - at.aim * self._load
-            determinant = stiff * curvature - across**2
-            whole, part = (
-                across * -(slope + across) - curvature * free,
-                across * free + stiff * (slope + across),
-            )
-            if determinant > 0 and whole > 0:
-                self._optimum = part / whole
-        length = min(self._optimum, 1.0 / fall if fall > 0 else np.inf)
-        if _LET_GO < length < 1.0 and ends:
+            whole, part = -across * push - curvature * free, across * free + stiff * push
+            if stiff * curvature > across**2 and whole > 0:
+                optimum = part / whole
+        length = optimum
+        if optimum > 1.0:
+            fall = on.sweep(passes.fastest, at.p, on.step)[1][0]
+            length = min(optimum, 1.0 / fall) if fall > 0 else optimum
+        elif optimum > _LET_GO and self._ended > 0:
             length = 1.0
         if at.load is None:
-            energy = stiff + length * (2.0 * across + length * curvature)
-            push = length * (slope + across) - free
-            return length, push / energy if push > 0 and energy > 0 else 1.0
-        # p.gap after the step, whose level it sets
-        weighted = self._weighted + length * (across - slope + length * curvature)
-        at.level = weighted / self._load
-        return length, 1.0
+            energy, push = stiff + length * (2.0 * across + length * curvature), length * push - free
+            return optimum, length, push / energy if push > 0 and energy > 0 else 1.0
+        # The step sets p.gap, and so the level.
+        at.level = (self._weighted + length * (across - slope + length * curvature)) / self._load
+        return optimum, length, 1.0
 
     def _move(self, length: float, scale: float) -> None:
         """Take a step and assess the state."""
         on, at = self._on, self._at
         move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
-        found, (opened, below, _) = on.sweep(
+        found, (opened, below) = on.sweep(
             passes.advance, move, at.p, at.gap, at.gap0, on.step, on.change, on.z
         )
         on.r, on.z = on.z, on.r

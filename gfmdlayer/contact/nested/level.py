@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.stencil import REACH, stencil
 from gfmdlayer.contact.nested.sweep import Sweep
+from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import ResidualFloor, scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+
+
+def displacement(problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
+    """Write the transform of the displacement in the place of that of the pressure, and in a second array."""
+    given = problem.intercept.view(np.float64)
+    passes.displace(problem.stiffness, given, spectrum.view(np.float64), work.view(np.float64))
 
 
 @dataclass
@@ -85,7 +93,7 @@ class Level:
         self.transforms.transform_back(self._spectrum, self.change)
         self.pairs += 1
 
-    def precondition(self) -> list[float]:
+    def precondition(self) -> Sequence[float]:
         """Write z = M r in the place of the last r; see `passes.precondition` for the sums."""
         r = self.r.reshape(-1, self.grid.shape[-1])
         beside = self.grid.halo(r, REACH, REACH)

@@ -11,13 +11,12 @@ from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.coarser import prolong
 from gfmdlayer.contact.nested.iteration import iterate
-from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.level import Fields, Level, displacement
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
-_COARSEST = 64  # points of an axis, at least
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-3
 _LIMIT = 60  # iterations on a coarser grid
 
 
@@ -40,17 +39,15 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     float
         Pairs of transforms in single precision, as parts of those of the given grid.
     """
-    grids = [fine.grid]
-    while coarser := grids[-1].coarser(_COARSEST):
-        grids.append(coarser)
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
-    passes.displace(problem.stiffness, problem.intercept, free, free)
+    displacement(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
-    for grid in reversed(grids[1:]):
+    for grid in reversed(fine.grid.nested[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
         _begin(level, state, last)
+        level.add_response(state)
         iterate(level, state, _TOLERANCE, _LIMIT)
         level.set_scales(state)
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
@@ -79,7 +76,7 @@ def _coarse(
 
 
 def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
-    """Write a first pressure, from a coarser grid or where the punch lies lowest, and its gap."""
+    """Write a first pressure, from a coarser grid or where the punch lies lowest, of the given load."""
     if last is not None:
         prolong(*last, level, at.p)
     if last is None or not level.set_load(at):
@@ -89,4 +86,3 @@ def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
         height = 0.0 if at.load is None else 0.5 * (lowest + mean)
         level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
         level.set_load(at)
-    level.add_response(at)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.nested.stencil import apply_to_row
 from gfmdlayer.kernels import LANES, kernel
 
@@ -32,19 +32,20 @@ class Move(NamedTuple):
 
 @kernel(reorder=True)
 def advance(
-    first: int, end: int, move: Move, p: FloatArray, gap: FloatArray, gap0: FloatArray, step: Any, change:
-    Any, r: Any,
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:  # fmt: skip
+    first: int, end: int, move: Move, p: FloatArray, gap: FloatArray, gap0: FloatArray, step: Any,
+    change: Any, r: Any,
+) -> tuple[tuple[float, float, float], tuple[float, float]]:  # fmt: skip
     """Take a step, and write r = level - gap on the new C.
 
     Returns
     -------
     Sums of p, of p gap and, unless the load is given, of p gap0; largest violation by an open gap or tension,
-    overlap (both in the residual's scales), and largest pressure.
+    and overlap, both in the residual's scales.
     """
     load, weighted, free = 0.0, 0.0, 0.0
-    opened, below, largest = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    length, level = move.length, move.level
+    opened, below = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    length, level, per_pressure, per_gap = move.length, move.level, move.per_pressure, move.per_gap
+    none, per_r = np.float32(0.0), np.float32(-per_gap)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         ps, gaps, rs = p[begin:stop], gap[begin:stop], r[begin:stop]
@@ -60,17 +61,17 @@ def advance(
         for i in range(ps.size):
             pull = level - gaps[i]
             inside = np.float32(pull) if pull != 0.0 else _MEMBER
-            rs[i] = inside if ps[i] > 0.0 or pull > 0.0 else np.float32(0.0)
+            rs[i] = inside if ps[i] > 0.0 or pull > 0.0 else none
         for i in range(ps.size):
             load += ps[i]
             weighted += ps[i] * gaps[i]
         for i in range(ps.size):
-            press, apart = ps[i] * move.per_pressure, (gaps[i] - level) * move.per_gap
+            press, apart = np.float32(ps[i] * per_pressure), rs[i] * per_r
             off = press if press < apart else apart
             opened[i] = off if off > opened[i] else opened[i]
-            below[i] = -off if -off > below[i] else below[i]
-            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
-    return (load, weighted, free), (opened.max(), below.max(), largest.max())
+        for i in range(ps.size):
+            below[i] = rs[i] if rs[i] > below[i] else below[i]
+    return (load, weighted, free), (float(opened.max()), below.max() * per_gap)
 
 
 @kernel(reorder=True, inner=True)
@@ -114,15 +115,16 @@ def precondition(
         for j in range(columns):
             row[j] = row[j] if rs[j] != 0.0 else np.float32(0.0)
         for j in range(columns):
-            inside = 1.0 if rs[j] != 0.0 else 0.0
-            count += inside
+            count += 1.0 if rs[j] != 0.0 else 0.0
             total += row[j]
             pull += rs[j]
             along += np.float64(row[j]) * rs[j]
+        for j in range(columns):
             across += np.float64(row[j]) * zs[j]
-            last += inside * zs[j]
+            last += zs[j] if rs[j] != 0.0 else 0.0
+        for j in range(columns):
             memory += np.float64(rs[j]) * ds[j]
-            mean += inside * ds[j]
+            mean += ds[j] if rs[j] != 0.0 else 0.0
         for j in range(columns):
             zs[j] = row[j]
     return (count, total, pull, along, across, last, memory, mean), (0.0,)
@@ -131,27 +133,20 @@ def precondition(
 @kernel(reorder=True)
 def direct(
     first: int, end: int, excess: float, memory: float, length: float, shift: float, p: FloatArray, r: Any,
-    z: Any, d: Any,
-) -> tuple[tuple[float, float], tuple[float]]:  # fmt: skip
-    """Write the direction d = z - excess + memory d on C.
-
-    Returns
-    -------
-    Sum and number of the positive p + length d - shift; no maximum.
-    """
-    total, count = 0.0, 0.0
+    z: Any, d: Any, step: Any,
+) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
+    """Write the direction d = z - excess + memory d on C, and do what `project` does."""
+    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
+    less, part = np.float32(excess), np.float32(memory)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, rs, zs, ds = p[begin:stop], r[begin:stop], z[begin:stop], d[begin:stop]
-        for i in range(ps.size):
-            along = zs[i] - excess + memory * ds[i]
-            ds[i] = np.float32(along) if rs[i] != 0.0 else np.float32(0.0)
-        for i in range(ps.size):
-            now = ps[i] + length * ds[i] - shift
-            inside = 1.0 if now > 0.0 and rs[i] != 0.0 else 0.0
-            count += inside
-            total += inside * now
-    return (total, count), (0.0,)
+        rs, zs, ds = r[begin:stop], z[begin:stop], d[begin:stop]
+        for i in range(ds.size):
+            along = zs[i] - less + part * ds[i]
+            ds[i] = along if rs[i] != 0.0 else np.float32(0.0)
+        found = _project(length, shift, p[begin:stop], rs, ds, step[begin:stop])
+        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
+    return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True)
@@ -162,25 +157,46 @@ def project(
 
     Returns
     -------
-    Sum and number of the positive pressures that it leads to, sum of r step, number of the pressures that it
-    ends; the fastest relative fall of a pressure.
+    Sum and number of the pressures that it leads to, sum of r step, and number of the pressures that it ends;
+    no maximum.
     """
-    total, count, slope, ended, fall = 0.0, 0.0, 0.0, 0.0, np.zeros(LANES)
+    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, rs, ds, steps = p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop]
+        found = _project(length, shift, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
+    return (total, count, slope, ended), (0.0,)
+
+
+@kernel(reorder=True, inner=True)
+def _project(
+    length: float, shift: float, p: FloatArray, r: Any, d: Any, step: Any
+) -> tuple[float, float, float, float]:
+    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
+    for i in range(p.size):
+        now = p[i] + length * d[i] - shift
+        now = now if r[i] != 0.0 else 0.0
+        now = now if now > 0.0 else 0.0
+        total += now
+        count += 1.0 if now > 0.0 else 0.0
+        ended += 1.0 if now <= 0.0 and p[i] > 0.0 else 0.0
+        step[i] = np.float32(now - p[i])
+    for i in range(p.size):
+        slope += np.float64(r[i]) * step[i]
+    return total, count, slope, ended
+
+
+@kernel(reorder=True)
+def fastest(first: int, end: int, p: FloatArray, step: Any) -> tuple[tuple[float], tuple[float]]:
+    """Return no sum; the fastest relative fall of a pressure along the step."""
+    fall = np.zeros(LANES)
+    for begin in range(first, end, LANES):
+        stop = min(begin + LANES, end)
+        ps, steps = p[begin:stop], step[begin:stop]
         for i in range(ps.size):
-            now = ps[i] + length * ds[i] - shift
-            inside = 1.0 if now > 0.0 and rs[i] != 0.0 else 0.0
-            count += inside
-            total += inside * now
-            ended += 1.0 if ps[i] > 0.0 and inside == 0.0 else 0.0
-            steps[i] = np.float32(inside * now - ps[i])
-        for i in range(ps.size):
-            slope += np.float64(rs[i]) * steps[i]
-            falls = -steps[i] / ps[i] if ps[i] > 0.0 else 0.0
+            falls = -steps[i] / (ps[i] if ps[i] > 0.0 else 1.0)
             fall[i] = falls if falls > fall[i] else fall[i]
-    return (total, count, slope, ended), (fall.max(),)
+    return (0.0,), (fall.max(),)
 
 
 @kernel(reorder=True)
@@ -188,10 +204,11 @@ def respond(
     first: int, end: int, p: FloatArray, step: Any, change: Any
 ) -> tuple[tuple[float, float], tuple[float]]:
     """Return the sums of step A step and p A step; no maximum."""
+    ps, steps, changes = p[first:end], step[first:end], change[first:end]
     curvature, across = 0.0, 0.0
-    for i in range(first, end):
-        curvature += np.float64(step[i]) * change[i]
-        across += p[i] * change[i]
+    for i in range(ps.size):
+        curvature += np.float64(steps[i]) * changes[i]
+        across += ps[i] * changes[i]
     return (curvature, across), (0.0,)
 
 
@@ -200,9 +217,9 @@ def release(
     first: int, end: int, length: float, p: FloatArray, r: Any, d: Any
 ) -> tuple[tuple[float], tuple[float]]:
     """Drop from C the points whose pressure a step would end and whose gap is open."""
-    for i in range(first, end):
-        if p[i] + length * d[i] <= 0.0 and r[i] < 0.0:
-            r[i] = 0.0
+    ps, rs, ds = p[first:end], r[first:end], d[first:end]
+    for i in range(ps.size):
+        rs[i] = np.float32(0.0) if ps[i] + length * ds[i] <= 0.0 and rs[i] < 0.0 else rs[i]
     return (0.0,), (0.0,)
 
 
@@ -223,7 +240,9 @@ def extent(
         for i in range(hs.size):
             below = apart[i] - hs[i]
             depth[i] = below if below > depth[i] else depth[i]
+        for i in range(hs.size):
             largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
+        for i in range(hs.size):
             overlap[i] = -apart[i] if -apart[i] > overlap[i] else overlap[i]
     return (load, weighted, total), (largest.max(), depth.max(), overlap.max())
 
@@ -233,19 +252,20 @@ def press(
     first: int, end: int, level: float, stiffness: float, gap0: FloatArray, p: FloatArray
 ) -> tuple[tuple[float], tuple[float]]:
     """Write a first guess of the pressure: where the punch overlaps, lowered by a level."""
-    total = 0.0
-    for i in range(first, end):
-        pull = level - gap0[i]
-        p[i] = stiffness * pull if pull > 0.0 else 0.0
-        total += p[i]
+    total, ps, gaps = 0.0, p[first:end], gap0[first:end]
+    for i in range(ps.size):
+        pull = level - gaps[i]
+        ps[i] = stiffness * pull if pull > 0.0 else 0.0
+        total += ps[i]
     return (total,), (0.0,)
 
 
 @kernel(reorder=True)
 def times(first: int, end: int, factor: float, field: FloatArray) -> tuple[tuple[float], tuple[float]]:
     """Multiply a field."""
-    for i in range(first, end):
-        field[i] *= factor
+    part = field[first:end]
+    for i in range(part.size):
+        part[i] *= factor
     return (0.0,), (0.0,)
 
 
@@ -254,8 +274,9 @@ def open_gap(
     first: int, end: int, per_point: float, h: FloatArray, gap: FloatArray
 ) -> tuple[tuple[float], tuple[float]]:
     """Write the gap h - u in the place of an unnormalised u."""
-    for i in range(first, end):
-        gap[i] = h[i] - per_point * gap[i]
+    hs, gaps = h[first:end], gap[first:end]
+    for i in range(hs.size):
+        gaps[i] = hs[i] - per_point * gaps[i]
     return (0.0,), (0.0,)
 
 
@@ -264,8 +285,9 @@ def add_response(
     first: int, end: int, gap0: FloatArray, change: Any, gap: FloatArray
 ) -> tuple[tuple[float], tuple[float]]:
     """Write the gap gap0 + A p."""
-    for i in range(first, end):
-        gap[i] = gap0[i] + change[i]
+    free, changes, gaps = gap0[first:end], change[first:end], gap[first:end]
+    for i in range(gaps.size):
+        gaps[i] = free[i] + changes[i]
     return (0.0,), (0.0,)
 
 
@@ -277,13 +299,17 @@ def comply(compliance: Any, spectrum: Any) -> None:
 
 
 @kernel(reorder=True)
-def displace(stiffness: FloatArray, intercept: ComplexArray, pressure: ComplexArray, u: ComplexArray) -> None:
-    """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too."""
+def displace(stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray) -> None:
+    """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too.
+
+    Spectra are given as real numbers, real and imaginary parts in turn.
+    """
+    for k in range(stiffness.size):
+        per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
+        pressure[2 * k] = per * (intercept[2 * k] - pressure[2 * k])
+        pressure[2 * k + 1] = per * (intercept[2 * k + 1] - pressure[2 * k + 1])
     for k in range(u.size):
-        kappa = stiffness[k]
-        found = (intercept[k] - pressure[k]) / kappa if kappa > 0.0 else 0.0j
-        u[k] = found
-        pressure[k] = found
+        u[k] = pressure[k]
 
 
 @kernel(reorder=True)
@@ -304,15 +330,18 @@ def settle(
         for i in range(ps.size):
             opening = apart[i] - shift
             overlap[i] = -opening if -opening > overlap[i] else overlap[i]
+        for i in range(ps.size):
+            opening = apart[i] - shift
             apart[i] = 0.0 if opening < 0.0 else opening  # NaN stays
+            gaps += apart[i]
         for i in range(ps.size):
             us[i] = hs[i] - apart[i]
+            mean += us[i]
         for i in range(ps.size):
             press, opening = ps[i] * per_pressure, apart[i] * per_gap
             off = press if press < opening else opening
             worst[i] = off if off > worst[i] else worst[i]
-            touching += 1.0 if press > opening else 0.0
+        for i in range(ps.size):
+            touching += 1.0 if ps[i] * per_pressure > apart[i] * per_gap else 0.0
             load += ps[i]
-            gaps += apart[i]
-            mean += us[i]
     return (touching, load, gaps, mean), (worst.max(), overlap.max())

@@ -29,7 +29,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.iteration import iterate
-from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.level import Fields, Level, displacement
 from gfmdlayer.contact.nested.nesting import nest
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -93,9 +93,9 @@ class NestedGradient:
         """
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
+        self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, 0, 0)
-        self._doubles, coarse = 0.0, 0.0
         fine, at = self._level_of(problem), self._fields(problem, start)
         if not self._is_near(fine, problem, at):
             coarse = nest(fine, self._transforms, problem, at)
@@ -116,8 +116,9 @@ class NestedGradient:
         if solution.converged or not self._grid.is_whole:
             self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
             return solution
-        self._failures += 1
-        return self._by_active_set(problem, at.p, int(pairs), iterations)
+        found = self._by_active_set(problem, at.p, int(pairs), iterations)
+        self._failures += found.converged
+        return found
 
     def state(self) -> State:
         """Return the number of steps handed over in a row, and the count of a part of a pair."""
@@ -149,7 +150,7 @@ class NestedGradient:
             return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
         at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None)
         nothing = np.zeros_like(self._work)
-        passes.displace(problem.stiffness, problem.intercept, nothing, self._work)
+        displacement(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
         np.subtract(at.h, at.gap0 / self._grid.size, out=at.gap0)
         self._doubles += 0.5
@@ -169,7 +170,7 @@ class NestedGradient:
         fine.set_load(at)
         spectrum: ComplexArray = self._transforms.empty_spectrum()
         self._transforms.transform(at.p, spectrum)
-        passes.displace(problem.stiffness, problem.intercept, spectrum, self._work)
+        displacement(problem, spectrum, self._work)
         self._transforms.transform_back(self._work, at.gap)
         fine.sweep.only(passes.open_gap, 1.0 / self._grid.size, at.h, at.gap)
         self._doubles += 1

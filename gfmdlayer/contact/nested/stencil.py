@@ -6,12 +6,13 @@ by least squares of s/max(kappa, `_SOFTEST` of the largest) - 1 over the modes o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from math import gcd, prod
 from typing import Any
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.kernels import kernel
 
@@ -19,7 +20,7 @@ REACH = 2  # rows and columns on either side
 # Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
 _TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
 _SOFTEST = 0.02
-_MODES = 1 << 14  # of this many of each process, or some more, the fit is made
+_MODES = 1 << 12  # of each process, for the fit
 
 
 def stencil(grid: Grid, stiffness: FloatArray) -> Any:
@@ -37,34 +38,40 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     ndarray of float32, shape (6,)
         Weights of `_TAPS`.
     """
-    on_line = len(grid.points) == 1
-    symbols = _symbols(grid)
-    every = max(1, stiffness.size // _MODES)
+    symbols, sample = _symbols(grid), _sample(grid.spectral_shape)
     stiffest = grid.sums.maximum(float(stiffness.max()))
-    inverse = 1.0 / np.maximum(stiffness[::every], _SOFTEST * stiffest)
-    used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or not on_line]
-    columns = np.array([symbols[k][::every] * inverse for k in used])
-    normal = grid.sums.total(
-        np.concatenate([columns @ columns.T, columns.sum(axis=1)[:, np.newaxis]], axis=1)
-    )
+    inverse = 1.0 / np.maximum(stiffness[sample], _SOFTEST * stiffest)
+    used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
+    columns = np.array([symbols(*_TAPS[k], sample) * inverse for k in used])
+    normal = grid.sums.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
     weights = np.zeros(len(_TAPS), dtype=np.float32)
     weights[used] = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=None)[0]
     return weights
 
 
-def _symbols(grid: Grid) -> Sequence[FloatArray]:
-    """Sum of the cosines of each set of taps, one value a mode."""
+def _sample(shape: tuple[int, ...]) -> IntArray:
+    """Modes for the fit, in all rows and columns alike."""
+    size, columns = prod(shape), shape[-1]
+    every = max(1, size // _MODES)
+    while gcd(every, columns) > 1:
+        every += 1
+    return np.arange(0, size, every)
+
+
+def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
+    """The sum of the cosines of the taps at +-row and +-column, as a function of these and of the modes."""
     phases = [
-        axis * (length / points)
+        axis.ravel() * (length / points)
         for axis, length, points in zip(grid.wavevectors, grid.period, grid.points, strict=True)
     ]
-    across, along = (np.zeros_like(phases[0]), phases[0]) if len(phases) == 1 else phases
-    found = []
-    for row, column in _TAPS:
+    across, along = (np.zeros(1), *phases) if len(phases) == 1 else phases
+
+    def symbol(row: int, column: int, modes: IntArray) -> FloatArray:
         copies = (2 if row else 1) * (2 if column else 1)
-        symbol = copies * np.cos(row * across) * np.cos(column * along)
-        found.append(np.broadcast_to(symbol, grid.spectral_shape).ravel())
-    return found
+        y, x = across[modes // along.size], along[modes % along.size]
+        return np.asarray(copies * np.cos(row * y) * np.cos(column * x))
+
+    return symbol
 
 
 @kernel(inner=True)
@@ -93,24 +100,22 @@ def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, resu
     here, n = field[i], field.shape[1]
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
     top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)
-    w = weights
-    for j in range(2, n - 2):
-        result[j] = (
-            w[0] * here[j]
-            + w[1] * (here[j - 1] + here[j + 1])
-            + w[2] * (here[j - 2] + here[j + 2])
-            + w[3] * (up[j] + down[j])
-            + w[4] * (up[j - 1] + up[j + 1] + down[j - 1] + down[j + 1])
-            + w[5] * (top[j] + bottom[j])
-        )
+    w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
+    # Several loops over few arrays that begin where they are read: so they need no checks of indices and
+    # overlap, and are vectorised.
+    inner = result[2:]
+    left, middle, right, last = here[1:], here[2:], here[3:], here[4:]
+    for j in range(n - 4):
+        inner[j] = w0 * middle[j] + w1 * (left[j] + right[j]) + w2 * (here[j] + last[j])
+    up0, up1, up2, down0, down1, down2 = up[1:], up[2:], up[3:], down[1:], down[2:], down[3:]
+    for j in range(n - 4):
+        inner[j] += w3 * (up1[j] + down1[j]) + w4 * (up0[j] + up2[j] + down0[j] + down2[j])
+    above, below = top[2:], bottom[2:]
+    for j in range(n - 4):
+        inner[j] += w5 * (above[j] + below[j])
     for k in range(min(n, 4)):
         j = k if k < 2 else n + 1 - k
-        before_j, after_j = (j - 1) % n, (j + 1) % n
-        result[j] = (
-            w[0] * here[j]
-            + w[1] * (here[before_j] + here[after_j])
-            + w[2] * (here[(j - 2) % n] + here[(j + 2) % n])
-            + w[3] * (up[j] + down[j])
-            + w[4] * (up[before_j] + up[after_j] + down[before_j] + down[after_j])
-            + w[5] * (top[j] + bottom[j])
-        )
+        west, east = (j - 1) % n, (j + 1) % n
+        result[j] = w0 * here[j] + w1 * (here[west] + here[east])
+        result[j] += w2 * (here[(j - 2) % n] + here[(j + 2) % n]) + w3 * (up[j] + down[j])
+        result[j] += w4 * (up[west] + up[east] + down[west] + down[east]) + w5 * (top[j] + bottom[j])

@@ -6,7 +6,7 @@ the same one: sums have the same bits from run to run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from itertools import pairwise
@@ -31,16 +31,20 @@ class Sweep:
     """
 
     def __init__(self, grid: Grid, threads: int) -> None:
-        self._sums = grid.sums
+        self._sums, self._whole = grid.sums, grid.is_whole
         size, columns = prod(grid.shape), grid.shape[-1]
         threads = min(threads, size // columns) if size >= WORTH_THREADS else 1
         rows = np.linspace(0, size // columns, threads + 1).astype(int) * columns
         self._stretches = [*pairwise(rows.tolist())]
 
-    def __call__(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[list[float], list[float]]:
+    def __call__(
+        self, kernel: Callable[..., Any], *arguments: Any
+    ) -> tuple[Sequence[float], Sequence[float]]:
         """Return the completed sums and maxima of a kernel over all points."""
         if len(self._stretches) == 1:
             sums, maxima = kernel(*self._stretches[0], *arguments)
+            if self._whole:
+                return sums, maxima
         else:
             parts = self._all(kernel, arguments)
             sums, maxima = (np.array(each) for each in zip(*parts, strict=True))

@@ -118,7 +118,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
             descends, settled, unstable = True, False, True
-            damping = max(2.0 * damping, damping - 2.0 * least)
+            damping = max(2.0 * damping, damping - 2.0 * least, _AT_REST * system.softest)
             continue
         pairs += _try_step(plans, system, at, step, mean, to)
         after = set_interaction(system, to)

@@ -141,7 +141,7 @@ def leave(
     pairs : int
         FFT pairs.
     """
-    n, strongest = x.size, 0.0
+    n, strongest = x.size, 1e-300
     for i in range(n):
         strongest = max(strongest, abs(at.curvature[i] * x[i]))
     far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at), 0

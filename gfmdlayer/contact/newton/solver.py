@@ -146,6 +146,15 @@ class Newton:
             damping=-2 * curvature,
         ), change == 0.0
 
+    def compile(self) -> None:
+        """Compile the kernel that only a balance that is no minimum comes to."""
+        fields, size = self._fields, self._mode.size
+        stiffness = np.ones(fields.spectrum.size)
+        system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
+        for array in (*fields.at, *fields.to, *fields.step[:-2]):
+            array[:] = 0.0
+        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, np.zeros(size))
+
     def state(self) -> State:
         """Return the softest deformation."""
         return {"mode": self._mode}

@@ -70,9 +70,10 @@ def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
         return
     if reason := refused(config.grid.points, ranks):
         yield "grid.points", f"got {reason}"
-    if not SOLVERS[config.solver.method].distributed:
+    chosen = config.contact_solver.method
+    if not SOLVERS[chosen].distributed:
         able = " or ".join(name for name, solver in SOLVERS.items() if solver.distributed)
-        yield "solver.method", f"got {config.solver.method!r}; must be {able} {each}"
+        yield "solver.method", f"got {chosen!r}; must be {able} {each}"
     if config.interfaces:
         yield "interface", f"attracts; must be the hard wall {each}"
     if config.trajectory.moves:

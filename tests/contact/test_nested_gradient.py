@@ -1,0 +1,187 @@
+"""Projected conjugate gradients with nested grids, on random rough problems and beside the active set."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gfmdlayer.case import Case
+from gfmdlayer.config import Config
+from gfmdlayer.contact.active_set.solver import ActiveSet
+from gfmdlayer.contact.nested.solver import NestedGradient
+from gfmdlayer.contact.problem import Problem, Solution
+from gfmdlayer.contact.residual import assess
+from gfmdlayer.grid.transforms import Transforms
+
+TOLERANCE = 1e-6
+SIZES = (64, 65, 67, 81, 90, 96, 97, 100, 101, 127, 128, 131, 144, 150, 180, 191, 192, 200, 243, 251, 256)
+
+
+def problem_of(seed: int, sizes: tuple[int, ...] = SIZES) -> tuple[Case, Problem]:
+    """A rough surface on a layer on a base up to a thousand times softer or stiffer, or on a halfspace.
+
+    Loads go from one point in contact to full contact, or to the depths that these give.
+    """
+    draw = np.random.default_rng(seed)
+    nx = int(draw.choice(sizes))
+    ny = nx if draw.random() < 0.7 else int(draw.choice(sizes))
+    contrast = 10.0 ** draw.uniform(-3, 3) if draw.random() < 0.8 else math.inf
+    layered = draw.random() < 0.8 or math.isinf(contrast)
+    config = Config(name="rough").with_values(
+        {
+            "grid": {"points": [nx, ny], "period": [1.0, float(draw.choice([1.0, ny / nx]))]},
+            "layer.thickness": float(10 ** draw.uniform(-2.5, 0.5)) if layered else 0.0,
+            "layer.poisson": float(draw.choice([0.5, 0.45, 0.3, 0.0])),
+            "halfspace.shear_modulus": contrast,
+            "punch": {
+                "shape": "self_affine",
+                "hurst": float(draw.uniform(0.3, 0.95)),
+                "roll_off": float(draw.uniform(0.15, 0.6)),
+                "short_cutoff": float(draw.uniform(4, 10) / min(nx, ny)),
+                "rms_slope": float(10 ** draw.uniform(-3, 0)),
+                "seed": seed,
+            },
+            "trajectory.control": "load",
+            "trajectory.load": 1.0,
+        }
+    )
+    case = Case(config)
+    stiffness = np.array(case.integrator.terms(1e9)[0])
+    given_load = draw.random() < 0.6
+    mean, stiffness[0] = float(stiffness[0]), 0.0
+    nothing = np.zeros(stiffness.size, complex)
+    transforms = case.transforms
+    full = transforms.backward(stiffness * transforms.forward(case.punch)) / case.punch.size
+    load = -float(full.min()) * 10 ** draw.uniform(-6, 0.3)
+    problem = Problem(stiffness, nothing, case.punch, load)
+    if given_load:
+        return case, problem
+    # The depth to which the load presses; the layer's own mean stiffness then counts.
+    found = solved(case, problem)
+    stiffness = stiffness.copy()
+    stiffness[0] = mean
+    lift = load / mean if mean > 0 else 0.0
+    obstacle = case.punch - found.displacement.mean() - lift
+    return case, Problem(stiffness, nothing, obstacle)
+
+
+def solved(case: Case, problem: Problem, start: Any = None) -> Solution:
+    solver = NestedGradient(case.transforms, TOLERANCE, grid=case.grid)
+    return solver.solve(problem, np.zeros(case.punch.size) if start is None else start)
+
+
+def check(case: Case, problem: Problem) -> int:
+    """Check the solution by its own pressure alone, in double precision; return its iterations."""
+    found = solved(case, problem)
+    assert found.converged
+    size, kappa, p = case.punch.size, problem.stiffness, found.pressure
+    spectrum = np.fft.rfft2(p.reshape(case.grid.shape)).ravel()
+    u = np.zeros_like(spectrum)
+    np.divide(-spectrum, kappa, out=u, where=kappa > 0)
+    displacement = np.fft.irfft2(u.reshape(case.grid.spectral_shape), s=case.grid.shape).ravel()
+    if problem.mean_pressure is not None:
+        assert p.mean() == pytest.approx(problem.mean_pressure, rel=1e-12)
+        displacement += found.displacement.mean()
+    residual, *_ = assess(p, displacement, problem.obstacle, problem.residual_floor)
+    depth = max(displacement.mean(), 0.0) - displacement.min()
+    rounding = 1e-13 * (np.ptp(case.punch) + np.abs(displacement).max()) / depth * size**0.5
+    assert residual <= TOLERANCE + rounding
+    assert p.min() >= 0.0
+    assert (found.displacement <= problem.obstacle).all()
+    return found.iterations
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_rough_problems_are_solved(seed: int) -> None:
+    check(*problem_of(seed, sizes=(64, 65, 67, 90, 128, 131)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 500, 50))
+def test_five_hundred_random_rough_problems_are_solved(first: int) -> None:
+    for seed in range(first, first + 50):
+        check(*problem_of(seed))
+
+
+@pytest.mark.parametrize("seed", [1, 4, 9])
+def test_it_agrees_with_the_active_set(seed: int) -> None:
+    """Errors of pressure and gap of the order of the tolerance give means and areas within some of it."""
+    case, problem = problem_of(seed, sizes=(64, 67, 90))
+    found = solved(case, problem)
+    other = ActiveSet(case.transforms, TOLERANCE, windows=False).solve(problem, np.zeros(case.punch.size))
+    assert other.converged
+    largest = other.pressure.max()
+    np.testing.assert_allclose(found.pressure, other.pressure, atol=100 * TOLERANCE * largest)
+    assert abs(found.contact_area - other.contact_area) * case.punch.size <= 2
+
+
+def film() -> tuple[Case, Problem]:
+    """A film on a base five hundred times softer: stiffness over wavenumber varies by 430."""
+    config = Config(name="film").with_values(
+        {
+            "grid.points": [64, 64],
+            "layer.thickness": 0.02,
+            "halfspace.shear_modulus": 0.002,
+            "punch": {"shape": "self_affine", "hurst": 0.8, "roll_off": 0.5, "short_cutoff": 0.1,
+                      "rms_slope": 0.1, "seed": 2},
+            "trajectory": {"control": "load", "load": 1.0},
+        }
+    )  # fmt: skip
+    case = Case(config)
+    stiffness = np.array(case.integrator.terms(1e9)[0])
+    stiffness[0] = 0.0
+    full = case.transforms.backward(stiffness * case.transforms.forward(case.punch)) / case.punch.size
+    return case, Problem(stiffness, np.zeros(stiffness.size, complex), case.punch, -0.3 * full.min())
+
+
+def test_a_stiff_film_on_a_soft_base_is_handed_over_to_the_active_set() -> None:
+    case, problem = film()
+    check(case, problem)
+    solver = NestedGradient(case.transforms, TOLERANCE, grid=case.grid)
+    start = np.zeros(case.punch.size)
+    for failures, tried in ((1, True), (2, True), (2, False)):
+        assert solver.solve(problem, start).converged
+        assert solver.state()["failures"] == failures
+        assert (solver.spent[1] > 0) == tried
+    again = NestedGradient(case.transforms, TOLERANCE, grid=case.grid)
+    again.restore(solver.state())
+    again.solve(problem, start)
+    assert again.spent[1] == 0
+
+
+def test_a_step_that_fails_leaves_the_state_as_it_was() -> None:
+    case, problem = film()
+    solver = NestedGradient(case.transforms, TOLERANCE, 3, grid=case.grid)
+    before = solver.state()
+    assert not solver.solve(problem, np.zeros(case.punch.size)).converged
+    assert solver.state() == before
+
+
+def test_the_given_pressure_of_a_solution_is_a_good_guess() -> None:
+    case, problem = problem_of(1, sizes=(128,))
+    first = solved(case, problem)
+    again = solved(case, problem, first.pressure)
+    assert again.iterations <= 1
+    assert again.transforms <= 4
+
+
+def test_without_contact_there_is_no_pressure() -> None:
+    case, problem = problem_of(1, sizes=(64,))
+    above = Problem(problem.stiffness, problem.intercept, case.punch + 1e-3)
+    found = solved(case, above, np.ones(case.punch.size))
+    assert found.converged
+    assert found.pressure.max() == 0.0
+    assert found.contact_area == 0.0
+
+
+def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gfmdlayer.contact.nested.sweep.WORTH_THREADS", 1)
+    case, problem = problem_of(1, sizes=(90,))
+    one = solved(case, problem)
+    solver = NestedGradient(Transforms(case.grid.shape, threads=2), TOLERANCE, grid=case.grid)
+    two = solver.solve(problem, np.zeros(case.punch.size))
+    assert two.converged
+    np.testing.assert_allclose(two.pressure, one.pressure, atol=100 * TOLERANCE * one.pressure.max())
