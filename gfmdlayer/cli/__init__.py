@@ -28,7 +28,7 @@ from gfmdlayer.cli import (
     status,
     verify,
 )
-from gfmdlayer.cli.terminal import COMPLETE, STATUSES, input_problems, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, STATUSES, input_problems, machine_problem, refuse
 
 VERBS = (
     new,
@@ -49,6 +49,9 @@ VERBS = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     options = command_line().parse_args(arguments)
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if threads.lstrip("+-").isdecimal() and int(threads) < 1:  # Numba raises an error as it is imported
+        return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset")
     try:
         status: int = options.verb(options)
         sys.stdout.flush()
@@ -57,9 +60,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return COMPLETE
     except Exception as error:
-        if not (problems := input_problems(error)):
+        if problems := input_problems(error):
+            return refuse(*problems)
+        if not (problem := machine_problem(error)):
             raise
-        return refuse(*problems)
+        print(f"gfmdlayer: {problem}", file=sys.stderr)
+        return FAILED
     return status
 
 

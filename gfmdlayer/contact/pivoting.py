@@ -10,7 +10,7 @@ definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596).
 Where GMRES fails, as under a stiff film on a soft base, and the contact is small, the equations are solved
 by elimination. Without contact there is nothing to solve. Where guesses do not end, the contact of a small
 grid is followed from first touch while the punch is pressed in, one point after the other (C. E. Lemke,
-Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter), which ends as C is positive
+Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter). This ends, as C is positive
 definite.
 """
 
@@ -117,7 +117,9 @@ class Pivoting:
             fixed[contact] = self._eliminated(contact, -self._free_gap[contact])
             rate[contact] = self._eliminated(contact, np.ones(int(contact.sum())))
             gap, opening = self._free_gap + self._response(fixed), self._response(rate) - 1.0
-            end = 0.0 if load is None else (load * size - float(fixed.sum())) / float(rate.sum())
+            end, rise = 0.0, float(rate.sum())
+            if load is not None:
+                end = (load * size - float(fixed.sum())) / rise if rise > 0 else np.inf
             # Where a pressure or a gap vanishes; of the point that has changed sides both still do.
             zero, slope = np.where(contact, fixed, gap), np.where(contact, rate, opening)
             falls = slope < 0
@@ -138,6 +140,10 @@ class Pivoting:
         if not contact.any():
             rise = 0.0 if load is None else float(self._free_gap.min())
             return np.zeros(contact.size), self._free_gap - rise
+        if load is not None and contact.all():  # a shift of the punch alone takes no pressure
+            pressure = load + self._field(self._stiffness * self._plans.forward(-self._free_gap))
+            gap = self._free_gap + self._response(pressure)
+            return pressure, gap - float(gap.mean())
         pressure = self._closing(contact, -self._free_gap[contact])
         if load is not None:
             lifted = self._closing(contact, np.ones(int(contact.sum())))
@@ -182,7 +188,10 @@ class Pivoting:
         matrix = self._influence.reshape(shape)[tuple(apart)]
         # Far below what the tolerance shows, and enough for a matrix that is singular to rounding.
         matrix[np.diag_indices(gap.size)] *= 1.0 + 1e-13
-        return np.linalg.solve(matrix, gap)
+        try:
+            return np.linalg.solve(matrix, gap)
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(matrix, gap, rcond=None)[0])
 
     def _response(self, pressure: FloatArray) -> FloatArray:
         return self._field(self._compliance * self._plans.forward(pressure))

@@ -36,6 +36,7 @@ from typing import Any
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
+from gfmdlayer.files.seals import is_intact
 from gfmdlayer.files.shared_folders import write_new
 from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.sections import files_named
@@ -281,6 +282,8 @@ def stored_config(
     from gfmdlayer.results.schema import ResultsError
 
     try:
+        if is_intact(Path(path)) is False:
+            raise ConfigError([f"{path}: is damaged: it holds other bytes than were written"])
         known = attributes(path)
     except ResultsError as error:
         raise ConfigError([str(error)]) from None

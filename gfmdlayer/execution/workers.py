@@ -28,6 +28,7 @@ from gfmdlayer.execution import interrupts, preflight
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 # Set by launchers that may not set a number.
 RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
+MOST = 1 << 14  # processes, and threads of one
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
 
@@ -117,8 +118,8 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
         Where fewer than one is asked for.
     """
     if asked is not None:
-        if asked < 1:
-            raise LauncherError(f"--threads {asked}: must be 1 or more")
+        if not 1 <= asked <= MOST:
+            raise LauncherError(f"--threads {asked}: must be from 1 to {MOST}")
         environment["OMP_NUM_THREADS"] = str(asked)
     for variable in preflight.THREAD_VARIABLES:
         environment.setdefault(variable, "1")
@@ -147,8 +148,8 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     LauncherError
         Where `jobs` is below 1 or asked for under MPI, or launcher and MPI library do not belong together.
     """
-    if jobs < 1:
-        raise LauncherError(f"--jobs {jobs}: must be 1 or more")
+    if not 1 <= jobs <= MOST:
+        raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
     size = launched_size(os.environ)
     comm = None if size in (None, 1) else world(size or 0)
     if comm is not None and comm.Get_size() > 1:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
 from gfmdlayer.figures.quantities import finish, quantity
 from gfmdlayer.figures.selection import (
@@ -25,6 +24,7 @@ from gfmdlayer.figures.selection import (
     notes,
     swept,
 )
+from gfmdlayer.figures.snapshots.inset import Inset
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:

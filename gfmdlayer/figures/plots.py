@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.body_plot import body_figure, config_of
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.loop_plot import loop_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
-from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
-from gfmdlayer.figures.snapshot_plots import MOST_CASES, snapshots_figure
-from gfmdlayer.figures.snapshot_selection import cases_with_snapshots
-from gfmdlayer.figures.waterfall import waterfall_figure
+from gfmdlayer.figures.snapshots.fields import cases_with_snapshots
+from gfmdlayer.figures.snapshots.inset import Inset
+from gfmdlayer.figures.snapshots.movie import default_suffix, write_movie
+from gfmdlayer.figures.snapshots.plots import MOST_CASES, snapshots_figure
+from gfmdlayer.figures.snapshots.waterfall import waterfall_figure
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 

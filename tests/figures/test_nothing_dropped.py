@@ -20,11 +20,11 @@ from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.map_plots import map_figure
-from gfmdlayer.figures.movie import write_movie
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.quantities import quantity
 from gfmdlayer.figures.selection import notes, select, swept
-from gfmdlayer.figures.snapshot_plots import snapshots_figure
+from gfmdlayer.figures.snapshots.movie import write_movie
+from gfmdlayer.figures.snapshots.plots import snapshots_figure
 from gfmdlayer.results.schema import PARAMETERS, ResultsError
 
 TIMES = np.linspace(0.0, 4.0, 5)

@@ -15,13 +15,13 @@ from PIL import Image
 
 from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.inset import Inset
 from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.snapshot_plots import snapshots_figure
-from gfmdlayer.figures.waterfall import OVERLAP, waterfall_figure
+from gfmdlayer.figures.snapshots.inset import Inset
+from gfmdlayer.figures.snapshots.plots import snapshots_figure
+from gfmdlayer.figures.snapshots.waterfall import OVERLAP, waterfall_figure
 from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError

@@ -139,6 +139,8 @@ class ActiveSet:
                 return solution
             within, limit = AIM * tolerance, min(_LIMIT, self._max_iterations - iterations)
             shift = within * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
+            if limit <= 0:
+                break
         return unconverged(problem, system, self._at, self._transforms, solution)
 
     def state(self) -> State:
@@ -188,11 +190,8 @@ class ActiveSet:
         self, system: System, problem: Problem, shift: float, within: float, limit: int
     ) -> tuple[int, int]:
         """Leave the problem to `safeguard`; return the transforms and iterations that it takes."""
-        found, transforms, done = safeguard(self._transforms, system, problem, self._at, shift, within, limit)
-        if found:
-            set_guess(system, self._at, self._contact, self._at.p, problem.applied_pressure)
-        else:  # the last step may have been taken back
-            evaluate(self._transforms.plans, system, self._at, self._work)
+        _, transforms, done = safeguard(self._transforms, system, problem, self._at, shift, within, limit)
+        set_guess(system, self._at, self._contact, self._at.p, problem.applied_pressure)
         self._work.now["exact"] = False  # the safeguard does not keep the mean from which depths count
         return transforms, done
 

@@ -266,7 +266,7 @@ def minimise(
             total += free[i] * response
         if square == 0.0:
             return iteration + 1, 0.0
-        if not along > _NO_CURVATURE * elastic:
+        if not along > _NO_CURVATURE * (elastic + system.softest * square):
             return iteration + 1, min(along / square, -1e-300)
         way, mean = across / along, total / count if centred else 0.0
         largest[:] = 0.0

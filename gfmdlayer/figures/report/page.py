@@ -15,7 +15,7 @@ from typing import Any
 from gfmdlayer.figures.plot_style import check_suffix
 from gfmdlayer.figures.report.cases import Listed
 from gfmdlayer.figures.report.payload import payload
-from gfmdlayer.figures.snapshot_plots import GAP_COLOURS, PRESSURE_COLOURS
+from gfmdlayer.figures.snapshots.plots import GAP_COLOURS, PRESSURE_COLOURS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError

@@ -12,8 +12,8 @@ import numpy as np
 
 from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
 from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshot_plots import PUNCH, draw_bar, draw_map, heights, map_values
-from gfmdlayer.figures.snapshot_selection import Extremes, limits
+from gfmdlayer.figures.snapshots.fields import Extremes, limits
+from gfmdlayer.figures.snapshots.plots import PUNCH, draw_bar, draw_map, heights, map_values
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 

@@ -25,7 +25,7 @@ from gfmdlayer.figures.plot_style import (
     styled,
 )
 from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshot_selection import (
+from gfmdlayer.figures.snapshots.fields import (
     Extremes,
     Window,
     each_snapshot,

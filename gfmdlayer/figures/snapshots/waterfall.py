@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, spread, styled
 from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshot_selection import Extremes, part_of, section, snapshot_times
+from gfmdlayer.figures.snapshots.fields import Extremes, part_of, section, snapshot_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.figures.quantities import quantity
-from gfmdlayer.figures.snapshot_plots import heights
-from gfmdlayer.figures.snapshot_selection import Extremes, at_times, section, snapshot_titles
+from gfmdlayer.figures.snapshots.fields import Extremes, at_times, section, snapshot_titles
+from gfmdlayer.figures.snapshots.plots import heights
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:

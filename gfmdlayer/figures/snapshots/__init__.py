@@ -1,0 +1,1 @@
+"""Pictures and movies of the fields at the times of the snapshots."""

@@ -1,0 +1,183 @@
+"""Faults of the machine end a command with one line and a status, not with a traceback."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gfmdlayer.cli import main
+from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.files.whole import cannot_be_written
+from gfmdlayer.fitting.indentation.curve_files import entries
+from gfmdlayer.punch.height_files import load_array
+
+TINY = """\
+name: tiny
+grid: {points: 32}
+time: {end: 0.3, step: 0.1}
+output: {snapshots: [0.3]}
+sweep: {layer.thickness: [0.1, 0.2]}
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text(TINY)
+
+
+def one_line(text: str) -> str:
+    assert len(text.splitlines()) == 1, text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--jobs", "99999999999999999999"], "--jobs 99999999999999999999: must be from 1 to 16384"),
+        (["--jobs", "0"], "--jobs 0: must be from 1 to 16384"),
+        (["--threads", "99999999999999999999"], "--threads 99999999999999999999: must be from 1 to 16384"),
+    ],
+)
+def test_impossible_numbers_of_processes_are_refused(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "tiny.yaml", *arguments]) == 2
+    assert one_line(capsys.readouterr().err) == f"gfmdlayer: {message}\n"
+
+
+@pytest.mark.parametrize("threads", ["0", "-2"])
+def test_threads_that_numba_does_not_take_are_refused(
+    threads: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    assert main(["check", "tiny.yaml"]) == 2
+    assert one_line(capsys.readouterr().err) == (
+        f"gfmdlayer: NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (MemoryError("no room"), "memory does not suffice (MemoryError: no room)"),
+        (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.yaml"), "a.yaml: Too many open files"),
+        (OSError("libllvmlite.so"), "OSError: libllvmlite.so"),
+        (RuntimeError("can't start new thread"), "processes or threads cannot be started (RuntimeError: "),
+    ],
+    ids=repr,
+)
+def test_what_the_machine_lacks_is_said_in_a_line(
+    error: Exception, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
+    assert main(["check", "tiny.yaml"]) == 1
+    assert one_line(capsys.readouterr().err).startswith(f"gfmdlayer: {message}")
+
+
+def test_an_error_of_the_program_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["check", "tiny.yaml"])
+
+
+def test_a_folder_that_is_removed_while_a_run_uses_it_ends_the_run_in_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    advance = StatusFile.advance
+
+    def removing(self: StatusFile, time: float) -> None:
+        advance(self, time)
+        if time > 0.15:
+            shutil.rmtree("out", ignore_errors=True)
+
+    monkeypatch.setattr(StatusFile, "advance", removing)
+    monkeypatch.setattr(threading, "excepthook", lambda found: pytest.fail(str(found)))
+    assert main(["run", "tiny.yaml", "--out", "out"]) == 1
+    shown = capsys.readouterr()
+    assert "cannot be written: No such file or directory" in shown.out + shown.err
+    assert "Traceback" not in shown.out + shown.err
+
+
+def flipped(content: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(content)
+    for place in rng.integers(0, len(content), rng.choice([1, 30])):
+        changed[place] ^= 1 << rng.integers(8)
+    return bytes(changed)
+
+
+DAMAGES: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
+    "flipped": flipped,
+    "cut": lambda content, rng: content[: rng.integers(len(content))],
+    "junk": lambda _, rng: rng.bytes(1000),
+}
+
+
+def test_damaged_results_are_named_by_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "tiny.yaml", "--out", "out"]) == 0
+    rng = np.random.default_rng(0)
+    for name in ("sweep.h5", "cases/0000.h5"):
+        path = Path("out") / name
+        whole = path.read_bytes()
+        for damage in DAMAGES.values():
+            path.write_bytes(damage(whole, rng))
+            capsys.readouterr()
+            for verb in ("check", "run", "plot"):
+                assert main([verb, str(path)]) == 2
+                assert str(path) in one_line(capsys.readouterr().err)
+            assert main(["status", "out"]) == 0
+        path.write_bytes(whole)
+
+
+def test_links_that_never_end_are_refused_and_groups_that_hold_themselves_are_not_followed() -> None:
+    with h5py.File("curves.h5", "w") as h5:
+        for name in ("time", "depth", "force"):
+            h5[f"curve/{name}"] = np.arange(20.0)
+        h5["curve/itself"] = h5["curve"]
+    assert [entry.name for entry in entries([Path("curves.h5")])] == ["curve"]
+    with h5py.File("curves.h5", "a") as h5:
+        h5["loop"] = h5py.SoftLink("/loop")
+    with pytest.raises(TableError, match=r"curves\.h5: cannot be read as HDF5"):
+        entries([Path("curves.h5")])
+
+
+def test_a_number_beyond_double_precision_is_not_taken_for_infinity(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("tiny.yaml").write_text("name: tiny\nlayer: {thickness: 1e400}\n")
+    assert main(["check", "tiny.yaml"]) == 2
+    message = "tiny.yaml:2:20: layer.thickness: 1e400 is too large; infinity is written .inf"
+    assert one_line(capsys.readouterr().err) == f"gfmdlayer: {message}\n"
+    Path("tiny.yaml").write_text("name: tiny\nlayer: {thickness: .inf}\n")
+    assert main(["check", "tiny.yaml"]) == 0
+
+
+def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(*_: object, **__: object) -> None:
+        raise MemoryError("Unable to allocate 728. TiB")
+
+    monkeypatch.setattr(np, "load", load)
+    Path("heights.npy").write_bytes(b"")
+    with pytest.raises(TableError, match=r"heights\.npy: its header names more numbers than memory holds"):
+        load_array(Path("heights.npy"))
+
+
+@pytest.mark.parametrize(("name", "told"), [("a", ": a"), (None, "")])
+def test_a_file_that_the_system_does_not_name_is_not_called_none(name: str | None, told: str) -> None:
+    error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
+    assert cannot_be_written(error) == f"cannot be written (No space left on device{told})"
