@@ -84,6 +84,12 @@ def _on_values(config: Config) -> Iterator[str]:
     ramp, end = config.trajectory.ramp_time, config.time.end
     if ramp is not None and ramp > end:
         yield f"trajectory.ramp_time = {ramp:g} is beyond time.end = {end:g}: the ramp is not completed"
+    given = config.time
+    if ramp is not None and given.integrator == "backward_euler" and float(given.step) >= ramp:
+        yield (
+            f"time.step = {given.step:g}: the indentation, up to trajectory.ramp_time = {ramp:g}, is one "
+            "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
+        )
     if (duration := config.trajectory.duration) is not None and duration > end:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
 

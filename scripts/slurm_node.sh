@@ -110,7 +110,6 @@ requeued_and_complete() { # JOB OUT LOGS...
     shown "$job" | grep -qE 'Restarts=[1-9]' || fail "job $job was never requeued; the limit was long enough"
     twice=$(grep -ho 'case [0-9]* complete' "$@" | sort | uniq -d | head -n 3)
     [[ -z $twice ]] || fail "run twice: $twice"
-    (($(grep -ho 'case [0-9]* complete' "$@" | sort -u | wc -l) == number)) || fail "$out: cases are missing"
     gfmdlayer status "$out" | tee status
     grep -q "^$number cases: $number complete, 0 running, 0 failed, 0 waiting" status || fail "$out: not complete"
     [[ -f $out/sweep.h5 ]] || fail "$out: there is no sweep.h5"
@@ -125,7 +124,7 @@ step=0.005
 write_sweep trial 2
 gfmdlayer run trial.yaml 2>trial.log
 seconds=$(sed -n 's/.*case 0001 complete in \([0-9.]*\) s.*/\1/p' trial.log)
-number=$(awk "BEGIN {print int(2 * 150 / $seconds)}")
+number=$(awk "BEGIN {print int(2 * 150 / ($seconds > 0.1 ? $seconds : 0.1))}") # a short one is shown as 0.0 s
 echo "a case takes $seconds s: $number cases"
 write_sweep sweep "$number"
 short=(--time=2 --signal=B:USR1@30)

@@ -159,9 +159,12 @@ class _Builder:
         if tag not in _NUMBERS:
             return self.complain(node, at, _TAG.format(tag))
         try:
-            return self.yaml.constructor.construct_object(node)
+            value = self.yaml.constructor.construct_object(node)
         except (ValueError, OverflowError):
             return self.complain(node, at, f"{node.value[:40]!r} cannot be read as a number")
+        if isinstance(value, float) and math.isinf(value) and "inf" not in node.value.lower():
+            return self.complain(node, at, f"{node.value[:40]} is too large; infinity is written .inf")
+        return value
 
     def place(self, node: Node) -> Place:
         return Place(self.source, node.start_mark.line + 1, node.start_mark.column + 1)

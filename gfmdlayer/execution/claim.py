@@ -29,7 +29,7 @@ from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
 from gfmdlayer.files.locks import exclusive, open_for_writing, try_lock
 from gfmdlayer.files.shared_folders import no_link
-from gfmdlayer.files.whole import is_unfinished, unfinished_path
+from gfmdlayer.files.whole import cannot_be_written, is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
 _RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
@@ -250,8 +250,7 @@ def _as_folder_error(folder: Folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = f"cannot be written ({error.strerror}: {error.filename})"
-        raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
+        raise FolderError(f"{folder.path}: {cannot_be_written(error)}; choose another with --out") from None
 
 
 def _in_use(folder: Folder, reason: str) -> FolderError:

@@ -130,6 +130,12 @@ def write_text(path: Path, text: str, durable: bool = True, replace: bool = True
         write_new(part, text.encode())
 
 
+def cannot_be_written(error: OSError) -> str:
+    """Return why a file cannot be written, with its name where the system tells it."""
+    named = f": {error.filename}" if error.filename else ""
+    return f"cannot be written ({error.strerror or error}{named})"
+
+
 def _name_first(part: Path, path: Path) -> None:
     """Give a file its final name if no other file has it."""
     try:

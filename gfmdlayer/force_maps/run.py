@@ -21,7 +21,7 @@ from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.run import Summary
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.workers import WorkerPool
-from gfmdlayer.files.whole import write_text
+from gfmdlayer.files.whole import cannot_be_written, write_text
 from gfmdlayer.fitting.indentation.curve_files import Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions
 from gfmdlayer.fitting.indentation.forward import Prediction
@@ -171,7 +171,7 @@ class ForceMap:
                 finally:
                     folder.stop.unlink(missing_ok=True)
         except OSError as error:
-            reason = f"cannot be written ({error.strerror}: {error.filename})"
+            reason = cannot_be_written(error)
             raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
 
     def _refuse_other(self) -> None:

@@ -145,8 +145,10 @@ def _array(file: Path, _axes: int, _dataset: str | None, rows: slice) -> Heights
                 found = np.load(stream, allow_pickle=False)
         else:
             found = np.load(file, mapped, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+    except (ValueError, OSError, EOFError, OverflowError) as error:
         raise TableError(f"{file}: is not a NumPy array file ({error})") from error
+    except MemoryError as error:
+        raise TableError(f"{file}: its header names more numbers than memory holds ({error})") from error
     if not (isinstance(found, np.ndarray) and found.dtype.kind in "fiu"):
         raise TableError(f"{file}: must hold one array of real numbers")
     values = found[rows] if found.ndim else found

@@ -93,3 +93,11 @@ def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_w
     assert note.endswith(
         "is 3.2 points wide; edges of the contact are resolved from 8 on: grid.points: [4096, 4096] would do"
     )
+
+
+def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
+    coarse = {"time": {"end": 8.0, "step": 2.0, "integrator": "backward_euler"}}
+    assert of(coarse | {"trajectory.ramp_time": 4.0}) == []
+    assert of({"time": {"end": 8.0, "step": 2.0}}) == []
+    (note,) = of(coarse)
+    assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is a single step")

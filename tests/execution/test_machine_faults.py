@@ -16,7 +16,9 @@ import pytest
 from gfmdlayer.cli import main
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.files.tables import TableError
+from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.indentation.curve_files import entries
+from gfmdlayer.punch.height_files import load_array
 
 TINY = """\
 name: tiny
@@ -152,3 +154,30 @@ def test_links_that_never_end_are_refused_and_groups_that_hold_themselves_are_no
         h5["loop"] = h5py.SoftLink("/loop")
     with pytest.raises(TableError, match=r"curves\.h5: cannot be read as HDF5"):
         entries([Path("curves.h5")])
+
+
+def test_a_number_beyond_double_precision_is_not_taken_for_infinity(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("tiny.yaml").write_text("name: tiny\nlayer: {thickness: 1e400}\n")
+    assert main(["check", "tiny.yaml"]) == 2
+    message = "tiny.yaml:2:20: layer.thickness: 1e400 is too large; infinity is written .inf"
+    assert one_line(capsys.readouterr().err) == f"gfmdlayer: {message}\n"
+    Path("tiny.yaml").write_text("name: tiny\nlayer: {thickness: .inf}\n")
+    assert main(["check", "tiny.yaml"]) == 0
+
+
+def test_a_header_that_promises_more_than_the_file_holds_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(*_: object, **__: object) -> None:
+        raise MemoryError("Unable to allocate 728. TiB")
+
+    monkeypatch.setattr(np, "load", load)
+    Path("heights.npy").write_bytes(b"")
+    with pytest.raises(TableError, match=r"heights\.npy: its header names more numbers than memory holds"):
+        load_array(Path("heights.npy"))
+
+
+@pytest.mark.parametrize(("name", "told"), [("a", ": a"), (None, "")])
+def test_a_file_that_the_system_does_not_name_is_not_called_none(name: str | None, told: str) -> None:
+    error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), name)
+    assert cannot_be_written(error) == f"cannot be written (No space left on device{told})"

@@ -77,5 +77,5 @@ def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch: pytest.Monk
     found = total((estimate(case.config) for case in lazy.examined()), 100 / len(lazy))
     whole = total(estimate(case.config) for case in lazy)
     assert found.steps == whole.steps
-    # The pairs of a case are within a factor of three of each other: a hundred of them scatter by 5 % at most.
+    # The pairs of a case are within a factor of three of each other: 100 scatter by 5 % at most.
     assert found.pairs == pytest.approx(whole.pairs, rel=0.15)
