@@ -11,14 +11,12 @@ from gfmdlayer.contact.newton.passes import (
     Step,
     Surface,
     System,
-    apply,
     balance,
     begin,
     compare,
     lost,
     minimise,
     move,
-    press,
     set_interaction,
     set_stress,
     shorten,
@@ -28,7 +26,6 @@ from gfmdlayer.kernels import kernel
 
 _INEXACT = 0.1  # part of the force that the conjugate gradients may leave, at most
 _WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
-_PASSES = 3  # in which points are put onto the wall
 _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
 _RESOLVED = 0.3  # likewise down the energy
@@ -189,7 +186,7 @@ def _find_step(
     floor: float,
     inexact: float,
 ) -> tuple[int, float]:
-    """Solve for a step, putting points that it drives through the wall onto it.
+    """Solve for a step.
 
     Returns
     -------
@@ -199,14 +196,8 @@ def _find_step(
         As of `minimise`.
     """
     pairs = begin(plans, system, step, damping, lack)
-    for _ in range(_PASSES):
-        turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
-        pairs += 2 * turns
-        if least < 0.0 or not press(system, at, step, lack):
-            break
-        apply(plans, system.kappa, step.d, step.work, step.Kd)
-        pairs += 1
-    return pairs, least
+    turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
+    return pairs + 2 * turns, least
 
 
 @kernel(reorder=True, inner=True)

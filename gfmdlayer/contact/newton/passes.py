@@ -300,28 +300,6 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
 
 
 @kernel(reorder=True, inner=True)
-def press(system: System, at: Surface, step: Step, lack: float) -> bool:
-    """Put the points that a step drives through the wall onto it; return whether there are any.
-
-    The others keep the change of the mean.
-    """
-    h, u, d, free = system.h, at.u, step.d, step.free
-    hits, total, count = 0.0, 0.0, 0.0
-    for i in range(u.size):
-        through = (u[i] + d[i] > h[i]) & (free[i] > 0.0)
-        hits += 1.0 if through else 0.0
-        d[i] = h[i] - u[i] if through else d[i]
-        free[i] = 0.0 if through else free[i]
-        total += d[i]
-        count += free[i]
-    if hits > 0.0 and count > 0.0 and system.mean_is_fixed:
-        shift = (lack - total) / count
-        for i in range(u.size):
-            d[i] += shift * free[i]
-    return hits > 0.0
-
-
-@kernel(reorder=True, inner=True)
 def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> bool:
     """Write the displacement after a step, kept below the punch; return whether it was bent.
 
@@ -330,10 +308,8 @@ def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> b
     h, u, v, bent = system.h, at.u, to.u, 0.0
     for i in range(v.size):
         moved = u[i] + step.d[i]
-        # Of a point that is pressed down to the wall the sum may differ from h by rounding.
-        reaches = (moved > h[i]) | ((step.free[i] == 0.0) & (u[i] < h[i]))
-        bent += 1.0 if (moved > h[i]) & (step.free[i] > 0.0) else 0.0
-        v[i] = h[i] if reaches else moved
+        bent += 1.0 if moved > h[i] else 0.0
+        v[i] = h[i] if moved > h[i] else moved
     if bent > 0.0 and system.mean_is_fixed:
         for _ in range(60):
             total, free, largest = 0.0, 0.0, 0.0

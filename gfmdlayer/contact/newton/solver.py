@@ -25,8 +25,9 @@ part of the step, so that its error is of first order in the step. Elsewhere it 
 
 Linear systems are solved on the free points by conjugate gradients with the preconditioner
 1/(K + c + kappa_1/2), two FFT pairs an iteration; a direction of negative curvature ends them and begins a
-descent. Points that a step drives through the wall are put onto it, and the rest is solved again. In balance
-`soft_mode` looks for a deformation of negative curvature, which no symmetry hides.
+descent. Points that a step drives through the wall are put onto it; if that turns the step uphill, a shorter
+one of the descent takes its place. In balance `soft_mode` looks for a deformation of negative curvature,
+which no symmetry hides.
 """
 
 from __future__ import annotations
