@@ -41,7 +41,7 @@ NAMES = (
     "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # only those named by --only, with --quick
+OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # --quick leaves them out
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -349,7 +349,7 @@ def interrupting(self, step):
     return measure(self, step)
 
 Effort.measure = interrupting
-gfmdlayer.execution.run.warm_up = lambda *_: {}  # it takes steps, too
+gfmdlayer.execution.run.warm_up = lambda *_, **__: ({}, [])  # it takes steps, too
 for options in ({}, {"out": "out"}):
     rows = 0
     try:
