@@ -33,6 +33,7 @@ NAMES = (
     "whole_run",
     "overhead",
     "ranks",
+    "slabs",
     "peer",
     "rough",
     "ablation",
@@ -40,7 +41,7 @@ NAMES = (
     "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "peer", "rough", "ablation", "adhesion")  # left out by --quick, unless named by --only
+OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # --quick leaves them out
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

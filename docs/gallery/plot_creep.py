@@ -2,8 +2,8 @@
 Creep under load
 ================
 
-A parabola is pressed into a layer by a load that is then held. The layer relaxes: the punch sinks on, and the
-contact grows, the more the thicker the layer.
+A parabola is pressed into a layer by a load that is then held. The layer relaxes: the punch sinks on, and
+the contact grows, the more the thicker the layer.
 """
 
 import matplotlib.pyplot as plt

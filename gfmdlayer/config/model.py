@@ -87,7 +87,7 @@ class Config(Section):
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """interaction across the gap beside the hard wall: a law, or a list of laws that add"""
+    """attraction across the gap, beside the hard wall: a law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
     """what is prescribed over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)

@@ -168,7 +168,7 @@ class Solver(Section):
     """How one step's contact problem is solved; `inertia` is None for every method but fire."""
 
     method: Annotated[str, Word(AUTO, *SOLVERS)] = AUTO
-    """auto, or active_set, nested_gradient, conjugate_gradient, newton, or fire, the paper's"""
+    """auto, or a solver; with adhesion newton or fire, the paper's"""
     tolerance: Tolerance = 1e-6
     """residual at which a step is accepted, relative to pressure and depth"""
     inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(

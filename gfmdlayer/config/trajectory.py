@@ -73,7 +73,7 @@ class Trajectory(Section):
             0.01 if data.get("control") == "depth" and data.get("kind") in KINDS[:2] else None
         )
     )
-    """depth that is reached and held: length; for control: depth; < 0 for an approach to what attracts"""
+    """depth that is reached and held: length; < 0 above what attracts"""
     load: Annotated[NotNegative | None, given] = None
     """mean pressure that is reached and held; for control: load"""
     force: Annotated[NotNegative | None, given] = None

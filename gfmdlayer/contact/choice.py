@@ -3,7 +3,7 @@
 It is known before a run and the same in all of its steps, so that a run is resumed by the solver that began
 it. Results carry the digest of the solver that is taken, not of the word `auto`.
 
-Measured (docs/ablation.md): on a rough surface in two directions, where no window holds the contact, nested
+Measured (docs/theory/ablation.md): on a rough surface in two directions, where no window holds the contact, nested
 gradients take a quarter to a third of the active set's FFT pairs in time steps and a tenth in a first solve.
 One contact is solved by the active set in a window, in a third of the time that nested gradients take, and so
 are several in a row on a line.

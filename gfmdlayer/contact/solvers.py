@@ -76,13 +76,13 @@ class Declaration:
 # directions; the factor for rough contact at 256^2 to 2048^2 points. All measured.
 SOLVERS: Mapping[str, Declaration] = {
     "active_set": Declaration(
-        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=62, rough=12
+        "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
     ),
     "nested_gradient": Declaration(
-        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=32, distributed=True
+        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=22, distributed=True
     ),
     "conjugate_gradient": Declaration(
-        "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=32
+        "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=22
     ),
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",

@@ -55,7 +55,7 @@ REAL = 8  # bytes
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
-PROGRAM = 200e6  # bytes of a process with its libraries
+PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
 SAMPLE = 500  # finished cases that are read, at most
 
 

@@ -6,12 +6,15 @@ One process holds the whole grid (`ALONE`), or the ranks of an MPI job hold the 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+_PATIENCE, _PAUSE = 2e-4, 2e-5  # seconds
 
 Partial = TypeVar("Partial", int, float, NDArray[Any])
 
@@ -81,6 +84,18 @@ class Ranks:
         return rows
 
 
+def wait(request: Any) -> None:
+    """Wait for a message between ranks, and leave the core to others where it takes long.
+
+    MPI libraries wait without a pause: where there are more ranks than idle cores, each would then take its
+    share of time from the one that it waits for.
+    """
+    begun = time.perf_counter()
+    while not request.Test():
+        if time.perf_counter() - begun > _PATIENCE:
+            time.sleep(_PAUSE)
+
+
 ALONE = Ranks()
 
 
@@ -99,17 +114,20 @@ class MpiRanks(Ranks):
     ----------
     control : mpi4py.MPI.Comm
         The same ranks, for messages that are not part of the computation.
+    exchanges : dict
+        Of `transposition`, by shape and type.
     """
 
     def __init__(self, communicator: Any) -> None:
         self.communicator, self.control = communicator, communicator.Dup()
+        self.exchanges: dict[Any, Any] = {}
         self.number, self.count = communicator.Get_rank(), communicator.Get_size()
 
     def every(self, partial: Any) -> NDArray[Any]:
         """Return the partial results of all ranks, shape (count, ...)."""
         own = np.ascontiguousarray(partial)
         found = np.empty((self.count, *np.shape(partial)), own.dtype)
-        self.communicator.Allgather(own, found)
+        wait(self.communicator.Iallgather(own, found))
         return found
 
     def total(self, partial: Partial) -> Partial:

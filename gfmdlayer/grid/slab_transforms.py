@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.grid.fftw import DOUBLE, SINGLE, SlabPlans, address, plan_pair
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import wait
 from gfmdlayer.grid.slabs import SlabGrid
 from gfmdlayer.grid.transforms import Plans, Transforms
 from gfmdlayer.grid.transposition import edges, transposition
@@ -101,7 +102,7 @@ class SlabTransforms(Transforms):
             part = modes[common(own, rank, fine[own])]
             requests += [ranks.communicator.Isend(part, rank)] if part.size else []
         for request in requests:
-            request.Wait()
+            wait(request)
         return np.ascontiguousarray(found.T).ravel()
 
     def _rows_of_coarser(self, spectrum: NDArray[Any], points: int) -> NDArray[Any]:

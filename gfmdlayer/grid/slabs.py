@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.ranks import MpiRanks
+from gfmdlayer.grid.ranks import MpiRanks, wait
 from gfmdlayer.grid.transposition import edges, transposition
 
 Places = dict[int, IntArray]  # by rank
@@ -132,7 +132,7 @@ class SlabGrid(Grid):
         requests = [communicator.Irecv(part, rank) for rank, part in parts.items()]
         requests += [communicator.Isend(rows[places], rank) for rank, places in send.items()]
         for request in requests:
-            request.Wait()
+            wait(request)
         for rank, places in receive.items():
             found[places] = parts[rank]
         return found[:before], found[before:]

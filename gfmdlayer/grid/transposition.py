@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gfmdlayer.grid.ranks import MpiRanks
+from gfmdlayer.grid.ranks import MpiRanks, wait
 
 _SHARED = Path("/dev/shm")  # the memory that processes share, on Linux
 _ALIGNED = 64  # bytes
@@ -55,7 +55,7 @@ def edges(number: int, count: int) -> list[int]:
 def transposition(
     ranks: MpiRanks, shape: tuple[int, int], dtype: npt.DTypeLike = np.complex128, shared: bool = True
 ) -> Transposition:
-    """Return the exchange for arrays of a shape.
+    """Return the exchange for arrays of a shape: always the same one, since shared memory is not given back.
 
     Parameters
     ----------
@@ -68,9 +68,13 @@ def transposition(
     shared : bool
         Whether ranks on one computer may share memory.
     """
-    if shared and _can_share(ranks, shape[0] * shape[1] * np.dtype(dtype).itemsize):
-        return _SharedMemory(ranks, shape, np.dtype(dtype))
-    return _Messages(ranks, shape, np.dtype(dtype))
+    kind = np.dtype(dtype)
+    key = shape, kind, shared
+    if key not in ranks.exchanges:
+        sharing = shared and _can_share(ranks, shape[0] * shape[1] * kind.itemsize)
+        ranks.exchanges[key] = (_SharedMemory if sharing else _Messages)(ranks, shape, kind)
+    found: Transposition = ranks.exchanges[key]
+    return found
 
 
 class _Blocks:
@@ -122,7 +126,7 @@ class _SharedMemory(_Blocks):
 
     def _meet(self) -> None:
         self._window.Sync()
-        self._ranks.communicator.Barrier()
+        wait(self._ranks.communicator.Ibarrier())
         self._window.Sync()
 
 
@@ -147,12 +151,12 @@ class _Messages(_Blocks):
         for rank, block in enumerate(self._blocks()):
             block[:] = self.rows[:, slice(*self._column_edges[rank : rank + 2])]
         send, receive = [self._packed, self._by_columns], [columns, self._by_rows]
-        self._ranks.communicator.Alltoallv(send, receive)
+        wait(self._ranks.communicator.Ialltoallv(send, receive))
 
     def to_rows(self, columns: Array) -> None:
         """Send each rank its rows of the columns, which lie together, and unpack those received."""
         send, receive = [columns, self._by_rows], [self._packed, self._by_columns]
-        self._ranks.communicator.Alltoallv(send, receive)
+        wait(self._ranks.communicator.Ialltoallv(send, receive))
         for rank, block in enumerate(self._blocks()):
             self.rows[:, slice(*self._column_edges[rank : rank + 2])] = block
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControlledModes
@@ -191,7 +191,8 @@ class AdaptiveSteps:
 
     def restore(self, state: State) -> None:
         """Continue from there."""
-        self._position = _Position(**{name: state[name].item() for name in asdict(self._position)})
+        known = {name: state[name].item() for name in asdict(self._position) if name in state}
+        self._position = replace(self._position, **known)
 
     @property
     def _shortest(self) -> float:

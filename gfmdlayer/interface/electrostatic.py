@@ -68,9 +68,9 @@ class Electrostatic(Interface):
     law: Literal["electrostatic"] = "electrostatic"
     """attraction by a voltage: w = -(permittivity/2) voltage^2/(g + h0)"""
     voltage: Voltage
-    """voltage between punch and base, or a file with two columns, time and voltage"""
+    """between punch and base: V; or a file: two columns, time and voltage"""
     insulation: Insulation
-    """h0, thickness over relative permittivity: length; or a list of insulators"""
+    """h0, thickness/relative permittivity: length; or a list of insulators"""
     permittivity: Optional = None
     """permittivity of vacuum: pressure length^2/V^2; known from units"""
 

@@ -164,7 +164,7 @@ class EnergyBalance(Observable):
 
     def restore(self, state: State) -> None:
         """Continue from the work and the points of another run."""
-        self._work, self._energies = float(state["work"]), float(state["energies"])
+        self._work, self._energies = float(state["work"]), float(state.get("energies", 0.0))
         self._torn = "torn" in state
         self._normal.extend((x, y) for x, y in state["normal"].tolist())
         self._tangential.extend((x, y) for x, y in state["tangential"].tolist())

@@ -139,6 +139,8 @@ class ActiveSet:
                 return solution
             within, limit = AIM * tolerance, min(_LIMIT, self._max_iterations - iterations)
             shift = within * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
+            if limit <= 0:
+                break
         return unconverged(problem, system, self._at, self._transforms, solution)
 
     def state(self) -> State:

@@ -39,6 +39,7 @@ _SETTLED = 0.1  # error of the traction in a step without damping at which the d
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _ROUNDING = 1e-13  # of energies, over their parts
 
@@ -118,7 +119,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
             descends, settled, unstable = True, False, True
-            damping = max(2.0 * damping, damping - 2.0 * least, _AT_REST * system.softest)
+            # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
+            damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
         pairs += _try_step(plans, system, at, step, mean, to)
         after = set_interaction(system, to)
