@@ -19,6 +19,7 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5p, h5s
 from numpy.typing import NDArray
 
+from gfmdlayer.files.locks import open_for_writing
 from gfmdlayer.files.seals import is_intact
 from gfmdlayer.results.schema import ResultsError
 
@@ -97,12 +98,12 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
     """As `is_complete`; of files of more bytes than `most`, only the rows are verified."""
     try:
         intact = is_intact(path, most)
-        if intact is False:
+        if intact is False and not open_for_writing(path):  # HDF5 marks a file while it is
             return False
         with h5py.File(path, locking=False) as h5:
             if digest is not None and h5.attrs.get("digest") != digest:
                 return False
-            return _has_all(h5, intact is not None, most)
+            return _has_all(h5, intact is True, most)
     except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
         return False
 

@@ -100,4 +100,4 @@ def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
     assert of(coarse | {"trajectory.ramp_time": 4.0}) == []
     assert of({"time": {"end": 8.0, "step": 2.0}}) == []
     (note,) = of(coarse)
-    assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is a single step")
+    assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is one step")

@@ -21,6 +21,7 @@ from gfmdlayer.execution import status
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
+from gfmdlayer.execution.schedule import Progress
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.results.reader import open_results
@@ -301,7 +302,7 @@ def test_status_files_tell_what_is_alive(tmp_path: Path) -> None:
 def test_a_log_has_few_lines_with_the_time() -> None:
     stream = io.StringIO()
     log = reports.Log(stream)
-    progress = status.Progress(total=4, complete=1, failed=1, seconds_left=61.0)
+    progress = Progress(total=4, complete=1, failed=1, seconds_left=61.0)
     for _ in range(1000):
         log.advance(progress)
     assert stream.getvalue() == ""
