@@ -28,7 +28,6 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
 
@@ -124,6 +123,8 @@ class EnergyBalance(Observable):
             attraction = self._sums.mean(interface.energy(step.solution.gap))
         normal = step.surface.depth, step.solution.mean_pressure
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))
+        from gfmdlayer.interface.law import HARD_WALL  # columns are known without numpy
+
         torn = self._interface.attracts and interface is HARD_WALL
         if torn != self._torn:  # the punch was pulled off, or has come back: its flight is not followed
             self._work += stored + dissipated + attraction - self._energies
