@@ -19,6 +19,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
+import gfmdlayer
 from gfmdlayer.config import load
 
 ROOT = Path(__file__).parents[2]
@@ -52,23 +53,37 @@ def blocks(page: Path) -> Iterator[Block]:
 BLOCKS = {page: list(blocks(page)) for page in PAGES}
 
 
-@pytest.fixture
-def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A clone with small configurations, and with the files that a user brings along."""
-    (tmp_path / "configs").mkdir()
+def fill(folder: Path) -> None:
+    """Make a clone with small configurations, and with the files that a user brings along."""
+    (folder / "configs").mkdir()
     for path in (ROOT / "configs").iterdir():
         quick = path.with_name(f"{path.stem}-quick.yaml")
         content = (quick if quick.exists() else path).read_text()
         content = content.replace(f"name: {quick.stem}", f"name: {path.stem}")
         content = re.sub(r"points: \d{3,}", "points: 256", content)
         content = re.sub(r"(layer.thickness): \[.*\]", r"\1: [0, 0.0625, .inf]", content)
-        (tmp_path / "configs" / path.name).write_text(content)
-    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
-    (tmp_path / ".venv/bin").mkdir(parents=True)
+        (folder / "configs" / path.name).write_text(content)
+    (folder / "scripts").symlink_to(ROOT / "scripts")
+    (folder / ".venv/bin").mkdir(parents=True)
     activate = f"export PATH={Path(sys.executable).parent}:$PATH\n"
-    (tmp_path / ".venv/bin/activate").write_text(activate)
-    shutil.copy(ROOT / "configs/polymer.csv", tmp_path / "master-curve.csv")
-    np.save(tmp_path / "surface.npy", np.zeros((8, 8)))
+    (folder / ".venv/bin/activate").write_text(activate)
+    shutil.copy(ROOT / "configs/polymer.csv", folder / "master-curve.csv")
+    np.save(folder / "surface.npy", np.zeros((8, 8)))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results that several pages look at, of one run."""
+    folder = tmp_path_factory.mktemp("clone")
+    fill(folder)
+    gfmdlayer.run(folder / "configs/figure2.yaml", out=folder / "results/figure2")
+    return folder / "results"
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A clone in the working directory."""
+    fill(tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -81,10 +96,10 @@ def test_each_block_is_in_a_known_language(page: Path) -> None:
 
 
 @pytest.mark.slow  # the verbs are tested on small cases in tests/cli
-@pytest.mark.usefixtures("clone")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_and_scripts_work_one_after_the_other(page: Path) -> None:
+def test_commands_and_scripts_work_one_after_the_other(page: Path, clone: Path, results: Path) -> None:
     mpl.use("Agg")
+    shutil.copytree(results, clone / "results")
     names: dict[str, Any] = {}
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     for block in BLOCKS[page]:
