@@ -191,7 +191,7 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
         (["run", "absent.yaml"], "absent.yaml"),
         (["check", "absent.yaml"], "absent.yaml"),
         (["run", "tiny.yaml", "--set", "time.ende=2"], "time.ende"),
-        (["run", "tiny.yaml", "--jobs", "0"], "--jobs 0: must be 1 or more"),
+        (["run", "tiny.yaml", "--jobs", "0"], "--jobs 0: must be from 1 to 16384"),
         (["run", "tiny.yaml", "--out", "tiny.yaml"], "is a file"),
         (["status", "absent"], "absent: no such folder"),
         (["status", "."], "not a results folder"),
