@@ -467,4 +467,4 @@ def test_threads_are_logged_and_fewer_than_one_refused() -> None:
     assert "1 process, 2 threads each" in ran.stderr
     refused = gfmdlayer("run", "tiny.yaml", "--out", "other", "--threads", "0")
     assert refused.returncode == 2
-    assert "--threads 0: must be 1 or more" in refused.stderr
+    assert "--threads 0: must be from 1 to 16384" in refused.stderr

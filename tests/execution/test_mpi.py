@@ -326,7 +326,7 @@ def test_threads_are_one_each_unless_asked() -> None:
     assert threads_each(environment, 2) == 2
     assert environment["OMP_NUM_THREADS"] == "2"
     assert threads_each({"OMP_NUM_THREADS": "3,2"}) == 3  # for nested regions
-    with pytest.raises(LauncherError, match="--threads 0: must be 1 or more"):
+    with pytest.raises(LauncherError, match="--threads 0: must be from 1 to 16384"):
         threads_each(environment, 0)
 
 
