@@ -189,7 +189,7 @@ def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tupl
         case.solver.restore(before)  # the state as a whole is then that before the step
         raise ConvergenceError(
             f"t = {time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-            f"iterations of {given.method}; the tolerance is {given.tolerance:.2e}",
+            f"iterations of {case.config.contact_solver.method}; the tolerance is {given.tolerance:.2e}",
             problem,
             solution,
             time,

@@ -265,7 +265,7 @@ def test_the_trend_is_that_of_least_squares(shape: tuple[int, ...], curved: bool
         columns += [a * b for i, a in enumerate(axes) for b in axes[: i + 1]]
     matrix = np.column_stack(columns)
     fit, *_ = np.linalg.lstsq(matrix, heights.ravel(), rcond=None)
-    rest = without_trend(heights, curved=curved)
+    rest = without_trend(heights, Grid(shape, tuple(map(float, shape))), curved=curved)
     np.testing.assert_allclose(rest.ravel(), heights.ravel() - matrix @ fit, atol=1e-12)
 
 
@@ -279,7 +279,7 @@ def test_a_tilted_surface_is_detrended_with_a_note(tmp_path: Path) -> None:
     assert len(after) == 1
     assert "the plane of least squares was subtracted; rms height from" in after[0]
     # The waves have a slope of their own in the sense of least squares.
-    expected = without_trend(WAVES, curved=False)
+    expected = without_trend(WAVES, GRID, curved=False)
     np.testing.assert_allclose(heights, expected.max() - expected, atol=1e-12)
 
 

@@ -176,7 +176,7 @@ class Reader:
         if not len(h5["snapshot"]):
             return False
         if self._with_surfaces is None:
-            least = 2 * len(FIELDS) * LEAST_POINTS[h5["pressure"].ndim - 1]
+            least = 2 * sum(name in h5 for name in FIELDS) * LEAST_POINTS[h5["pressure"].ndim - 1]
             self._with_surfaces = {among[i] for i in spread(len(among), SURFACE_NUMBERS // least)}
         return number in self._with_surfaces
 
