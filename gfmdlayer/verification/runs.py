@@ -27,7 +27,7 @@ class Recording(recording.Recording):
     @property
     def snapshots(self) -> list[tuple[float, FloatArray, FloatArray]]:
         """Time, displacement and pressure of the snapshots."""
-        return [(time, displacement, pressure) for time, displacement, pressure, _ in self.fields]
+        return [(time, displacement, pressure) for time, displacement, pressure, *_ in self.fields]
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column of the rows."""

@@ -15,7 +15,6 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import value_labels
@@ -23,6 +22,7 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.quantities import quantity
 from gfmdlayer.figures.selection import notes, select, swept
+from gfmdlayer.figures.snapshots import movie
 from gfmdlayer.figures.snapshots.movie import write_movie
 from gfmdlayer.figures.snapshots.plots import snapshots_figure
 from gfmdlayer.results.schema import PARAMETERS, ResultsError

@@ -13,12 +13,12 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
+from gfmdlayer.figures.snapshots import movie
 from gfmdlayer.figures.snapshots.inset import Inset
 from gfmdlayer.figures.snapshots.plots import snapshots_figure
 from gfmdlayer.figures.snapshots.waterfall import OVERLAP, waterfall_figure

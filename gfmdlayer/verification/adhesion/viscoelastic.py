@@ -21,7 +21,12 @@ _GENT = (
 
 
 def _pulled(
-    body: Mapping[str, object], speed: float, dwell: float = 200.0, *, tolerance: float = 1e-3
+    body: Mapping[str, object],
+    speed: float,
+    dwell: float = 200.0,
+    *,
+    tolerance: float = 1e-3,
+    points: int = 1024,
 ) -> Recording:
     """Press a parabola in, rest for the dwell, retract; without a dwell the approach is as fast."""
     approach = 50 * _DEPTH if dwell else speed
@@ -29,7 +34,7 @@ def _pulled(
     motion = {"kind": "approach_retract", "start": 0.0, "depth": _DEPTH, "final": final,
               "approach_speed": approach, "retract_speed": speed, "dwell": dwell}  # fmt: skip
     law = {"law": "exponential", "work": _WORK, "range": _RANGE}
-    values: dict[str, object] = {"grid.points": 1024, "interface": law, "trajectory": motion}
+    values: dict[str, object] = {"grid.points": points, "interface": law, "trajectory": motion}
     time = {"time": {"step": "adaptive", "tolerance": tolerance}}
     return run(ALONE, body, values, time)
 
@@ -48,9 +53,9 @@ def rate_dependence(_quick: bool) -> Iterator[Row]:
     of 2 and 5. Between the limits the heat has its largest value.
     """
     law = {"law": "exponential", "work": _WORK, "range": _RANGE}
-    values = {"grid.points": 1024, "interface": law}
+    values = {"grid.points": 2048, "interface": law}  # five points in the cohesive zone
     relaxed = run(ALONE, ELASTIC, values, cycle(0.0, _DEPTH, -0.006, 1e-2))
-    slow = _pulled({}, 1e-8)
+    slow = _pulled({}, 1e-8, points=2048)
     elastic = _least(relaxed)
     yield Row("slow pull-off over the relaxed elastic one", 1.0, _least(slow) / elastic, 0.01, _RELAXED)
     for contrast, bound in ((2.0, 0.1), (5.0, 0.75)):
