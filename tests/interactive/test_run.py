@@ -349,7 +349,8 @@ def interrupting(self, step):
     return measure(self, step)
 
 Effort.measure = interrupting
-gfmdlayer.execution.run.warm_up = lambda *_, **__: ({}, [])  # it takes steps, too
+for module in (gfmdlayer.execution.run, gfmdlayer.execution.case_run):
+    module.warm_up = lambda *_, **__: ({}, [])  # it takes steps, too
 for options in ({}, {"out": "out"}):
     rows = 0
     try:
