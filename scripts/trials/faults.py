@@ -29,7 +29,7 @@ def trial(seed: int, index: int, folder: Path) -> Outcome:
 
 def _disturb(trial: Trial, seconds: float, status: int) -> None:
     if trial.rng.random() < 0.5 or not trial.out.exists():
-        trial.kill_one(seconds)
+        trial.kill_one(seconds, status)
     fault = choose(trial.rng, *FAULTS)
     trial.events[f"faults: {fault.__name__.removeprefix('_').replace('_', ' ')}"] += 1
     fault(trial, seconds, status)
@@ -129,5 +129,5 @@ def _ended(run: Launch, *statuses: int, only: bool = False) -> None:
         raise Wrong("hangs", told)
     if run.status not in (statuses if only else (*ENDS, *statuses)):
         raise Wrong("ended badly", f"status {run.status}: {told}")
-    if "Traceback" in told:
+    if run.crashed():
         raise Wrong("traceback", told)

@@ -81,6 +81,12 @@ class Launch:
         """Return its processes."""
         return [self.pid, *descendants(self.pid)] if self.poll() is None else []
 
+    def crashed(self) -> bool:
+        """Whether its output has a traceback; Python's own of an interrupt before `main` does not count."""
+        told = self.text()
+        interrupted = "init_import_site" in told or ("KeyboardInterrupt" in told and "in main" not in told)
+        return "Traceback" in told and not interrupted
+
     def text(self) -> str:
         """Return its output."""
         return self.log.read_text(encoding="utf-8", errors="replace")
@@ -135,6 +141,13 @@ def descendants(pid: int) -> list[int]:
     for process in found:  # which grows in the loop
         found += parents.get(process, [])
     return found[1:]
+
+
+def waited(pid: int) -> float:
+    """Return the seconds that a process was ready to run while the processors served others."""
+    with suppress(OSError, IndexError):
+        return float(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    return 0.0
 
 
 def alive(pid: int) -> bool:
