@@ -198,7 +198,7 @@ def _lines(rng: Draw, text: str) -> str:
 
 
 def _deep(rng: Draw, text: str) -> str:
-    depth = int(rng.choice([10, 300, 5000]))
+    depth = int(rng.choice([10, 100, 300, 1000], p=[0.4, 0.4, 0.19, 0.01]))
     value = choose(
         rng, "[" * depth, "[" * depth + "]" * depth, "{a: " * depth + "1" + "}" * depth, "9" * depth
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import resource
 import signal
@@ -24,23 +25,24 @@ WAYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ranks": ((str(MPIRUN), "-n", "2", *COMMAND), ()),
     "grids": ((str(MPIRUN), "-n", "2", *COMMAND), ("--ranks-per-case", "2")),
 }
+PR_CAPBSET_DROP, RIGHTS_OF_ROOT = 24, (1, 2)  # of Linux: to write, read and enter where permission is missing
 
 
 @dataclass
 class Limits:
-    """Environment variables of a run, the largest file that it may write, and a user without rights."""
+    """Environment variables of a run, the largest file that it may write, whether permissions bind root."""
 
     environment: dict[str, str] = field(default_factory=dict)
     file_size: int | None = None
-    user: int | None = None
+    bound: bool = False
 
     def apply(self) -> None:
         """Take them on, in the process of the run."""
         if self.file_size is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_size, self.file_size))
-        if self.user is not None:
-            os.setgid(self.user)
-            os.setuid(self.user)
+        if self.bound:
+            for right in RIGHTS_OF_ROOT:
+                ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, right, 0, 0, 0)
 
 
 class Launch:
