@@ -140,9 +140,7 @@ def _edge(
 
 
 @kernel(inner=True)
-def _run(
-    touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int
-) -> int:
+def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
     """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
     state, found = touching[start + place * span], 0
     while found < farthest and touching[start + place * span] == state:
