@@ -138,8 +138,12 @@ class NestedGradient:
         self._failures, self._part = int(state["failures"]), float(state["part"])
 
     def compile(self) -> None:
-        """Compile the kernels that only a hand-over comes to."""
+        """Compile the kernels that few steps come to."""
         ActiveSet(self._transforms).compile()
+        single = np.zeros(1, np.float32)
+        for p in (single, np.zeros(1)):
+            passes.project(0, 1, 1.0, 0.0, p, single, single, single)
+            passes.release(0, 1, 1.0, p, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
