@@ -219,7 +219,7 @@ _ABLATIONS = (
     _Ablation("start from the last gap: displacement", _LastDisplacement),
     _Ablation("preconditioner", loop=lambda: _in_step(begin=_no_preconditioner)),
     _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
-    _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": (1e-3, 1e-3)}),
+    _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
     _Ablation("search for the softest deformation", others=(("find_margin", _no_search),)),
 )

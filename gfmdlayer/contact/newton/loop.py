@@ -24,7 +24,7 @@ from gfmdlayer.contact.newton.passes import (
 from gfmdlayer.grid.transforms import Plans
 from gfmdlayer.kernels import kernel
 
-_INEXACT = 0.1, 0.3  # part of the force that the conjugate gradients may leave at most, along and down
+_INEXACT = 0.1  # part of the force that the conjugate gradients may leave, at most
 _WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
 _SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
 _CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
@@ -114,9 +114,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if mean0 != 0.0:
             lack = mean * n - at.u.sum()
             lack = lack if abs(lack) > _LIFTED * abs(mean0) * n else 0.0
-        inexact = _INEXACT[1] if damping > 0.0 else _INEXACT[0]
-        if done == 1.0 and damping == 0.0:
-            inexact = min(inexact, np.sqrt(residual))
+        inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
         spent, least = _find_step(single, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
         pairs += IN_SINGLE * spent
         if least < 0.0:

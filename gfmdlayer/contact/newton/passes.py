@@ -304,7 +304,8 @@ def _sums(z: Any, moves: Any, force: Any) -> tuple[float, float]:
     total, across = 0.0, 0.0
     for first in range(0, z.size, LANES):
         zs, frees, fs = z[first : first + LANES], moves[first : first + LANES], force[first : first + LANES]
-        some, others = np.float32(0.0), np.float32(0.0)
+        some: Any = np.float32(0.0)
+        others: Any = np.float32(0.0)
         for i in range(zs.size):
             some += zs[i] * frees[i]
             others += fs[i] * zs[i]
@@ -320,7 +321,8 @@ def _curvatures(
     """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points."""
     elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
     for first in range(0, direction.size, LANES):
-        end, none = first + LANES, np.float32(0.0)
+        end = first + LANES
+        none: Any = np.float32(0.0)
         ss, Ks, hs, frees = direction[first:end], applied[first:end], stiffness[first:end], moves[first:end]
         sKs, sHs, s2, Hs = none, none, none, none
         for i in range(ss.size):
