@@ -73,7 +73,8 @@ def run_case(
     Returns
     -------
     Outcome
-        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`.
+        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and what
+        a complete case has to say in cases/NNNN.note.
     """
     from gfmdlayer.grid.ranks import ALONE
 
@@ -82,6 +83,8 @@ def run_case(
         with ending_together(ranks):
             run = _Run(case, folder, (wisdom or {}).get(case.config.grid.points), threads, ranks)
             note = run.simulate(checkpoint_every)
+            if note and ranks.first:
+                _record(folder, case, "note", note)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -106,14 +109,19 @@ def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "")
     trace : str
         Traceback; a record without one does not replace another record.
     """
+    if trace or not folder.case(case.index, "failed").exists():
+        _record(folder, case, "failed", reason, traceback=trace)
+        with suppress(OSError):
+            folder.case(case.index, "running").unlink(missing_ok=True)
+
+
+def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str) -> None:
+    """Write a record of a case."""
     from gfmdlayer.results.provenance import now
 
-    path = folder.case(case.index, "failed")
-    record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+    record = {"reason": reason, **more, "time": now(), "values": case.values}
     with suppress(OSError):  # on a full disk the outcome alone must do
-        if trace or not path.exists():
-            write_text(path, json.dumps(record, default=str))
-            folder.case(case.index, "running").unlink(missing_ok=True)
+        write_text(folder.case(case.index, kind), json.dumps(record, default=str))
 
 
 @dataclass(frozen=True)
@@ -149,7 +157,8 @@ class _Run:
             ) as checkpoints,
         ):
             if self.ranks.first:
-                folder.case(case.index, "failed").unlink(missing_ok=True)
+                for kind in ("failed", "note"):
+                    folder.case(case.index, kind).unlink(missing_ok=True)
             try:
                 try:
                     checkpoints.find()

@@ -18,6 +18,8 @@ from scipy.optimize import brentq
 import gfmdlayer
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.status import overview
 from gfmdlayer.observables.folds import Row, work_over_fold
 from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
@@ -221,6 +223,10 @@ def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Pat
     ended = found["mean_pressure"].isel(work=0)
     np.testing.assert_array_equal(np.isnan(ended), found["time"] > pulled.attrs["pull_off_time"])
     assert not found["mean_pressure"].isel(work=1).isnull().any()
+    (note,) = overview(Folder(tmp_path / "out")).notes
+    case = gfmdlayer.open_case(tmp_path / "out" / "cases" / "0000.h5")
+    assert note.reason.startswith(case.attrs["ended"])
+    assert (note.index, note.values) == (0, {"interface.work": 1e-3})
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
