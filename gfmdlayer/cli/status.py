@@ -87,7 +87,7 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 def _lines(seen: Overview) -> list[str]:
     lines = [_counts(seen), *cut_short([_running(case) for case in seen.running])]
     lines += _records(seen.failures, seen.failed, "failed")
-    lines += _records(seen.notes, len(seen.notes), "complete")
+    lines += _records(seen.ended, len(seen.ended), "complete")
     return [printable(line).replace("\n", " ") for line in lines]
 
 

@@ -73,8 +73,8 @@ def run_case(
     Returns
     -------
     Outcome
-        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and what
-        a complete case has to say in cases/NNNN.note.
+        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and why
+        a complete case ended early in cases/NNNN.ended.
     """
     from gfmdlayer.grid.ranks import ALONE
 
@@ -83,8 +83,6 @@ def run_case(
         with ending_together(ranks):
             run = _Run(case, folder, (wisdom or {}).get(case.config.grid.points), threads, ranks)
             note = run.simulate(checkpoint_every)
-            if note and ranks.first:
-                _record(folder, case, "note", note)
     except Stopped:
         return Outcome(case.index, "stopped")
     except Exception as error:
@@ -157,7 +155,7 @@ class _Run:
             ) as checkpoints,
         ):
             if self.ranks.first:
-                for kind in ("failed", "note"):
+                for kind in ("failed", "ended"):
                     folder.case(case.index, kind).unlink(missing_ok=True)
             try:
                 try:
@@ -193,6 +191,8 @@ class _Run:
         with self._writer(simulation, checkpoints, hashed) as writer:
             recorder = checkpoints.recorder(writer)
             warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
+            if ended := str(writer.noted.get("ended", "")):
+                _record(self.folder, self.case, "ended", ended)
         plans.keep(simulation.transforms)
         return "; ".join(warnings)
 

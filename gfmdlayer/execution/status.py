@@ -28,7 +28,7 @@ WRITE_INTERVAL = 1.0  # seconds between two status files of a case
 SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
 _MOST = 2**63  # of numbers in a status
 STEPS_TRUSTED = 0.9  # part of the expected steps, beyond which only the simulated time tells the progress
-RECORDS_READ = 1000  # of failures, and of notes, that an overview reads
+RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 
 
 class StatusFile:
@@ -187,7 +187,7 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
 
 @dataclass(frozen=True)
 class Record:
-    """A case of which something is on record: its number, why it failed or what it has to say, its values."""
+    """A case on record as failed or ended early: its number, why, and its swept values."""
 
     index: int
     reason: str
@@ -204,8 +204,8 @@ class Overview:
         Numbers of cases; running ones count in `total` alone.
     running : list of Running
         The running cases.
-    failures, notes : list of Record
-        The first `RECORDS_READ` failed cases, and complete ones that have something to say.
+    failures, ended : list of Record
+        The first `RECORDS_READ` failed cases, and complete ones that ended early.
     """
 
     total: int
@@ -214,7 +214,7 @@ class Overview:
     waiting: int
     running: list[Running]
     failures: list[Record]
-    notes: list[Record]
+    ended: list[Record]
 
     @property
     def over(self) -> bool:
@@ -236,7 +236,7 @@ def overview(folder: Folder) -> Overview:
     busy = {case.index for case in at_work}
     complete = {number for number in found["h5"] - busy if number in own}
     failed = {number for number in found["failed"] - busy - complete if number in own}
-    records = [_records(folder, failed, "failed"), _records(folder, found["note"] & complete, "note")]
+    records = [_records(folder, failed, "failed"), _records(folder, found["ended"] & complete, "ended")]
     waiting = max(0, total - len(complete | failed | busy))
     return Overview(total, len(complete), len(failed), waiting, at_work, *records)
 

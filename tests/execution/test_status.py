@@ -151,9 +151,9 @@ def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
 
 def test_complete_cases_say_why_they_ended_early(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
     folder = make(3, h5=range(1), failed=range(1, 2))
-    for index in range(3):  # the notes of cases that are computed again do not count
+    for index in range(3):  # the records of cases that are computed again do not count
         record = {"reason": "PULLED OFF at t = 3", "values": {"layer.thickness": 0.1}}
-        folder.case(index, "note").write_text(json.dumps(record))
+        folder.case(index, "ended").write_text(json.dumps(record))
     lines = told(capsys, "status", str(folder.path))
     assert lines[0] == "3 cases: 1 complete, 0 running, 1 failed, 1 waiting"
     assert lines[2:] == ["  0000 complete: PULLED OFF at t = 3  thickness = 0.1"]
@@ -228,7 +228,7 @@ LEFT = (
 )
 KEPT = (
     *("config.yaml", "sweep.h5", "cases/0000.h5", "cases/0001.failed", "cases/0001.checkpoint"),
-    "cases/0000.note",
+    "cases/0000.ended",
     *("cases/0001.journal1", "cases/0003.h5.aside", "cases/.lock"),
     *("notes.part", "figure.png", "cases/notes.part", "cases/0000.txt", "cases/stop.txt", "cases/3.running"),
 )

@@ -223,10 +223,9 @@ def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Pat
     ended = found["mean_pressure"].isel(work=0)
     np.testing.assert_array_equal(np.isnan(ended), found["time"] > pulled.attrs["pull_off_time"])
     assert not found["mean_pressure"].isel(work=1).isnull().any()
-    (note,) = overview(Folder(tmp_path / "out")).notes
+    (ended,) = overview(Folder(tmp_path / "out")).ended
     case = gfmdlayer.open_case(tmp_path / "out" / "cases" / "0000.h5")
-    assert note.reason.startswith(case.attrs["ended"])
-    assert (note.index, note.values) == (0, {"interface.work": 1e-3})
+    assert (ended.index, ended.reason, ended.values) == (0, case.attrs["ended"], {"interface.work": 1e-3})
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
