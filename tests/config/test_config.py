@@ -266,7 +266,7 @@ REFUSED = {
         "must not be",
     ),
     "pyramid on a line": (
-        "punch: {shape: pyramid}",
+        "punch: {shape: pyramid, angle: 80, faces: 4}",  # keys that a pyramid has
         "2:16: punch.shape: got the text 'pyramid'",
         "another shape, or grid.points two numbers",
     ),
@@ -1324,3 +1324,11 @@ def test_a_number_in_a_long_list_is_refused_at_its_place(tmp_path: Path) -> None
         "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
         "one for each direction"
     ]
+
+
+def test_a_shape_that_is_refused_leaves_its_keys_alone(tmp_path: Path) -> None:
+    """They are not judged by the default shape."""
+    found = problems(write(tmp_path, "name: x\ngrid: {points: 64}\npunch: {shape: pyramid, angle: 80}\n"))
+    assert len(found) == 1
+    isolated = "name: x\ngrid: {geometry: axisymmetric}\npunch: {shape: pyramid, angle: 80}\n"
+    assert len(problems(write(tmp_path, isolated))) == 1
