@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute, FloatArray
     from gfmdlayer.config import Config
 
-_UNITS = "pressure length"
+_UNITS, _SINCE = "pressure length", "from the beginning of the run"
 
 # Instabilities that are listed with a case, those that lose the most; `lost` has all of them.
 MOST_LISTED = 1000
@@ -46,7 +46,7 @@ Point = tuple[float, float]
 class Instabilities(Observable):
     """Energy lost in instabilities so far, and a list of them in the attributes."""
 
-    COLUMNS = (Column("lost", "energy lost in instabilities per area", _UNITS),)
+    COLUMNS = (Column("lost", "energy lost in instabilities per area", _UNITS, origin=_SINCE),)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
@@ -96,13 +96,14 @@ class EnergyBalance(Observable):
     """Work, stored and dissipated energy, and what the balance lacks."""
 
     COLUMNS = (
-        Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS),
-        Column("stored", "elastic energy stored per area", _UNITS),
-        Column("dissipated", "energy dissipated per area", _UNITS),
+        Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS, origin=_SINCE),
+        Column("stored", "elastic energy stored per area", _UNITS, origin="from the body at rest"),
+        Column("dissipated", "energy dissipated per area", _UNITS, origin=_SINCE),
         Column(
             "energy_residual",
             "work - stored - dissipated - energy of the interface - lost in instabilities, per area",
             _UNITS,
+            origin=_SINCE,
         ),
     )
 
