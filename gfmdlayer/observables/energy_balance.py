@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.config import Config
 
-_UNITS = "pressure length"
+_UNITS, _SINCE = "pressure length", "from the beginning of the run"
 
 Point = tuple[float, float]
 
@@ -47,17 +47,18 @@ class EnergyBalance(Observable):
     """Work, stored and dissipated energy, and what the balance lacks."""
 
     COLUMNS = (
-        Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS),
-        Column("stored", "elastic energy stored per area", _UNITS),
-        Column("dissipated", "energy dissipated per area", _UNITS),
+        Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS, origin=_SINCE),
+        Column("stored", "elastic energy stored per area", _UNITS, origin="from the body at rest"),
+        Column("dissipated", "energy dissipated per area", _UNITS, origin=_SINCE),
         Column(
             "energy_residual",
             "work - stored - dissipated - energy of the interface - lost in instabilities, per area",
             _UNITS,
+            origin=_SINCE,
         ),
     )
 
-    LOST = Column("lost", "energy lost in instabilities per area", _UNITS)
+    LOST = Column("lost", "energy lost in instabilities per area", _UNITS, origin=_SINCE)
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
