@@ -27,7 +27,14 @@ extensions = [
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 templates_path = ["templates"]
-exclude_patterns = ["_build", "gallery/README.rst", "gallery/examples", "extensions", "verification/run", "benchmarks"]
+exclude_patterns = [
+    "_build",
+    "gallery/README.rst",
+    "gallery/examples",
+    "extensions",
+    "verification/run",
+    "benchmarks",
+]
 nitpicky = False
 
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]

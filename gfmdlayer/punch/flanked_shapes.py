@@ -100,6 +100,6 @@ class Pyramid(Analytic):
         """Refuse a pyramid on a line."""
         if len(cell.points) == 1:
             message = "got the text 'pyramid'; must be another shape, or grid.points two numbers"
-            yield Problem(("shape",), message)
+            yield Problem(("shape",), message, chooses=True)
         else:
             yield from super().misfits(cell, counts)
