@@ -28,7 +28,15 @@ from gfmdlayer.cli import (
     status,
     verify,
 )
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, STATUSES, input_problems, machine_problem, refuse
+from gfmdlayer.cli.terminal import (
+    COMPLETE,
+    FAILED,
+    RESUMABLE,
+    STATUSES,
+    input_problems,
+    machine_problem,
+    refuse,
+)
 
 VERBS = (
     new,
@@ -59,6 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has closed it; Python must not write the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return COMPLETE
+    except KeyboardInterrupt:  # before the verb listens to signals, or in one that does not
+        print("gfmdlayer: stopped", file=sys.stderr)
+        return RESUMABLE
     except Exception as error:
         if problems := input_problems(error):
             return refuse(*problems)

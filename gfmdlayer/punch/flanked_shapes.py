@@ -83,7 +83,7 @@ class Pyramid(Analytic):
     shape: Literal["pyramid"] = "pyramid"
     """equal faces; a Berkovich indenter by default"""
     angle: Angle = 65.27
-    """angle of the faces to the axis, in degrees"""
+    """angle of the faces to the axis: degrees"""
     faces: Faces = 3
     """number of faces"""
 

@@ -12,8 +12,10 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.solver import NestedGradient
+from gfmdlayer.contact.nested.stencil import stencil
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import assess
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
 TOLERANCE = 1e-6
@@ -187,3 +189,15 @@ def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) ->
     two = solver.solve(problem, np.zeros(case.punch.size))
     assert two.converged
     np.testing.assert_allclose(two.pressure, one.pressure, atol=100 * TOLERANCE * one.pressure.max())
+
+
+def test_the_preconditioner_depends_on_the_spacing_alone() -> None:
+    """The stencil of a halfspace, scaled by the spacing, is the same on a long cell and on a square.
+
+    Both are fitted to samples of 64 waves along an axis, whose errors are of the order of 1/64^2.
+    """
+    found = []
+    for points in ((128, 128), (4096, 128), (2000, 128)):
+        grid = Grid(points, (points[0] / 128, 1.0))
+        found.append(stencil(grid, grid.wavenumbers.ravel()) / 128)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=found[0].max() / 64**2)

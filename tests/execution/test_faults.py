@@ -21,7 +21,7 @@ from gfmdlayer.execution.status import StatusFile, running
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.results.reader import attributes, is_complete
 
-KILLS = Path(__file__).parents[2] / "scripts" / "kills.py"
+SOAK = Path(__file__).parents[2] / "scripts" / "soak.py"
 FAULTY = """\
 name: faulty
 grid: {points: 2048}
@@ -248,9 +248,7 @@ def test_a_killed_run_leaves_complete_cases_alone_and_the_next_one_resumes(
 
 @pytest.mark.slow
 def test_a_few_kills_at_random_lose_nothing() -> None:
-    process = subprocess.run(
-        [sys.executable, str(KILLS), "3"], capture_output=True, text=True, timeout=600, check=False
-    )
+    given = [sys.executable, str(SOAK), "--only", "kills", "--ways", "forked", "processes", "--trials", "2"]
+    process = subprocess.run(given, capture_output=True, text=True, timeout=600, check=False)
     assert process.returncode == 0, process.stdout + process.stderr
-    assert "     3  kills" in process.stdout
-    assert "     0  unreadable under a final name" in process.stdout
+    assert "| compared bit by bit | 2 |" in process.stdout

@@ -100,6 +100,19 @@ def test_no_workers_are_started_after_a_request_to_stop() -> None:
     assert states == ["stopped", "stopped"]
 
 
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
+    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> Config:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gfmdlayer.execution.interrupts.listen", interrupted)
+    monkeypatch.setattr("gfmdlayer.cli.check.read_config", interrupted)
+    assert main([verb, "a.yaml"]) == 75
+    assert capsys.readouterr().err == "gfmdlayer: stopped\n"
+
+
 def test_a_signal_while_the_configuration_is_read_ends_the_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

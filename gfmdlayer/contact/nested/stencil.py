@@ -7,7 +7,6 @@ by least squares of s/max(kappa, `_SOFTEST` of the largest) - 1 over the modes o
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import gcd, prod
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ REACH = 2  # rows and columns on either side
 # Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
 _TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
 _SOFTEST = 0.02
-_MODES = 1 << 12  # of each process, for the fit
+_WAVES = 64  # along each axis of a surface, its square along a line, for the fit
 
 
 def stencil(grid: Grid, stiffness: FloatArray) -> Any:
@@ -38,7 +37,7 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     ndarray of float32, shape (6,)
         Weights of `_TAPS`.
     """
-    symbols, sample = _symbols(grid), _sample(grid.spectral_shape)
+    symbols, sample = _symbols(grid), _sample(grid)
     stiffest = grid.sums.maximum(float(stiffness.max()))
     inverse = 1.0 / np.maximum(stiffness[sample], _SOFTEST * stiffest)
     used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
@@ -49,13 +48,20 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     return weights
 
 
-def _sample(shape: tuple[int, ...]) -> IntArray:
-    """Modes for the fit, in all rows and columns alike."""
-    size, columns = prod(shape), shape[-1]
-    every = max(1, size // _MODES)
-    while gcd(every, columns) > 1:
-        every += 1
-    return np.arange(0, size, every)
+def _sample(grid: Grid) -> IntArray:
+    """Modes for the fit that this process holds, spread evenly over all of the grid."""
+    number = _WAVES ** (2 // len(grid.points))
+    rows = _spread(grid.points[0], number, 0.0) if len(grid.points) > 1 else np.zeros(1, dtype=int)
+    # The last axis has the waves from 0 to the largest: each that is taken is in the middle of its part.
+    own, columns = grid.waves_y, _spread(grid.points[-1] // 2 + 1, number, 0.5)
+    columns = columns[(columns >= own.start) & (columns < own.stop)] - own.start
+    return np.asarray((rows[:, np.newaxis] * len(own) + columns).ravel())
+
+
+def _spread(points: int, number: int, place: float) -> IntArray:
+    """Return so many of the points, or all, each at a place in its part of them."""
+    number = min(points, number)
+    return np.asarray((np.arange(number) + place) * points // number, dtype=np.int64)
 
 
 def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:

@@ -1,11 +1,12 @@
 """The compiled passes of `newton`: states of the surface, the linear system of a step, and what a step does.
 
-Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them.
+Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them. States are in
+double precision, linear systems, whose solutions are corrections, in single.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from gfmdlayer.interface.forms import interact
 from gfmdlayer.interface.terms import Terms
 from gfmdlayer.kernels import LANES, kernel
 
-_NO_CURVATURE = 1e-10  # part of the elastic stiffness along a direction below which its curvature is rounding
+_NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
+_STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs that of the body
 _ROUNDING = 1e-15
 
 
@@ -46,32 +48,38 @@ class Surface(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The linear system of a step, on the free points, and its solution."""
+    """The linear system of a step, on the free points, and its solution.
+
+    All but the first four are in single precision.
+    """
 
     free: FloatArray  # 1 where the point moves, 0 where it is pressed
     pressure: FloatArray  # p_c, which is out of balance on the free points
-    force: FloatArray  # what is out of balance after the step, to first order
     d: FloatArray
-    Kd: FloatArray  # K times d
-    direction: FloatArray
-    applied: FloatArray  # K times the direction
-    z: FloatArray  # preconditioned force
-    softening: FloatArray  # preconditioner, one value a mode
-    work: ComplexArray
+    spectrum: ComplexArray  # work
+    force: Any  # what is out of balance after the step, to first order
+    direction: Any
+    applied: Any  # K times the direction
+    z: Any  # preconditioned force
+    share: Any  # root of the share of the body in the stiffness of a point, beside that of the interface
+    point: Any  # compliance of the body at a point
+    kappa: Any
+    softening: Any  # preconditioner, one value a mode
+    work: Any  # spectrum
 
 
 @kernel(reorder=True, inner=True)
-def apply(plans: Plans, factor: FloatArray, field: FloatArray, work: ComplexArray, out: FloatArray) -> None:
-    """Multiply the modes of a field; one FFT pair."""
+def apply(plans: Plans, factor: Any, field: Any, work: Any, out: Any) -> None:
+    """Multiply the modes of a field; one FFT pair, in single precision."""
     forward(plans, field, work)
     for k in range(work.size):
-        work[k] = complex(factor[k] * work[k].real, factor[k] * work[k].imag)
+        work[k] *= factor[k]
     backward(plans, work, out)
 
 
 @kernel(reorder=True, inner=True)
 def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray, work: ComplexArray) -> None:
-    """Write the transform of u, and the stress f = b - K u; one FFT pair."""
+    """Write the transform of u, and the stress f = b - K u; one FFT pair, in double precision."""
     forward(plans, at.u, spectrum)
     kappa, b = system.kappa, system.b
     for k in range(work.size):
@@ -172,7 +180,9 @@ def _open_pressure(
 
 
 @kernel(reorder=True, inner=True)
-def begin(plans: Plans, system: System, step: Step, damping: float, lack: float) -> int:
+def begin(
+    single: Plans, system: System, curvature: FloatArray, step: Step, damping: float, lack: float
+) -> int:
     """Begin with no step, or where the mean has to change with one that lifts all free points.
 
     Returns
@@ -180,28 +190,55 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
     int
         FFT pairs.
     """
-    n, d = step.d.size, step.d
+    n, d, force, total = step.d.size, step.d, step.force, 0.0
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
-        step.softening[k] = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
+        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
+        step.kappa[k], step.softening[k] = system.kappa[k], softening
+        total += softening
+    step.point[0] = n * total / (_STIFF * step.softening.size)
+    for i in range(n):
+        step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
     if lack == 0.0:
-        for i in range(n):
-            d[i], step.Kd[i] = 0.0, 0.0
         return 0
-    apply(plans, step.softening, step.free, step.work, d)
+    for i in range(n):
+        step.direction[i] = step.free[i]
+    precondition(single, step, step.direction, step.z)
     total = 0.0
     for i in range(n):
-        d[i] *= step.free[i]
+        d[i] = step.free[i] * step.z[i]
         total += d[i]
     for i in range(n):
         d[i] *= lack / total
-    apply(plans, system.kappa, d, step.work, step.Kd)
+        step.direction[i] = d[i]
+    apply(single, step.kappa, step.direction, step.work, step.applied)
+    for i in range(n):
+        off = step.applied[i] + (curvature[i] + damping) * d[i]
+        force[i] = step.free[i] * (step.pressure[i] - off)
     return 2
 
 
 @kernel(reorder=True, inner=True)
+def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
+    """Write z = M r, M close to the inverse of K + w'' + damping; one FFT pair.
+
+    M = S C S + (1 - S^2)/(k + w'') with C = 1/(K + damping + kappa_1/2), the stiffness k of the body at a
+    point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more stiffly than
+    the body answer alone.
+    """
+    share = step.share
+    for i in range(z.size):
+        z[i] = share[i] * r[i]
+    apply(single, step.softening, z, step.work, z)
+    for i in range(z.size):
+        square = share[i] * share[i]
+        z[i] = share[i] * z[i] + step.point[0] * square * (np.float32(1.0) - square) * r[i]
+
+
+@kernel(reorder=True, inner=True)
 def minimise(
-    plans: Plans,
+    single: Plans,
     system: System,
     curvature: FloatArray,
     damping: float,
@@ -211,11 +248,12 @@ def minimise(
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
-    They go on from the d that they are given, with the mean of its change zero where the mean is fixed.
+    They go on from the d and the force that they are given, with the mean of the change of d zero where the
+    mean is fixed.
 
     Parameters
     ----------
-    plans, system : Plans, System
+    single, system : Plans, System
         Transforms and problem.
     curvature : ndarray, one value a point
         w''.
@@ -233,18 +271,18 @@ def minimise(
     least : float
         The curvature along the last direction, per area, where it is negative; else 0.
     """
-    free, _, force, d, Kd, direction, applied, z, softening, work = step
+    free, d, force, direction, applied, z = (
+        step.free, step.d, step.force, step.direction, step.applied, step.z,
+    )  # fmt: skip
     n = d.size
     count = free.sum()
-    for i in range(n):
-        force[i] = free[i] * (step.pressure[i] - Kd[i] - (curvature[i] + damping) * d[i])
-        direction[i] = 0.0
     if count == 0.0:
         return 0, 0.0
     aim, last, centred = max(floor, inexact * _centre(system, force, free, count)), 1.0, system.mean_is_fixed
+    direction[:] = 0.0
     largest = np.empty(LANES)
     for iteration in range(_MOST):
-        apply(plans, softening, force, work, z)
+        precondition(single, step, force, z)
         # Forces are zero where points are pressed, and in the mean where that is fixed.
         total, across = 0.0, 0.0
         for i in range(n):
@@ -255,7 +293,7 @@ def minimise(
         last = across
         for i in range(n):
             direction[i] = free[i] * (z[i] - mean) + beta * direction[i]
-        apply(plans, system.kappa, direction, work, applied)
+        apply(single, step.kappa, direction, step.work, applied)
         elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
             s = direction[i]
@@ -272,12 +310,11 @@ def minimise(
         largest[:] = 0.0
         for first in range(0, n, LANES):
             end = first + LANES
-            ds, Kds, fs, moves = d[first:end], Kd[first:end], force[first:end], free[first:end]
+            ds, fs, moves = d[first:end], force[first:end], free[first:end]
             directions, applieds, curvatures = direction[first:end], applied[first:end], curvature[first:end]
             for i in range(ds.size):
                 s = directions[i]
                 ds[i] += way * s
-                Kds[i] += way * applieds[i]
                 left = fs[i] - way * moves[i] * (applieds[i] + (curvatures[i] + damping) * s - mean)
                 fs[i] = left
                 largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
@@ -290,7 +327,7 @@ _MOST = 400  # iterations
 
 
 @kernel(reorder=True, inner=True)
-def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -> float:
+def _centre(system: System, force: Any, free: FloatArray, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
     mean, largest = force.sum() / count if system.mean_is_fixed else 0.0, 0.0
     for i in range(force.size):
@@ -300,17 +337,16 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
 
 
 @kernel(reorder=True, inner=True)
-def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> bool:
-    """Write the displacement after a step, kept below the punch; return whether it was bent.
+def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> None:
+    """Write the displacement after a step, kept below the punch.
 
     Where the mean is fixed it is restored by a shift of the points below the punch.
     """
-    h, u, v, bent = system.h, at.u, to.u, 0.0
+    h, u, v = system.h, at.u, to.u
     for i in range(v.size):
         moved = u[i] + step.d[i]
-        bent += 1.0 if moved > h[i] else 0.0
         v[i] = h[i] if moved > h[i] else moved
-    if bent > 0.0 and system.mean_is_fixed:
+    if system.mean_is_fixed:
         for _ in range(60):
             total, free, largest = 0.0, 0.0, 0.0
             for i in range(v.size):
@@ -322,7 +358,6 @@ def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> b
                 break
             for i in range(v.size):
                 v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
-    return bent > 0.0
 
 
 @kernel(reorder=True, inner=True)

@@ -1,31 +1,18 @@
-"""Run random extreme cases in memory, and list by kind those that do not end as they must.
+"""Random configurations, which all trials share, far beyond what users ask for.
 
 Bodies, punches, histories and solvers are drawn over what configurations admit, far beyond what is measured:
 films of a millionth of the period and layers of a million, moduli over sixteen decades, compressible and
 auxetic bodies, thirty branches over twenty decades of time, loads that jump, vanish and return, sliding, odd
-and prime numbers of points. A case must end with finite numbers and a residual within the tolerance, or with
-`ConvergenceError`, which names the step and gives the command line its exit status 1. Case i of seed S is
-drawn from the pair (S, i) alone.
-
-    python scripts/extremes.py 1000 --seed 1
-    python scripts/extremes.py 1 --seed 1 --first 17     # case 17 again; --show prints its configuration
+and prime numbers of points. Case i of seed S follows from the pair (S, i) alone.
 """
 
 from __future__ import annotations
 
-import argparse
-import pprint
-import signal
-import sys
-import time
-import traceback
-import warnings
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import io
 from typing import Any, NamedTuple
 
 import numpy as np
+from ruamel.yaml import YAML
 
 import gfmdlayer
 from gfmdlayer.case import Case
@@ -34,16 +21,9 @@ from gfmdlayer.contact.solvers import SOLVERS
 DEFAULT = "active_set"
 LINES = (8, 9, 16, 31, 64, 97, 128, 135, 255, 256)
 SURFACES = ([8, 8], [9, 13], [16, 16], [31, 16], [32, 32])
-LONGEST = 60.0  # seconds of the processor after which a case counts as one that hangs
-GOOD = ("converged", "refused")
-WITHOUT_CONTACT = {"friction", "contact_centre"}  # NaN there, as documented
 
 Draw = np.random.Generator
 Values = dict[str, Any]
-
-
-class Hangs(Exception):  # noqa: N818
-    """A case takes longer than `LONGEST`."""
 
 
 class Drawn(NamedTuple):
@@ -53,7 +33,7 @@ class Drawn(NamedTuple):
     history: tuple[list[float], list[float]] | None
 
 
-def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,)) -> Drawn:
+def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,), shapes: tuple[Any, ...] = ()) -> Drawn:
     """Draw a case.
 
     Parameters
@@ -62,13 +42,15 @@ def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,)) -> Drawn:
         Which case.
     methods : tuple of str
         Solvers, one of which the case has.
+    shapes : tuple
+        Grids, one of which the case has; by default any of `LINES` and `SURFACES`.
 
     Returns
     -------
     Drawn
     """
     rng = np.random.default_rng((seed, index))
-    points: Any = choose(rng, *LINES) if rng.random() < 0.8 else choose(rng, *SURFACES)
+    points: Any = choose(rng, *(shapes or (LINES if rng.random() < 0.8 else SURFACES)))
     period = choose(rng, 1.0, decades(rng, -9, 9))
     config = {"name": f"extreme-{seed}-{index}", "grid": {"points": points, "period": period}}
     config |= body(rng, period)
@@ -220,96 +202,13 @@ def adhesion(rng: Draw, height: float, softest: float) -> Values:
     return {"interface": law} if rng.random() < 0.5 else {}
 
 
-class Outcome(NamedTuple):
-    """How a case ended: a kind, and the particulars."""
-
-    kind: str
-    text: str = ""
-
-
-def outcome(drawn: Drawn) -> Outcome:
-    """Run a case."""
-    try:
-        with warnings.catch_warnings(), _limited():
-            warnings.simplefilter("ignore")
-            warnings.simplefilter("error", RuntimeWarning)
-            data = gfmdlayer.run(drawn.config, history=drawn.history, progress=False)
-    except gfmdlayer.ConfigError as error:
-        return Outcome("refused", str(error))
-    except gfmdlayer.ConvergenceError as error:
-        return Outcome("not converged", str(error))
-    except Hangs:
-        return Outcome("hangs", f"over {LONGEST:.0f} s")
-    except Exception as error:  # whatever it is, it is what is looked for
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        return Outcome(type(error).__name__, f"{error} ({where.filename.rpartition('/')[2]}:{where.lineno})")
-    wrong = [name for name, values in data.variables.items() if not _sound(name, values)]
-    if wrong:
-        return Outcome("not finite", ", ".join(map(str, wrong)))
-    if not (data["residual"] <= drawn.config["solver"]["tolerance"]).all():
-        return Outcome("wrong", "a residual above the tolerance")
-    return Outcome("converged")
+def dump(tree: Any) -> str:
+    """Return plain data as YAML."""
+    stream = io.StringIO()
+    YAML(typ="safe").dump(tree, stream)
+    return stream.getvalue()
 
 
-def _sound(name: Any, values: Any) -> bool:
-    values = np.asarray(values)
-    return bool((np.isfinite(values) | (name in WITHOUT_CONTACT and np.isnan(values))).all())
-
-
-@contextmanager
-def _limited() -> Iterator[None]:
-    """Stop what takes longer than `LONGEST` of the processor's time."""
-
-    def stop(*_: object) -> None:
-        raise Hangs
-
-    before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, LONGEST)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
-
-
-def table(found: Mapping[tuple[str, str], list[tuple[int, str]]], shown: int = 12) -> str:
-    """Return the counts by solver and kind as a table, with the cases that failed."""
-    lines = ["| solver | end | cases | which |", "|---|---|---|---|"]
-    for (method, kind), cases in sorted(found.items()):
-        which = "" if kind in GOOD else ", ".join(str(index) for index, _ in cases[:shown])
-        lines.append(
-            f"| {method} | {kind} | {len(cases)} | {which}{' ...' * (len(cases) > shown and bool(which))} |"
-        )
-    return "\n".join(lines)
-
-
-def main() -> int:
-    """Run the cases that the command line asks for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("count", type=int, help="number of cases")
-    parser.add_argument("--seed", type=int, default=1, help="seed of all cases")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--methods", nargs="+", choices=list(SOLVERS), default=[DEFAULT], help="solvers")
-    parser.add_argument("--show", action="store_true", help="print each configuration")
-    given = parser.parse_args()
-    found: dict[tuple[str, str], list[tuple[int, str]]] = defaultdict(list)
-    began = time.process_time()
-    for index in range(given.first, given.first + given.count):
-        drawn = draw(given.seed, index, tuple(given.methods))
-        if given.show:
-            pprint.pprint(drawn)
-        end = outcome(drawn)
-        found[drawn.config["solver"]["method"], end.kind].append((index, end.text))
-        if end.kind not in GOOD:
-            print(
-                f"{given.seed} {index}: {drawn.config['solver']['method']} {end.kind}: {end.text}", flush=True
-            )
-    print(f"\nSeed {given.seed}, {given.count} cases, {time.process_time() - began:.0f} s of one core.\n")
-    print(table(found))
-    return int(any(kind not in GOOD for _, kind in found))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def parse(text: str) -> Any:
+    """Return the plain data of a YAML text."""
+    return YAML(typ="safe").load(text)

@@ -1,0 +1,218 @@
+"""Runs that are killed and disturbed at random, and taken up until they are complete.
+
+A study is run undisturbed; then again, by launchers drawn for each attempt, while signals hit all of its
+processes, one of them or the launcher, and faults hit its files. What has a final name must be readable at
+any time, all processes must end soon after one is killed, nothing may end in a traceback, and what is
+complete must equal the undisturbed run bit by bit.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+from trials.configurations import Draw, choose
+from trials.launches import Launch, Limits, alive, descendants
+from trials.outcomes import Outcome, Patience, Wrong
+from trials.studies import Study, study
+
+from gfmdlayer.results.reader import attributes, is_complete
+
+LONGEST = 60.0  # seconds of an undisturbed run, above which a study is not used
+GRACE = 10.0  # seconds in which all processes of a run must have ended after one was killed
+PATIENCE = 180.0  # seconds after which a run counts as one that hangs
+ATTEMPTS = 4  # disturbed runs of a trial
+ENDS = (0, 1, 75)  # exit status of a run that could do its work
+SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+LEFT = (".aside", ".xdmf")
+Bits = dict[str, bytes]
+
+
+class Trial:
+    """A study, its undisturbed run, and the folder `out` of disturbed ones."""
+
+    def __init__(self, rng: Draw, folder: Path, ways: tuple[str, ...]) -> None:
+        self.rng, self.folder, self.ways = rng, folder, ways
+        self.events: Counter[str] = Counter()
+        self.out = folder / "out"
+        self._arguments = ("run", "study.yaml", "--checkpoint-every", str(choose(rng, 0, 0, 0.05)), "--out")
+        self.environment = {"XDG_CACHE_HOME": str(folder / "cache"), "HOME": str(folder)}
+
+    def launch(self, way: str, out: str = "out", limits: Limits | None = None) -> Launch:
+        """Start a run."""
+        limits = limits or Limits()
+        limits.environment |= self.environment
+        return Launch(way, (*self._arguments, out), self.folder, limits)
+
+    def whole(self, chosen: Study, out: str = "whole") -> Launch:
+        """Run a study undisturbed."""
+        chosen.write(self.folder)
+        run = self.launch("grids" if "grids" in self.ways else "forked", out)
+        run.wait(LONGEST)
+        self.stop(run)
+        if "Traceback" in run.text():
+            raise Wrong("traceback", run.text())
+        return run
+
+    def stop(self, run: Launch) -> None:
+        """Kill a run that has not ended."""
+        for process in run.family():
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        run.wait(GRACE)
+
+    def kill_one(self, seconds: float) -> Launch:
+        """Start a run, send a signal at a random moment, and wait until all has ended."""
+        way = choose(self.rng, *self.ways)
+        run = self.launch(way)
+        if self.rng.random() < 0.7:  # after the first case has begun
+            patience = Patience(PATIENCE)
+            while run.poll() is None and not list(self.out.glob("cases/*.running")) and patience:
+                pass
+            run.wait(self.rng.uniform(0, seconds))
+        else:
+            run.wait(self.rng.uniform(0, 3.0 if way != "forked" else 0.2))
+        family = run.family()
+        if family:
+            number = choose(self.rng, *SIGNALS)
+            whom = choose(self.rng, "all", "one", "launcher")
+            for victim in {"all": family, "one": [choose(self.rng, *family)], "launcher": [run.pid]}[whom]:
+                with suppress(ProcessLookupError):
+                    os.kill(victim, number)
+            self.events.update(("kills", f"kills: {way}", f"kills: {number.name} to {whom}"))
+            self._check_readable()
+            self._await(run, family, f"{way}, {number.name} to {whom}")
+        else:
+            self._check_end(run, way)
+        self._check_readable()
+        return run
+
+    def finish(self, status: int) -> None:
+        """Run to the end, and compare with the undisturbed run."""
+        run = self.launch(choose(self.rng, *self.ways))
+        run.wait(PATIENCE)
+        if run.poll() is None:
+            self.stop(run)
+            raise Wrong("hangs", "the last run")
+        if run.status != status or "Traceback" in run.text():
+            raise Wrong("last run", f"ended with {run.status}, not {status}: {run.text()}")
+        self._check_readable()
+        self.compare()
+        self.events["compared bit by bit"] += 1
+
+    def compare(self) -> None:
+        """Compare with the undisturbed run."""
+        whole, found = bits(self.folder / "whole"), bits(self.out)
+        different = sorted(name for name in whole.keys() | found.keys() if whole.get(name) != found.get(name))
+        if different:
+            raise Wrong("other bits", ", ".join(different[:20]))
+        expected = {path.name for path in (self.folder / "whole/cases").iterdir()}
+        left = {path.name for path in (self.out / "cases").iterdir() if path.suffix not in LEFT} - expected
+        if left - {".lock"}:
+            raise Wrong("left behind", ", ".join(sorted(left)))
+
+    def _await(self, run: Launch, family: list[int], told: str) -> None:
+        patience = Patience(PATIENCE)
+        while any(map(alive, family)) and run.poll() is None and patience:
+            family = sorted({*family, *descendants(run.pid)})
+        ended = patience.spent
+        while any(map(alive, family)) and patience and patience.spent < ended + GRACE:
+            run.poll()
+        left = list(filter(alive, family))
+        for process in left:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        run.wait(GRACE)
+        if left:
+            raise Wrong("hangs", f"{told}: {len(left)} of {len(family)} processes left")
+        self.events["slowest end in ms"] = max(self.events["slowest end in ms"], round(1000 * patience.spent))
+        if patience.spent > GRACE:
+            raise Wrong("ends late", f"{told}: after {patience.spent:.1f} s")
+        if "Traceback" in run.text():
+            raise Wrong("traceback", f"{told}: {run.text()}")
+
+    def _check_end(self, run: Launch, way: str) -> None:
+        if run.status not in ENDS or "Traceback" in run.text():
+            raise Wrong("ended badly", f"{way}: status {run.status}: {run.text()}")
+
+    def _check_readable(self) -> None:
+        for path in self.out.rglob("*.h5"):
+            try:
+                contents(path)
+                whole = path.name == "sweep.h5" or is_complete(path)
+            except FileNotFoundError:  # set aside or replaced meanwhile
+                continue
+            except OSError:
+                whole = False
+            if not whole:
+                raise Wrong("unreadable", f"{path.name} under its final name")
+
+
+def killed(seed: int, index: int, folder: Path, ways: tuple[str, ...] = ()) -> Outcome:
+    """Kill runs of a study by one of the ways to start it, several times."""
+    rng = np.random.default_rng((seed, index))
+    drawn = choose(
+        rng, ("forked",), ("forked", "serial"), ("processes", "forked"), ("ranks", "forked"), ("grids",)
+    )
+    trial = Trial(rng, folder, ways or drawn)
+    return tried(trial, "grids" in trial.ways, lambda trial, spent, _: trial.kill_one(spent))
+
+
+def tried(trial: Trial, together: bool, disturb: Callable[[Trial, float, int], None]) -> Outcome:
+    """Run a study undisturbed, disturb runs of it several times, and compare.
+
+    Parameters
+    ----------
+    trial : Trial
+        The ways to start it.
+    together : bool
+        Of a surface that ranks share.
+    disturb : callable
+        Disturbs a run; takes the trial, the seconds and the exit status of the undisturbed run.
+
+    Returns
+    -------
+    Outcome
+    """
+    try:
+        run = trial.whole(study(trial.rng, together))
+        if run.status not in (0, 1):
+            kind = "refused" if run.status == 2 else "too long"
+            return Outcome(kind, run.text(), Counter({f"studies {kind}": 1}))
+        spent = sum(map(seconds, (trial.folder / "whole/cases").glob("*.h5")))
+        for _ in range(trial.rng.integers(1, ATTEMPTS + 1)):
+            disturb(trial, spent, run.status)
+        trial.finish(run.status)
+    except Wrong as wrong:
+        kind, text = wrong.args
+        return Outcome(kind, text, trial.events)
+    return Outcome("equal", "", trial.events)
+
+
+def bits(folder: Path) -> Bits:
+    """Return every variable of every file below a folder."""
+    return {
+        f"{path.relative_to(folder)}:{name}": value
+        for path in folder.rglob("*.h5")
+        for name, value in contents(path).items()
+    }
+
+
+def contents(path: Path) -> Bits:
+    """Return the bits of every variable of a file."""
+    with h5py.File(path, locking=False) as h5:
+        values = {name: np.asarray(h5[name]) for name in h5}
+    return {
+        name: str(v.tolist()).encode() if v.dtype.hasobject else v.tobytes() for name, v in values.items()
+    }
+
+
+def seconds(path: Path) -> float:
+    """Return how long a case took."""
+    return float(str(attributes(path)["wall_seconds"]))

@@ -1,0 +1,111 @@
+"""Random trials, some of the many that `soak.py` makes: they end as they must, or are kept with their seeds.
+
+The mechanics of what is computed, over cases less extreme, is in `tests/contact/test_fuzz_physics.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import runpy
+from collections import Counter
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gfmdlayer.config import Config
+from gfmdlayer.contact.solvers import SOLVERS
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+@pytest.fixture
+def soak(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Run the script in this process."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    main: Callable[..., int] = runpy.run_path(str(SCRIPTS / "soak.py"))["main"]
+    return main
+
+
+@pytest.fixture
+def trials(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    """Return a module of the trials."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    return lambda name: import_module(f"trials.{name}")
+
+
+def test_the_default_solver_converges(trials: Callable[[str], Any], tmp_path: Path) -> None:
+    ends = {index: trials("extremes").trial(2, index, tmp_path) for index in range(60)}
+    assert {index: end for index, end in ends.items() if not end.good} == {}
+    assert sum(end.kind == "converged" for end in ends.values()) > 50
+
+
+@pytest.mark.parametrize("method", SOLVERS)
+def test_every_solver_converges_or_says_that_it_does_not(
+    method: str, trials: Callable[[str], Any], tmp_path: Path
+) -> None:
+    for index in range(6):
+        end = trials("extremes").trial(3, index, tmp_path, (method,))
+        assert end.good or end.kind == "not converged", (index, end)
+
+
+def test_a_case_follows_from_its_seed(trials: Callable[[str], Any]) -> None:
+    draw = trials("configurations").draw
+    assert repr(draw(5, 7)) == repr(draw(5, 7))
+    assert repr(draw(5, 7)) != repr(draw(5, 8))
+    assert repr(draw(5, 7)) != repr(draw(6, 7))
+
+
+def test_damaged_configurations_are_taken_or_refused(trials: Callable[[str], Any], tmp_path: Path) -> None:
+    ends = Counter(trials("fuzz").trial(1, index, tmp_path).kind for index in range(40))
+    assert set(ends) == {"taken", "refused"}
+    assert ends["refused"] > ends["taken"]
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_studies_are_configurations(
+    together: bool, trials: Callable[[str], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = [trials("studies").study(np.random.default_rng(seed), together) for seed in range(40)]
+    for study in found:
+        study.write(tmp_path)
+        Config.model_validate(study.config)
+    if together:
+        assert {study.config["solver"]["method"] for study in found} == {"nested_gradient"}
+    else:
+        keys = {"interface", "temperature", "layers", "layer"}
+        assert keys <= {key for study in found for key in study.config}
+        assert any(study.config["grid"].get("geometry") for study in found)
+
+
+def test_failures_are_kept_with_their_seeds(
+    soak: Callable[..., int],
+    trials: Callable[[str], Any],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    outcome = trials("outcomes").Outcome
+
+    def trial(_: int, index: int, folder: Path, **__: object) -> Any:
+        (folder / "found").write_text(str(index))
+        return outcome("hangs", "in the ramp") if index == 12 else outcome("converged", "", Counter(kills=2))
+
+    monkeypatch.setitem(soak.__globals__["KINDS"], "extremes", trial)
+    arguments = ["--only", "extremes", "--out", str(tmp_path / "out")]
+    assert soak([*arguments, "--seed", "4", "--first", "11", "--trials", "3"]) == 1
+    said = capsys.readouterr().out
+    assert "FAILED  python scripts/soak.py --only extremes --seed 4:12\n        hangs: in the ramp\n" in said
+    assert "| extremes | hangs | 1 | 4:12 |" in said
+    assert "| extremes | converged | 2 |  |" in said
+    assert "| kills | 4 |" in said
+    assert (tmp_path / "out/extremes-4-12/found").read_text() == "12"
+    lines = (tmp_path / "out/trials.jsonl").read_text().splitlines()
+    assert [json.loads(line)["trial"] for line in lines] == ["4:11", "4:12", "4:13"]
+    assert soak([*arguments, "--seed", "4:12"]) == 1
+    assert len((tmp_path / "out/trials.jsonl").read_text().splitlines()) == 4
