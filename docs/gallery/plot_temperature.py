@@ -36,7 +36,7 @@ common = {
     "punch": {"shape": "cylinder", "radius": 30.0},
     "trajectory": {"depth": 0.2, "ramp_time": 1.0},
     "time": {"end": 20.0, "step": "adaptive", "tolerance": 1e-3},
-    "output": {"times": 0.1},
+    "output": {"times": 0.2},
 }
 
 figure, panel = plt.subplots(figsize=(6, 3.4), layout="constrained")

@@ -203,7 +203,7 @@ def _find_step(
         As of `minimise`.
     """
     pairs = begin(single, system, at.curvature, step, damping, lack)
-    turns, least = minimise(single, system, at.curvature, damping, step, floor, inexact)
+    turns, least = minimise(single, system, step, floor, inexact)
     return pairs + 2 * turns, least
 
 
