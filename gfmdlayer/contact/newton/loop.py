@@ -202,8 +202,8 @@ def _find_step(
     least : float
         As of `minimise`.
     """
-    pairs = begin(single, system, at.curvature, step, damping, lack)
-    turns, least = minimise(single, system, at.curvature, damping, step, floor, inexact)
+    pairs, unit = begin(single, system, at.curvature, step, damping, lack)
+    turns, least = minimise(single, system, at.curvature, damping, step, floor, inexact, unit)
     return pairs + 2 * turns, least
 
 

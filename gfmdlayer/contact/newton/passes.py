@@ -182,15 +182,19 @@ def _open_pressure(
 @kernel(reorder=True, inner=True)
 def begin(
     single: Plans, system: System, curvature: FloatArray, step: Step, damping: float, lack: float
-) -> int:
+) -> tuple[int, float]:
     """Begin with no step, or where the mean has to change with one that lifts all free points.
+
+    Forces are divided by the largest: squares of rounding in SI units would underflow in single precision.
 
     Returns
     -------
-    int
+    pairs : int
         FFT pairs.
+    unit : float
+        The largest force.
     """
-    n, d, force, total = step.d.size, step.d, step.force, 0.0
+    n, d, force, total, unit = step.d.size, step.d, step.force, 0.0, 0.0
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
         softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
@@ -199,9 +203,13 @@ def begin(
     step.point[0] = n * total / (_STIFF * step.softening.size)
     for i in range(n):
         step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
-        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
+        d[i] = 0.0
+        unit = max(unit, abs(step.free[i] * step.pressure[i]))
+    unit = unit if unit > 0.0 else 1.0
     if lack == 0.0:
-        return 0
+        for i in range(n):
+            force[i] = step.free[i] * step.pressure[i] / unit
+        return 0, unit
     for i in range(n):
         step.direction[i] = step.free[i]
     precondition(single, step, step.direction, step.z)
@@ -215,8 +223,8 @@ def begin(
     apply(single, step.kappa, step.direction, step.work, step.applied)
     for i in range(n):
         off = step.applied[i] + (curvature[i] + damping) * d[i]
-        force[i] = step.free[i] * (step.pressure[i] - off)
-    return 2
+        force[i] = step.free[i] * ((step.pressure[i] - off) / unit)
+    return 2, unit
 
 
 @kernel(reorder=True, inner=True)
@@ -245,11 +253,12 @@ def minimise(
     step: Step,
     floor: float,
     inexact: float,
+    unit: float,
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
     They go on from the d and the force that they are given, with the mean of the change of d zero where the
-    mean is fixed.
+    mean is fixed. Forces and directions are those of d divided by `unit`.
 
     Parameters
     ----------
@@ -263,6 +272,8 @@ def minimise(
         The linear system.
     floor, inexact : float
         Largest force that may be left on a point, and as a part of that at the beginning.
+    unit : float
+        As `begin` returns it.
 
     Returns
     -------
@@ -278,7 +289,8 @@ def minimise(
     count = free.sum()
     if count == 0.0:
         return 0, 0.0
-    aim, last, centred = max(floor, inexact * _centre(system, force, free, count)), 1.0, system.mean_is_fixed
+    aim, last, centred = inexact * _centre(system, force, free, count), 1.0, system.mean_is_fixed
+    aim = max(floor / unit, aim)
     direction[:] = 0.0
     largest = np.empty(LANES)
     for iteration in range(_MOST):
@@ -314,7 +326,7 @@ def minimise(
             directions, applieds, curvatures = direction[first:end], applied[first:end], curvature[first:end]
             for i in range(ds.size):
                 s = directions[i]
-                ds[i] += way * s
+                ds[i] += unit * way * s
                 left = fs[i] - way * moves[i] * (applieds[i] + (curvatures[i] + damping) * s - mean)
                 fs[i] = left
                 largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
