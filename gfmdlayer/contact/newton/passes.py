@@ -13,7 +13,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
-from gfmdlayer.interface.forms import interact
+from gfmdlayer.interface.forms import term
 from gfmdlayer.interface.terms import Terms
 from gfmdlayer.kernels import LANES, kernel
 
@@ -31,7 +31,6 @@ class System(NamedTuple):
     terms: Terms
     strength: float  # largest traction of the interface
     range: float  # of the interface; the traction falls beyond it
-    reach: float  # gap from which on there is no interaction
     mean_is_fixed: bool
     load: float
     softest: float  # kappa_1
@@ -63,6 +62,8 @@ class Step(NamedTuple):
     z: Any  # preconditioned force
     share: Any  # root of the share of the body in the stiffness of a point, beside that of the interface
     point: Any  # compliance of the body at a point
+    moves: Any  # `free` again
+    stiffness: Any  # curvature and damping
     kappa: Any
     softening: Any  # preconditioner, one value a mode
     work: Any  # spectrum
@@ -91,13 +92,16 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 @kernel(reorder=True, inner=True)
 def set_interaction(system: System, at: Surface) -> float:
     """Write traction and curvature of the interface; return the sum of its energy over the points."""
-    h, u, traction, curvature, total = system.h, at.u, at.traction, at.curvature, 0.0
-    for i in range(u.size):
-        gap = h[i] - u[i]
-        energy, traction[i], curvature[i] = 0.0, 0.0, 0.0
-        if gap < system.reach:
-            energy, traction[i], curvature[i] = interact(gap, system.terms)
-        total += energy
+    h, u, traction, curvature, total, terms = system.h, at.u, at.traction, at.curvature, 0.0, system.terms
+    traction[:], curvature[:] = 0.0, 0.0
+    # The points are the inner loop, for the vector units.
+    for k in range(terms.form.size):
+        form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
+        for i in range(u.size):
+            energy, pull, change = term(h[i] - u[i], form, stress, length, width)
+            total += energy
+            traction[i] += pull
+            curvature[i] += change
     return total
 
 
@@ -182,19 +186,15 @@ def _open_pressure(
 @kernel(reorder=True, inner=True)
 def begin(
     single: Plans, system: System, curvature: FloatArray, step: Step, damping: float, lack: float
-) -> tuple[int, float]:
+) -> int:
     """Begin with no step, or where the mean has to change with one that lifts all free points.
-
-    Forces are divided by the largest: squares of rounding in SI units would underflow in single precision.
 
     Returns
     -------
-    pairs : int
+    int
         FFT pairs.
-    unit : float
-        The largest force.
     """
-    n, d, force, total, unit = step.d.size, step.d, step.force, 0.0, 0.0
+    n, d, force, total, stiffest = step.d.size, step.d, step.force, 0.0, curvature.max()
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
         softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
@@ -202,14 +202,13 @@ def begin(
         total += softening
     step.point[0] = n * total / (_STIFF * step.softening.size)
     for i in range(n):
-        step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
-        d[i] = 0.0
-        unit = max(unit, abs(step.free[i] * step.pressure[i]))
-    unit = unit if unit > 0.0 else 1.0
-    if lack == 0.0:
+        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
+        step.moves[i], step.stiffness[i], step.share[i] = step.free[i], curvature[i] + damping, 1.0
+    if stiffest > 0.0:
         for i in range(n):
-            force[i] = step.free[i] * step.pressure[i] / unit
-        return 0, unit
+            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+    if lack == 0.0:
+        return 0
     for i in range(n):
         step.direction[i] = step.free[i]
     precondition(single, step, step.direction, step.z)
@@ -223,8 +222,8 @@ def begin(
     apply(single, step.kappa, step.direction, step.work, step.applied)
     for i in range(n):
         off = step.applied[i] + (curvature[i] + damping) * d[i]
-        force[i] = step.free[i] * ((step.pressure[i] - off) / unit)
-    return 2, unit
+        force[i] = step.free[i] * (step.pressure[i] - off)
+    return 2
 
 
 @kernel(reorder=True, inner=True)
@@ -245,35 +244,20 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def minimise(
-    single: Plans,
-    system: System,
-    curvature: FloatArray,
-    damping: float,
-    step: Step,
-    floor: float,
-    inexact: float,
-    unit: float,
-) -> tuple[int, float]:
+def minimise(single: Plans, system: System, step: Step, floor: float, inexact: float) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
     They go on from the d and the force that they are given, with the mean of the change of d zero where the
-    mean is fixed. Forces and directions are those of d divided by `unit`.
+    mean is fixed.
 
     Parameters
     ----------
     single, system : Plans, System
         Transforms and problem.
-    curvature : ndarray, one value a point
-        w''.
-    damping : float
-        Added to the curvature.
     step : Step
-        The linear system.
+        The linear system, see `begin`.
     floor, inexact : float
         Largest force that may be left on a point, and as a part of that at the beginning.
-    unit : float
-        As `begin` returns it.
 
     Returns
     -------
@@ -282,57 +266,98 @@ def minimise(
     least : float
         The curvature along the last direction, per area, where it is negative; else 0.
     """
-    free, d, force, direction, applied, z = (
-        step.free, step.d, step.force, step.direction, step.applied, step.z,
+    d, force, direction, applied, z, moves, stiffness = (
+        step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
     )  # fmt: skip
-    n = d.size
-    count = free.sum()
+    n, count = d.size, step.free.sum()
     if count == 0.0:
         return 0, 0.0
-    aim, last, centred = inexact * _centre(system, force, free, count), 1.0, system.mean_is_fixed
-    aim = max(floor / unit, aim)
+    aim, last, centred = (
+        max(floor, inexact * _centre(system, force, step.free, count)),
+        1.0,
+        system.mean_is_fixed,
+    )
     direction[:] = 0.0
-    largest = np.empty(LANES)
     for iteration in range(_MOST):
         precondition(single, step, force, z)
         # Forces are zero where points are pressed, and in the mean where that is fixed.
-        total, across = 0.0, 0.0
+        total, across = _sums(z, moves, force)
+        mean, beta = np.float32(total / count if centred else 0.0), np.float32(across / last)
+        beta, last = beta if iteration > 0 else np.float32(0.0), across
         for i in range(n):
-            total += z[i] * free[i]
-            across += force[i] * z[i]
-        mean = total / count if centred else 0.0
-        beta = across / last if iteration > 0 else 0.0
-        last = across
-        for i in range(n):
-            direction[i] = free[i] * (z[i] - mean) + beta * direction[i]
+            direction[i] = moves[i] * (z[i] - mean) + beta * direction[i]
         apply(single, step.kappa, direction, step.work, applied)
-        elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
-        for i in range(n):
-            s = direction[i]
-            response = applied[i] + (curvature[i] + damping) * s
-            elastic += s * applied[i]
-            along += s * response
-            square += s * s
-            total += free[i] * response
+        elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
         if square == 0.0:
             return iteration + 1, 0.0
         if not along > _NO_CURVATURE * (elastic + system.softest * square):
             return iteration + 1, min(along / square, -1e-300)
-        way, mean = across / along, total / count if centred else 0.0
-        largest[:] = 0.0
-        for first in range(0, n, LANES):
-            end = first + LANES
-            ds, fs, moves = d[first:end], force[first:end], free[first:end]
-            directions, applieds, curvatures = direction[first:end], applied[first:end], curvature[first:end]
-            for i in range(ds.size):
-                s = directions[i]
-                ds[i] += unit * way * s
-                left = fs[i] - way * moves[i] * (applieds[i] + (curvatures[i] + damping) * s - mean)
-                fs[i] = left
-                largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
-        if largest.max() <= aim:
+        way, mean = across / along, np.float32(total / count if centred else 0.0)
+        if _advance(way, mean, step) <= aim:
             return iteration + 1, 0.0
     return _MOST, 0.0
+
+
+@kernel(reorder=True, inner=True)
+def _sums(z: Any, moves: Any, force: Any) -> tuple[float, float]:
+    """Sums of z over the free points, and of force z; in single precision over few points only."""
+    total, across = 0.0, 0.0
+    for first in range(0, z.size, LANES):
+        zs, frees, fs = z[first : first + LANES], moves[first : first + LANES], force[first : first + LANES]
+        some: Any = np.float32(0.0)
+        others: Any = np.float32(0.0)
+        for i in range(zs.size):
+            some += zs[i] * frees[i]
+            others += fs[i] * zs[i]
+        total += some
+        across += others
+    return total, across
+
+
+@kernel(reorder=True, inner=True)
+def _curvatures(
+    direction: Any, applied: Any, stiffness: Any, moves: Any
+) -> tuple[float, float, float, float]:
+    """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points."""
+    elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
+    for first in range(0, direction.size, LANES):
+        end = first + LANES
+        none: Any = np.float32(0.0)
+        ss, Ks, hs, frees = direction[first:end], applied[first:end], stiffness[first:end], moves[first:end]
+        sKs, sHs, s2, Hs = none, none, none, none
+        for i in range(ss.size):
+            s = ss[i]
+            response = Ks[i] + hs[i] * s
+            sKs += s * Ks[i]
+            sHs += s * response
+            s2 += s * s
+            Hs += frees[i] * response
+        elastic += sKs
+        along += sHs
+        square += s2
+        total += Hs
+    return elastic, along, square, total
+
+
+@kernel(reorder=True, inner=True)
+def _advance(way: float, mean: Any, step: Step) -> float:
+    """Go along the direction; return the largest force that is left."""
+    largest, part = np.zeros(LANES, np.float32), np.float32(way)
+    for first in range(0, step.d.size, LANES):
+        end = first + LANES
+        ds, fs, frees, ss = (
+            step.d[first:end],
+            step.force[first:end],
+            step.moves[first:end],
+            step.direction[first:end],
+        )
+        Ks, hs = step.applied[first:end], step.stiffness[first:end]
+        for i in range(ds.size):
+            ds[i] += part * ss[i]
+            left = fs[i] - part * frees[i] * (Ks[i] + hs[i] * ss[i] - mean)
+            fs[i] = left
+            largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
+    return float(largest.max())
 
 
 _MOST = 400  # iterations

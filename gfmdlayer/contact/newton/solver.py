@@ -48,12 +48,9 @@ from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.interface.terms import COHESIVE_ZONE, EXPONENTIAL
 from gfmdlayer.resumable import State
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
-_DECAYED = 45.0  # exp(-45) = 3e-20
 
 
 class Newton:
@@ -85,12 +82,12 @@ class Newton:
     def _fields(self) -> Fields:
         field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
         at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
-        force, direction, applied, z, share = (small.empty_field() for _ in range(5))
+        force, direction, applied, z, share, moves, stiffness = (small.empty_field() for _ in range(7))
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
         step = Step(
             field(), field(), field(), spectrum(),
-            force, direction, applied, z, share, point, kappa, softening, work,
+            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work,
         )  # fmt: skip
         return Fields(at, to, field(), step, spectrum())
 
@@ -212,22 +209,8 @@ def _system(problem: Problem) -> System:
         law.terms,
         max(law.strength, 1e-300),
         floor.range,
-        _reach(law),
         problem.mean_is_fixed,
         problem.applied_pressure,
         floor.stiffness,
         floor,
     )
-
-
-def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
-    reach = 0.0
-    for form, _, length, width in zip(*law.terms, strict=True):
-        if form == EXPONENTIAL:
-            reach = max(reach, _DECAYED * length)
-        elif form == COHESIVE_ZONE:
-            reach = max(reach, length + width)
-        else:
-            return np.inf
-    return reach
