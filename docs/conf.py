@@ -20,12 +20,21 @@ extensions = [
     "numpydoc",
     "sphinx_gallery.gen_gallery",
     "sphinx_copybutton",
+    "links",
     "mathml",
+    "published_tables",
     "reference_pages",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 templates_path = ["templates"]
-exclude_patterns = ["_build", "gallery/README.rst", "gallery/examples", "extensions"]
+exclude_patterns = [
+    "_build",
+    "gallery/README.rst",
+    "gallery/examples",
+    "extensions",
+    "verification/run",
+    "benchmarks",
+]
 nitpicky = False
 
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]

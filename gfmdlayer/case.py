@@ -217,10 +217,10 @@ class Case:
         material; see `verification.third_order` for the equation itself.
         """
         adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
-        reduced = self.reduced_time
+        reduced, curved = self.reduced_time, self.interface.attracts
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]
-            return stack_modes(self.body, waves, self.clocks, scheme, sums)
+            return stack_modes(self.body, waves, self.clocks, scheme, sums, curved=curved)
         spectrum = self.body.spectrum(waves)
         if self.velocity is not None:
             along = self.grid.wavenumbers_x
@@ -229,7 +229,7 @@ class Case:
                 return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
             return SlidingModes(spectrum, exponential, sums, wavenumbers_x=along, velocity=velocity)
         if adaptive:
-            return ErrorControlledModes(spectrum, sums)
+            return ErrorControlledModes(spectrum, sums, curved=curved)
         return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
 
     @cached_property

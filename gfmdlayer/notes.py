@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from gfmdlayer.config import Config
 from gfmdlayer.interface.interface import Interface
@@ -18,6 +19,7 @@ _DIMENSIONS = {
     **dict.fromkeys(("tau", "ramp_time", "end"), "time"),
 }
 _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
+_PASSED_OVER = 0.05  # of the range of a trajectory, by which equal steps may miss a point of it
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
 
@@ -38,6 +40,7 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
         (config.grid.cell, config.punch) for config in every if surfaces and not config.grid.axisymmetric
     )
     found = [note for cell, punch in measured for note in punch.notes(cell)]
+    found += _between_steps(every)
     if any(map(files_named, every)):
         found += _short_tables(every)
     found += [note for config in every for note in (*_on_values(config), *_unresolved_zones(config))]
@@ -65,6 +68,40 @@ def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     for file, quantity, end in dict.fromkeys(depths + velocities + voltages):
         if isinstance(file, Path) and (last := float(Table.read(file, quantity).times[-1])) < end:
             yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
+
+
+def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
+    """Yield notes on trajectories of which the equal steps of backward Euler pass over a part.
+
+    Raises
+    ------
+    TableError
+        If a table cannot be used.
+    """
+    seen = set()
+    for config in configs:
+        given, time = config.trajectory, config.time
+        if time.integrator != "backward_euler" or given.ramp_time is not None:
+            continue
+        if (parts := (given, time.end, time.step, config.grid.period)) in seen:
+            continue
+        seen.add(parts)
+        import numpy as np
+
+        from gfmdlayer.inputs import make_trajectory
+
+        drive: Any = make_trajectory(config)
+        at = drive.times <= time.end
+        times, values = drive.times[at], drive.values[at]
+        steps = np.arange(round(time.end / float(time.step)) + 1) * float(time.step)
+        taken = np.interp(times, steps, np.interp(steps, drive.times, drive.values))
+        worst = int(np.abs(values - taken).argmax())
+        if abs(values[worst] - taken[worst]) > _PASSED_OVER * float(np.ptp(values)):
+            yield (
+                f"time.step = {time.step:g}: backward Euler passes over the {given.control} at "
+                f"t = {times[worst]:.6g}, {values[worst]:.6g}, for which its steps have {taken[worst]:.6g}; "
+                "take a shorter step, or time.integrator: exponential, which lands on it"
+            )
 
 
 def _on_values(config: Config) -> Iterator[str]:

@@ -13,6 +13,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loading import pulled_off
+from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.observables import AcceptedStep
 from gfmdlayer.observables.distributions import closed_gap
 from gfmdlayer.results.journal import Recorder
@@ -187,13 +188,8 @@ def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tupl
     solution = case.solver.solve(problem, case.guess.at(time))
     if not solution.converged and not pulled_off(problem, solution):
         case.solver.restore(before)  # the state as a whole is then that before the step
-        raise ConvergenceError(
-            f"t = {time:.6g}: residual {solution.residual:.2e} after {solution.iterations} "
-            f"iterations of {case.config.contact_solver.method}; the tolerance is {given.tolerance:.2e}",
-            problem,
-            solution,
-            time,
-        )
+        reason = why_not_converged(problem, solution, case.config.contact_solver.method, given.tolerance)
+        raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
     return problem, solution
 
 

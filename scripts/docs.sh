@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Builds the documentation into docs/_build/html; a warning is an error. Makes the environment where there is none.
+# Builds the documentation into docs/_build/html; a warning, a broken link or a misspelt word is an error.
+# Makes the environment where there is none.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 bash "$root/scripts/environment.sh" mpich,test,docs
 cd "$root"
+.venv/bin/codespell ./*.md docs gfmdlayer scripts configs
 .venv/bin/python -m sphinx -q -W --keep-going -j 2 -b html docs docs/_build/html
 echo "docs/_build/html/index.html"

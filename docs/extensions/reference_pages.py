@@ -6,20 +6,24 @@ They are written into reference/ when a build begins, and are never edited or co
 from __future__ import annotations
 
 import argparse
+import inspect
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
-
-from sphinx.application import Sphinx
-from sphinx.config import Config as Settings
+from typing import TYPE_CHECKING, Any
 
 import gfmdlayer
 from gfmdlayer.cli import VERBS, command_line
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.observables import INDENTATION, OBSERVABLES
 from gfmdlayer.observables.observable import Column
+from gfmdlayer.results.schema import VARIABLES, Variable
+from gfmdlayer.validation.meanings import dimension
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+    from sphinx.config import Config as Settings
 
 _KINDS = "oneOf", "anyOf"
 _KEYS = """\
@@ -27,15 +31,22 @@ _KEYS = """\
 
 Every key but `name` has a default. Keys are written dotted where they are named outside their section, as
 `layer.thickness` in `--set`, in a sweep and in messages; an entry of a list has its place, from 0:
-`layers.0.thickness`. Most keys can be swept. Meanings give the physical dimension; numbers are in any units
-that are used throughout, see [units](../guides/si-units.md).
+`layers.0.thickness`. Most keys can be swept.
+
+Numbers are in any units that are used throughout, see [units](../guides/si-units.md). The column "unit" has
+the dimension, 1 of a pure number, and – where the value is a word, a file or a section; "drive" is what
+`trajectory.control` prescribes: a length, a pressure or a force. The default "none" is a key that is left
+out; where a default rests on other keys, the meaning says it.
 """
+_WORD = "–"  # in place of a unit
 _COLUMNS = """\
 # Output columns
 
 A case file has a row for each accepted step; row 0 is at t = 0. Snapshots are fields at the times of
-`output.snapshots`. Dimensions are those of the configuration's `units` where it has them.
+`output.snapshots`. Units are dimensions here, and in the files those of the configuration's `units` where it
+has them; 1 is a pure number.
 """
+_HISTOGRAMS = {"pressure": {"max": 1.0}, "gap": {"max": 1.0}}
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -83,87 +94,133 @@ def configuration() -> Iterator[str]:
     for key, section in schema["properties"].items():
         yield f"## {key}\n"
         yield f"{_sentence(section['description'])}\n"
-        pending = [name for name in _sections(section) if name not in named]
-        choice = len(pending) > 1
+        pending = [(key, name) for name in _sections(section)]
+        alone = len(pending) == 1
         while pending:
-            name = pending.pop(0)
+            path, name = pending.pop(0)
             if name in named:
                 continue
             named.add(name)
-            yield from _section(key, name, sections[name], choice=choice or name not in _sections(section))
-            for inner in sections[name].get("properties", {}).values():
-                pending += [each for each in _sections(inner) if each not in named]
+            yield from _section(path, name, sections[name], headed=not (alone and path == key))
+            for each, inner in sections[name].get("properties", {}).items():
+                pending += [(each, found) for found in _sections(inner)]
 
 
-def _section(key: str, name: str, section: Mapping[str, Any], *, choice: bool) -> Iterator[str]:
-    if choice:
-        word = next((v["const"] for v in section.get("properties", {}).values() if "const" in v), None)
-        yield f"### {key}: {word or name.lower()}\n"
+def _section(key: str, name: str, section: Mapping[str, Any], *, headed: bool) -> Iterator[str]:
+    keys = section.get("properties", {})
+    if headed:
+        words = [v["const"] for v in keys.values() if "const" in v]
+        yield f"### {': '.join([name.lower() if '.' in key else key, *words])}\n"
     if summary := section.get("description"):
         yield f"{_sentence(summary)}\n"
     if key == "sweep":  # its keys are those of the other sections
         return
-    defaults = Config(name="defaults").model_dump().get(key)
-    defaults = defaults if isinstance(defaults, dict) else {}
+    defaults = _defaults(key, keys)
+    required = section.get("required", ())
     rows = (
-        (f"`{each}`", *_meaning(value.get("description", "")), _default(value, defaults.get(each)))
-        for each, value in section.get("properties", {}).items()
+        (
+            f"`{each}`",
+            *_meaning(value),
+            "required" if each in required and "const" not in value else _default(value, defaults.get(each)),
+        )
+        for each, value in keys.items()
+        if "." not in each  # samples have all keys that may be swept
     )
-    yield from _table(("key", "meaning", "allowed", "default"), rows)
+    yield from _table(("key", "meaning", "unit", "allowed", "default"), rows)
 
 
-def _meaning(words: str) -> tuple[str, str]:
-    """Split the words of a key into its meaning and what is allowed."""
-    meaning, _, allowed = words.partition("must be ")
-    return _sentence(meaning.rstrip("; ")), _sentence(allowed)
+def _defaults(key: str, keys: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the values that a section with these keys has in a configuration without it."""
+    found = Config(name="defaults").model_dump().get("layer" if key == "layers" else key)
+    return found if isinstance(found, dict) and found.keys() <= keys.keys() else {}
+
+
+def _meaning(value: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Split the words of a key into its meaning, its unit and the values allowed."""
+    meaning, _, allowed = value.get("description", "").partition("must be ")
+    meaning, unit = dimension(meaning.rstrip("; "))
+    unit = unit or ("1" if _takes_numbers(value) else _WORD)
+    return _sentence(meaning), _sentence(unit), _sentence(allowed or _allowed(value))
+
+
+def _allowed(value: Mapping[str, Any]) -> str:
+    """Say what a key takes whose own declaration has no words for it."""
+    if "const" in value:
+        return "this word"
+    found = [each.get("description", "").partition("must be ")[2] for each in _members(value)]
+    found += ["keys of their own"] * bool(_sections(value))
+    return "; or ".join(dict.fromkeys(filter(None, found)))
+
+
+def _takes_numbers(value: Mapping[str, Any]) -> bool:
+    return value.get("type") in {"number", "integer"} or any(map(_takes_numbers, _members(value)))
+
+
+def _members(value: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the schemas of the kinds of value that a key takes, and of the entries of a list."""
+    inner = [*(each for kind in _KINDS for each in value.get(kind, ())), *filter(None, [value.get("items")])]
+    return [each for each in inner if isinstance(each, dict)]
 
 
 def _sections(node: Mapping[str, Any]) -> list[str]:
     """Return the names of the sections that a value may be, or hold."""
     if "$ref" in node:
         return [node["$ref"].rpartition("/")[2]]
-    inner = [*(each for kind in _KINDS for each in node.get(kind, ())), *filter(None, [node.get("items")])]
-    return [name for each in inner if isinstance(each, dict) for name in _sections(each)]
+    return [name for each in _members(node) for name in _sections(each)]
 
 
 def _default(value: Mapping[str, Any], found: object = None) -> str:
-    found = value.get("const", value.get("default", found))
-    match found:
-        case None | {}:
-            return ""
-        case [single]:
+    """Write the default as YAML has it."""
+    match value.get("const", value.get("default", found)):
+        case None if "by default" in value.get("description", ""):
+            return "rests on others"
+        case None:
+            return "none"
+        case dict(section):
+            return f"`{next(iter(section.values()))}`" if section else "none"
+        case [single] | single:
             found = single
-    return f"`{found}`"
+    return f"`{text.written({'_': found}).partition(': ')[2].strip()}`"
 
 
 def _sentence(words: str) -> str:
     """Return words as Markdown that keeps brackets and angles as they are."""
-    for sign in "*_<>[]":
-        words = words.replace(sign, f"\\{sign}")
-    return words
+    parts = words.split("`")
+    parts[::2] = [re.sub(r"([*_<>\[\]])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def columns() -> Iterator[str]:
     """Yield the page of the columns, from the declarations that the files are written by."""
     yield _COLUMNS
+    everything = Config(name="all", output={"patches": True, "histograms": _HISTOGRAMS})
     for observable in OBSERVABLES.values():
-        declared = observable.COLUMNS
+        declared = observable.columns(everything) or observable.COLUMNS
         if not declared:
             continue
-        yield f"## {observable.__name__}\n"
-        yield f"{_sentence((observable.__doc__ or '').strip())}\n"
+        title = re.sub("(?<=[a-z])([A-Z])", " \\1", observable.__name__).capitalize()
+        yield f"## {title}\n"
+        yield f"{_sentence(inspect.getdoc(observable) or '')}\n"
         yield from _columns(declared)
         if observable.NUMBERS:
             yield "Numbers of a whole case, in the attributes of its file and columns of the sweep file:\n"
             yield from _columns(observable.NUMBERS)
+    yield "## Snapshots\n"
+    yield "Coordinates, and fields of the surface at the times of `output.snapshots`.\n"
+    yield from _columns(VARIABLES.values(), VARIABLES)
     yield "## Isolated indentation\n"
     yield "With `grid.geometry: axisymmetric` a case has these columns in place of the above.\n"
     yield from _columns(INDENTATION)
 
 
-def _columns(declared: Iterable[Column]) -> Iterator[str]:
-    rows = ((f"`{each.name}`", each.units, _sentence(each.long_name)) for each in declared)
-    yield from _table(("column", "dimension", "meaning"), rows)
+def _columns(declared: Iterable[Column | Variable], names: Iterable[str] = ()) -> Iterator[str]:
+    declared = list(declared)
+    names = list(names) or [each.name for each in declared if isinstance(each, Column)]
+    rows = (
+        (f"`{name}`", each.units, _sentence(each.long_name), _sentence(each.origin))
+        for name, each in zip(names, declared, strict=True)
+    )
+    yield from _table(("column", "unit", "meaning", "measured"), rows)
 
 
 def command_line_page() -> Iterator[str]:

@@ -30,7 +30,7 @@ pad = {
         "retract_speed": 0.1,
         "final": -0.5,
     },
-    "time": {"step": "adaptive", "tolerance": 1e-3},
+    "time": {"step": "adaptive", "tolerance": 3e-4},
 }
 cases = [gfmdlayer.run(pad, trajectory__retract_speed=speed) for speed in speeds]
 
@@ -39,10 +39,13 @@ for speed, case, colour in zip(speeds, cases, plt.cm.plasma(np.linspace(0, 0.85,
     left.plot(case.depth, 1e3 * case.force, color=colour, label=f"{speed:g} mm/s")
 left.axhline(0, color="0.7", lw=0.8)
 left.set(xlabel="depth [mm]", ylabel="force per length [N/m]", xlim=(-0.08, 0.1), ylim=(-45, 30))
+left.set_xticks([-0.05, 0.0, 0.05, 0.1])
 left.legend(fontsize=8, title="retraction")
 right.loglog(speeds, [1e3 * case.attrs["pull_off_force"] for case in cases], "o-", label="pull-off [N/m]")
 work = [1e6 * case.attrs["work_of_separation"] for case in cases]
 right.loglog(speeds, work, "s--", label="work of separation [J/m²]")
-right.set(xlabel="speed of the retraction [mm/s]")
+right.set(xlabel="speed of the retraction [mm/s]", ylabel="pull-off, work")
+right.set_yticks([10, 20, 50, 100], ["10", "20", "50", "100"])
+right.minorticks_off()
 right.legend(fontsize=8)
 plt.show()

@@ -1,10 +1,11 @@
 """
-An electroadhesive film that snaps late
-=======================================
+An electroadhesive finger pad that grips late
+=============================================
 
-An electrode with a gentle wave is held 8 µm above a soft film, and a voltage is switched on. The film is
-stiff at first and bears the attraction. While it relaxes it rises towards the electrode, until no
-equilibrium is left, and its summit snaps to the electrode: the grip comes a second after the voltage.
+The pad of a gripper's finger is a soft film on a stiff electrode. It stops 8 µm in front of a conductor with
+a gentle wave, and a voltage is switched on. The film is stiff at first and bears the attraction. While it
+relaxes it rises, until no equilibrium is left, and its summit snaps to the conductor: the grip comes more
+than a second after the voltage.
 """
 
 import matplotlib.pyplot as plt
@@ -15,7 +16,7 @@ import gfmdlayer
 film = gfmdlayer.run(
     {
         "units": {"length": "m", "stress": "Pa", "time": "s"},
-        "grid": {"points": 512, "period": 2.5e-4},
+        "grid": {"points": 1024, "period": 2.5e-4},
         "layer": {"thickness": 1e-4, "poisson": 0.45, "material": {"G0": 2e4, "Ginf": 2e5, "tau": 0.5}},
         "halfspace": {"shear_modulus": float("inf")},
         "punch": {"shape": "sinusoid", "amplitude": 1e-6, "wavelength": 2.5e-4},
@@ -38,15 +39,15 @@ film = gfmdlayer.run(
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.4), layout="constrained")
 left.plot(film.time, -film.force)
-left.set(xlabel="time [s]", ylabel="attraction of the electrode [N/m]", xlim=(0, 6))
+left.set(xlabel="time [s]", ylabel="attraction per length [N/m]", xlim=(0, 6), ylim=(0, 9))
 for time in film.attrs["instability_time"][:1]:
     left.axvline(time, color="0.6", ls=":")
-    left.annotate("snap", (time, 0.1), (time - 0.9, 0.1), xycoords=("data", "axes fraction"))
+    left.text(time - 0.1, 0.3, "snap", ha="right")
 x = 1e6 * film.x
 for shot, colour in zip(film.snapshot.values, plt.cm.viridis(np.linspace(0, 0.9, 4)), strict=True):
     right.plot(x, 1e6 * film.displacement.sel(snapshot=shot), color=colour, label=f"{shot:g} s")
 electrode = (film.displacement + film.gap).isel(snapshot=-1)
-right.plot(x, 1e6 * electrode, "k--", lw=1)
-right.set(xlabel="x [µm]", ylabel="height of the film [µm]")
-right.legend(fontsize=8)
+right.plot(x, 1e6 * electrode, "k--", lw=1, label="conductor")
+right.set(xlabel="x [µm]", ylabel="height of the film [µm]", ylim=(-0.5, 13.5))
+right.legend(fontsize=8, ncols=3, loc="upper center")
 plt.show()

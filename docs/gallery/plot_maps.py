@@ -29,11 +29,10 @@ grown = sweep.contact_area_interpolated
 grown = (grown.sel(time=40.0) / grown.sel(time=1.0)).transpose("shear_modulus", "thickness")
 
 figure, panels = plt.subplots(1, 2, figsize=(8.4, 3.4), sharey=True, layout="constrained")
-for panel, values, label in zip(
-    panels, (kept, grown), ("pressure kept", "growth of the contact"), strict=True
-):
+for panel, values, label in zip(panels, (kept, grown), ("mean pressure", "contact area"), strict=True):
     mesh = panel.pcolormesh(thickness, base, values, shading="gouraud", cmap="viridis")
     panel.set(xscale="log", yscale="log", xlabel="thickness / L")
-    figure.colorbar(mesh, ax=panel, label=f"{label}, from t = τ to 40 τ")
+    panel.set_title(label, fontsize=10)
+    figure.colorbar(mesh, ax=panel, label="at 40 τ, over that at τ")
 panels[0].set_ylabel("modulus of the base / G0")
 plt.show()

@@ -27,8 +27,9 @@ for thickness, label, colour in zip(
     sweep.thickness, labels, plt.cm.viridis(np.linspace(0, 0.9, 6)), strict=True
 ):
     case = sweep.sel(thickness=thickness)
-    panels[0].plot(case.time, case.contact_area_interpolated, color=colour, label=f"d/L = {label}")
-    panels[1].plot(case.time, case.mean_pressure, color=colour)
+    style = {"color": colour, "linestyle": "--" if label == "∞" else "-"}
+    panels[0].plot(case.time, case.contact_area_interpolated, label=f"d/L = {label}", **style)
+    panels[1].plot(case.time, case.mean_pressure, **style)
 panels[0].set(xlabel="t/τ", ylabel="relative contact area")
 panels[1].set(xlabel="t/τ", ylabel="mean pressure / 2 G0")
 panels[0].legend()

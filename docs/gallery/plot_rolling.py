@@ -13,14 +13,14 @@ import numpy as np
 import gfmdlayer
 
 rolling = {
-    "grid": {"points": 256},
+    "grid": {"points": 384},
     "layer": {"thickness": 0.1},
     "punch": {"shape": "cylinder", "radius": 0.5},
     "trajectory": {"control": "load", "load": 0.1, "ramp_time": 1.0},
-    "time": {"end": 200.0, "step": "adaptive", "tolerance": 1e-3, "steady": 1e-3},
+    "time": {"end": 600.0, "step": "adaptive", "tolerance": 1e-3, "steady": 1e-3},
     "output": {"snapshots": []},
 }
-speeds = np.geomspace(0.003, 10.0, 9)
+speeds = np.geomspace(0.005, 10.0, 12)
 friction = [float(gfmdlayer.run(rolling, trajectory__velocity=speed).friction[-1]) for speed in speeds]
 
 slow = gfmdlayer.run(

@@ -29,7 +29,7 @@ data = gfmdlayer.run(
     }
 )
 
-figure, panels = plt.subplots(1, 3, figsize=(10, 3.3), layout="constrained", width_ratios=(1, 1, 1.2))
+figure, panels = plt.subplots(1, 3, figsize=(10, 3.5), layout="constrained", width_ratios=(1, 1, 1.2))
 for panel, shot in zip(panels, data.snapshot.values, strict=False):
     pressure = data.pressure.sel(snapshot=shot)
     image = panel.imshow(
@@ -39,8 +39,8 @@ for panel, shot in zip(panels, data.snapshot.values, strict=False):
         cmap="inferno",
         vmax=1.5,
     )
-    panel.set(title=f"t = {shot:g} τ", xticks=[], yticks=[], facecolor="0.93")
-figure.colorbar(image, ax=panels[1], label="pressure / G0")
+    panel.set(xlabel=f"one period L, at t = {shot:g} τ", xticks=[], yticks=[], facecolor="0.93")
+figure.colorbar(image, ax=panels[:2], label="pressure / G0", extend="max", shrink=0.85)
 panels[2].semilogx(data.time[1:], data.contact_area[1:])
-panels[2].set(xlabel="t/τ", ylabel="relative contact area")
+panels[2].set(xlabel="t/τ", ylabel="relative contact area", ylim=(0, None))
 plt.show()

@@ -36,6 +36,7 @@ common = {
     "punch": {"shape": "cylinder", "radius": 30.0},
     "trajectory": {"depth": 0.2, "ramp_time": 1.0},
     "time": {"end": 20.0, "step": "adaptive", "tolerance": 1e-3},
+    "output": {"times": 0.2},
 }
 
 figure, panel = plt.subplots(figsize=(6, 3.4), layout="constrained")
@@ -45,7 +46,9 @@ for label, temperature in (
     ("heated at 5 s", {"file": str(folder / "heated.txt")}),
 ):
     case = gfmdlayer.run(common, temperature=temperature)
-    panel.semilogy(case.time[1:], case.mean_stress[1:], label=label, lw=2.5 if "file" in temperature else 1)
-panel.set(xlabel="time [s]", ylabel="mean stress [MPa]")
+    panel.semilogy(case.time[1:], case.mean_stress[1:], label=label, lw=3 if "file" in temperature else 1.2)
+panel.axvspan(5.0, 5.5, color="C2", alpha=0.2, lw=0)
+panel.set(xlabel="time [s]", ylabel="mean stress [MPa]", xlim=(0, 20), ylim=(0.03, 6))
+panel.set_yticks([0.1, 1.0], ["0.1", "1"])
 panel.legend()
 plt.show()

@@ -70,11 +70,11 @@ class _RelaxingLaw(ContinuousLaw):
     """A law between two moduli, G(s) = Ginf - (Ginf - G0) R(s tau)."""
 
     G0: Positive = 1.0
-    """relaxed shear modulus: for slow loads"""
+    """relaxed shear modulus, for slow loads: pressure"""
     Ginf: Positive = 10.0
-    """instantaneous shear modulus: for fast loads"""
+    """instantaneous shear modulus, for fast loads: pressure"""
     tau: Positive = 1.0
-    """relaxation time"""
+    """relaxation time: time"""
 
     def problems(self) -> Iterator[Problem]:
         """Refuse a modulus that grows with time."""
@@ -225,13 +225,13 @@ class PowerLaw(ContinuousLaw):
     model: Literal["power_law"] = "power_law"
     """G(t) = G0 + G (t/tau)^-exponent"""
     G: Positive = 1.0
-    """shear modulus of the springpot at the time tau"""
+    """shear modulus of the springpot at the time tau: pressure"""
     tau: Positive = 1.0
-    """time at which the modulus is G0 + G"""
+    """time at which the modulus is G0 + G: time"""
     exponent: Annotated[float, strict, Field(ge=0.01, le=0.99), MustBe("a number from 0.01 to 0.99")] = 0.5
     """exponent of time; 0 would be a spring and 1 a dashpot"""
     G0: NotNegative = 0.0
-    """relaxed shear modulus of a spring beside it"""
+    """relaxed shear modulus of a spring beside it: pressure"""
 
     __init__ = Law.__init__
 

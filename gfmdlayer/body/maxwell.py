@@ -23,7 +23,7 @@ class Elastic(Material):
     model: Literal["elastic"] = "elastic"
     """G(t) = G at all times"""
     G: Positive = 1.0
-    """shear modulus"""
+    """shear modulus: pressure"""
 
     __init__ = Material.__init__
 
@@ -55,11 +55,11 @@ class Zener(Material):
     model: Literal["zener"] = "zener"
     """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
     G0: Positive = 1.0
-    """relaxed shear modulus: for slow loads"""
+    """relaxed shear modulus, for slow loads: pressure"""
     Ginf: Positive = 10.0
-    """instantaneous shear modulus: for fast loads"""
+    """instantaneous shear modulus, for fast loads: pressure"""
     tau: Positive = 1.0
-    """relaxation time at constant strain"""
+    """relaxation time at constant strain: time"""
 
     __init__ = Material.__init__
 
@@ -94,9 +94,9 @@ class Branch(Section):
     """One term G exp(-t/tau) of a Prony series."""
 
     G: NotNegative
-    """shear modulus of the branch"""
+    """shear modulus of the branch: pressure"""
     tau: Positive
-    """relaxation time of the branch"""
+    """relaxation time of the branch: time"""
 
     def __iter__(self) -> Iterator[float]:  # type: ignore[override]
         """Unpack as a pair: G, tau = branch."""
@@ -117,7 +117,7 @@ class Prony(Material):
     model: Literal["prony"] = "prony"
     """G(t) = G0 + sum of G exp(-t/tau) over the branches"""
     G0: Positive = 1.0
-    """relaxed shear modulus"""
+    """relaxed shear modulus: pressure"""
     branches: tuple[Branch, ...] = ()
     """a list of {G: ..., tau: ...}, G >= 0 and tau > 0; elastic without any"""
 

@@ -16,7 +16,7 @@ from gfmdlayer.files.shared_folders import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
-    from gfmdlayer.execution.status import Overview, Running
+    from gfmdlayer.execution.status import Overview, Record, Running
 
 WATCH_INTERVAL = 2.0  # seconds
 
@@ -85,7 +85,9 @@ def _overviews(folder: Folder) -> Iterator[Overview]:
 
 
 def _lines(seen: Overview) -> list[str]:
-    lines = [_counts(seen), *cut_short([_running(case) for case in seen.running]), *_failures(seen)]
+    lines = [_counts(seen), *cut_short([_running(case) for case in seen.running])]
+    lines += _records(seen.failures, seen.failed, "failed")
+    lines += _records(seen.ended, len(seen.ended), "complete")
     return [printable(line).replace("\n", " ") for line in lines]
 
 
@@ -106,18 +108,16 @@ def _running(case: Running) -> str:
     ).rstrip()
 
 
-def _failures(seen: Overview) -> list[str]:
-    """List a few failures one by one, and many in groups of the same reason."""
+def _records(records: list[Record], number: int, state: str) -> list[str]:
+    """List a few cases with what is on record one by one, and many in groups of the same reason."""
     from gfmdlayer.execution.status import group_by_reason
     from gfmdlayer.execution.sweep import label
 
-    if seen.failed <= LISTED:
-        return [
-            f"  {f.index:04d} failed: {f.reason}  {label(dict(f.values))}".rstrip() for f in seen.failures
-        ]
-    groups = group_by_reason(seen.failures)
+    if number <= LISTED:
+        return [f"  {r.index:04d} {state}: {r.reason}  {label(dict(r.values))}".rstrip() for r in records]
+    groups = group_by_reason(records)
     lines = cut_short(
-        [f"  {len(group)} failed like {group[0].index:04d}: {group[0].reason}" for group in groups]
+        [f"  {len(group)} {state} like {group[0].index:04d}: {group[0].reason}" for group in groups]
     )
-    unread = seen.failed - len(seen.failures)
-    return [*lines, f"  {unread} more failed; see cases/*.failed"] if unread else lines
+    unread = number - len(records)
+    return [*lines, f"  {unread} more {state}; see cases/*.{state}"] if unread else lines

@@ -20,6 +20,7 @@ STATUSES = (
     "exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable"
 )
 LISTED = 20  # entries of a list before it is cut short
+REPORTED = 100  # problems of a configuration, likewise
 
 
 def folder_name(name: str) -> str:
@@ -62,8 +63,10 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 
 def refuse(*problems: str) -> int:
     """Print what is wrong with the input, a line each, and return the exit status."""
-    for problem in problems:
+    for problem in problems[:REPORTED]:
         print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
+    if (further := len(problems) - REPORTED) > 0:
+        print(f"gfmdlayer: ... and {further} more of these", file=sys.stderr)
     return REFUSED
 
 

@@ -26,7 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default="results/verification",
         help="folder for verification.md and its pictures (default: results/verification)",
     )
-    parser.add_argument("--quick", action="store_true", help="small grids: half a minute")
+    parser.add_argument("--quick", action="store_true", help="small grids: less than a minute")
     parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
 
 

@@ -22,7 +22,7 @@ class Layer(Section):
     """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
 
     thickness: Extended = 0.05
-    """thickness d: length; 0: the halfspace alone, .inf: the layer alone"""
+    """thickness d; 0: the halfspace alone, .inf: the layer alone: length"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
@@ -33,7 +33,7 @@ class StackedLayer(Layer):
     """One of several layers; thickness 0 leaves it out, and .inf makes the last one the halfspace."""
 
     thickness: Extended
-    """thickness d: length; .inf: the halfspace, for the last one"""
+    """thickness d; .inf: the halfspace, for the last one: length"""
 
 
 class Halfspace(Section):
@@ -44,7 +44,7 @@ class Halfspace(Section):
     shear_modulus: Annotated[Extended | None, given] = Field(
         default_factory=lambda data: 1.0 if data.get("material") is None else None
     )
-    """shear modulus of the base; 0: a free layer, .inf: a rigid base"""
+    """shear modulus of the base; 0: a free layer, .inf: rigid: pressure"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the base"""
 

@@ -79,15 +79,8 @@ def read_material(path: Path) -> Law:
         found = explained(error, _Holder, ())
     if found:
         located = [Problem((*at, *problem.location[1:]), problem.message) for problem in found]
-        _refuse(f"{_place(document, problem)}: {problem}" for problem in located)
+        _refuse(f"{document.place(problem.location)}: {problem}" for problem in located)
     return law
-
-
-def _place(document: text.Document, problem: Problem) -> text.Place:
-    at = problem.location
-    while at not in document.values:
-        at = at[:-1]
-    return document.values[at]
 
 
 def _refuse(messages: Iterable[str]) -> NoReturn:

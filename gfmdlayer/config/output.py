@@ -43,13 +43,13 @@ class Histogram(Section):
     """
 
     max: Positive
-    """end of the last bin"""
+    """end of the last bin: pressure or length"""
     bins: Bins = 50
     """number of bins"""
     scale: Annotated[str, Word("linear", "log")] = "linear"
     """linear: bins from 0; log: from min"""
     min: Optional = None
-    """beginning of the first bin; for scale: log"""
+    """beginning of the first bin, for the log scale: pressure or length"""
 
     def problems(self) -> Iterator[Problem]:
         """Refuse a beginning that does not go with the scale or the end."""
@@ -83,9 +83,9 @@ class Output(Section):
     """
 
     snapshots: Snapshots = ()
-    """times at which displacement, pressure and gap are kept; or every"""
+    """times at which the surface is kept; or every, after each step: time"""
     times: Annotated[Rows | None, given] = None
-    """rows of the curves, for adaptive steps: a spacing, or a list of times"""
+    """rows of the curves, for adaptive steps; a spacing, or a list: time"""
     patches: Switch = False
     """whether to count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)

@@ -201,7 +201,8 @@ def _assign(document: Document, key: str, new: Document, option: Place) -> None:
         if i < len(location) - 1:
             inner = inner.setdefault(part, {}) if isinstance(inner, dict) else inner[part]
             document.keys.setdefault(location[: i + 1], option)
-    for places in (document.keys, document.values):
+    places: dict[Location, Any]
+    for places in (document.keys, document.values, document.lists):
         for old in [place for place in places if place[: len(location)] == location]:
             del places[old]
     if new.data is None and option == _PYTHON:
@@ -221,16 +222,14 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
         }
     if isinstance(data, list):
         return [_with_absolute_paths(value, folder, key) for value in data]
+    if not isinstance(data, str) or not data:
+        return data
     meant = ".".join(part for part in unswept(key).split(".") if not part.isdigit())  # in any place of a list
-    return str(folder / data) if isinstance(data, str) and data and meant in _FILES else data
+    return str(folder / data) if meant in _FILES else data
 
 
 def _place(document: Document, problem: Problem) -> Place:
     """Return the place of the value or key; where there is none, of the section that should hold it."""
-    location = problem.location
-    if problem.at_key and location in document.keys:
-        return document.keys[location]
-    while location and location not in document.values:
-        location = location[:-1]
-    exact = location == problem.location
-    return document.values[location] if exact else document.keys.get(location, document.values[location])
+    if problem.at_key and problem.location in document.keys:
+        return document.keys[problem.location]
+    return document.place(problem.location)

@@ -68,7 +68,7 @@ class Grid(Section):
     )
     """points n, or [nx, ny] of a surface; axisymmetric: of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
-    """length L of the periodic cell, or [Lx, Ly]"""
+    """period L of the cell, or [Lx, Ly]: length"""
     extent: Optional = None
     """axisymmetric: radius up to which profiles are kept: length"""
 
@@ -128,13 +128,13 @@ class Time(Section):
     """
 
     end: Positive = 8.0
-    """end of the simulation: time; by default that of an approach_retract"""
+    """end of the simulation; by default that of an approach_retract: time"""
     step: Step = 0.005
-    """time step, or adaptive: steps to the tolerance below"""
+    """time step, or adaptive, steps to the tolerance below: time"""
     integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"
     """exponential, of second order, or backward_euler, the paper's"""
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
-    """relative error of pressure and displacement; for step: adaptive"""
+    """relative error of adaptive steps, 1e-4 by default"""
     steady: Optional = None
     """relative change below which the run of a moving punch ends"""
 
@@ -174,7 +174,7 @@ class Solver(Section):
     inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(
         default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None
     )
-    """of the modes: mass_weighted or uniform; for method: fire"""
+    """of the modes, mass_weighted by default, or uniform; for method: fire"""
     max_iterations: Count = 20000
     """iterations of a step after which its case fails"""
 

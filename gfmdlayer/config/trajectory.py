@@ -73,31 +73,31 @@ class Trajectory(Section):
             0.01 if data.get("control") == "depth" and data.get("kind") in KINDS[:2] else None
         )
     )
-    """depth that is reached and held: length; < 0 above what attracts"""
+    """depth that is reached and held; < 0 above what attracts: length"""
     load: Annotated[NotNegative | None, given] = None
-    """mean pressure that is reached and held; for control: load"""
+    """mean pressure that is reached and held, for control by load: pressure"""
     force: Annotated[NotNegative | None, given] = None
-    """force over the cell, of a line per length; for control: force"""
+    """force over the cell, of a line per length, for control by force: force"""
     ramp_time: Optional = Field(default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None)
     """duration of the ramp: time"""
     start: Annotated[Finite | None, given] = _of_approach(lambda _: 0.0)
-    """approach_retract: depth or load at the beginning; may be < 0"""
+    """approach_retract: where it begins, 0 by default: drive"""
     approach_speed: Optional = _of_approach(_speed_to_the_peak)
-    """approach_retract: speed of the approach; of a load, its rate"""
+    """approach_retract: speed inwards, by default in a time of 1: drive/time"""
     dwell: Annotated[NotNegative | None, given] = _of_approach(lambda _: 0.0)
-    """approach_retract: time at the largest depth or load"""
+    """approach_retract: dwell at the largest depth or load, 0 by default: time"""
     retract_speed: Optional = _of_approach(lambda keys: keys.get("approach_speed"))
-    """approach_retract: speed of the retraction"""
+    """approach_retract: speed outwards, by default that inwards: drive/time"""
     final: Annotated[Finite | None, given] = _of_approach(lambda keys: keys.get("start"))
-    """approach_retract: depth or load at the end; may be < 0"""
+    """approach_retract: where it ends, by default where it begins: drive"""
     cycles: Annotated[Cycles | None, given] = _of_approach(lambda _: 1)
-    """approach_retract: number of cycles; each but the first begins at final"""
+    """approach_retract: cycles, 1 by default; later ones begin at final"""
     file: Annotated[File | None, given] = None
     """two columns, time and depth, load or force; for kind: table"""
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
-    """two columns, time and velocity; in place of velocity"""
+    """two columns, time and velocity (length/time); in place of velocity"""
 
     @property
     def moves(self) -> bool:

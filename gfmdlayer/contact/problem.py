@@ -222,6 +222,30 @@ def make_solution(
     )
 
 
+def why_not_converged(problem: Problem, solution: Solution, method: str, tolerance: float) -> str:
+    """Return why a state is no solution: by its residual, by what overlaps, or for want of a minimum.
+
+    Parameters
+    ----------
+    problem, solution : Problem, Solution
+        The problem, and the state at which its solver ended.
+    method : str
+        The solver.
+    tolerance : float
+        Residual at which it accepts.
+    """
+    spent = f"after {solution.iterations} iterations of {method}"
+    found = f"residual {solution.residual:.2e} {spent}; the tolerance is {tolerance:.2e}"
+    if not solution.residual <= tolerance:
+        return found
+    overlap = problem.ranks.maximum(-float(solution.gap.min()))
+    if overlap > 0:
+        return f"the surface overlaps the punch by {overlap:.2e} {spent}, more than rounding does ({found})"
+    if problem.interface.attracts:
+        return f"no minimum of the energy {spent} ({found})"
+    return f"the mean was not kept {spent} ({found})"
+
+
 def surface_at(problem: Problem, gap: FloatArray) -> FloatArray:
     """Displacement of a surface at a gap from the punch; the surface at rest where the gap is not finite."""
     surface = problem.obstacle - gap

@@ -114,6 +114,24 @@ def residual_scales(pressure: FloatArray, u: FloatArray, floor: ResidualFloor) -
     return scales(largest, max(total / u.size, 0.0) - lowest, floor)
 
 
+@nb.njit(inline="always")
+def _violations(
+    pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float
+) -> tuple[float, float, float, float]:
+    """Largest violation, number of points in contact, and sums of pressure and gap."""
+    worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
+    for first in range(0, u.size, LANES):
+        ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
+        for i in range(us.size):
+            gap = hs[i] - us[i]
+            off = violation(ps[i], gap, per_pressure, per_gap)
+            worst[i] = off if off > worst[i] else worst[i]
+            touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
+            total += ps[i]
+            gaps += gap
+    return worst.max(), touching, total, gaps
+
+
 @kernel(reorder=True)
 def assess(
     pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
@@ -134,7 +152,7 @@ def assess(
         not the gap, is the larger of the two in the residual's scales.
     """
     pressure_scale, depth = residual_scales(pressure, u, floor)
-    worst, touching, total, gaps = _assess_part(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
+    worst, touching, total, gaps = _violations(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)
     # The maxima are blind to NaN; the sums are not.
     finite = np.isfinite(total) and np.isfinite(gaps)
     return worst if finite else np.nan, touching / u.size, total / u.size, gaps / u.size
@@ -144,15 +162,5 @@ def assess(
 def _assess_part(
     pressure: FloatArray, u: FloatArray, h: FloatArray, per_pressure: float, per_gap: float
 ) -> tuple[float, float, float, float]:
-    """Largest violation, number of points in contact, and sums of pressure and gap."""
-    worst, touching, total, gaps = np.zeros(LANES), 0.0, 0.0, 0.0
-    for first in range(0, u.size, LANES):
-        ps, us, hs = pressure[first : first + LANES], u[first : first + LANES], h[first : first + LANES]
-        for i in range(us.size):
-            gap = hs[i] - us[i]
-            off = violation(ps[i], gap, per_pressure, per_gap)
-            worst[i] = off if off > worst[i] else worst[i]
-            touching += 1.0 if ps[i] * per_pressure > gap * per_gap else 0.0
-            total += ps[i]
-            gaps += gap
-    return worst.max(), touching, total, gaps
+    """`_violations` of the part of a rank."""
+    return _violations(pressure, u, h, per_pressure, per_gap)

@@ -73,7 +73,8 @@ def run_case(
     Returns
     -------
     Outcome
-        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`.
+        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and why
+        a complete case ended early in cases/NNNN.ended.
     """
     from gfmdlayer.grid.ranks import ALONE
 
@@ -106,14 +107,19 @@ def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "")
     trace : str
         Traceback; a record without one does not replace another record.
     """
+    if trace or not folder.case(case.index, "failed").exists():
+        _record(folder, case, "failed", reason, traceback=trace)
+        with suppress(OSError):
+            folder.case(case.index, "running").unlink(missing_ok=True)
+
+
+def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str) -> None:
+    """Write a record of a case."""
     from gfmdlayer.results.provenance import now
 
-    path = folder.case(case.index, "failed")
-    record = {"reason": reason, "traceback": trace, "time": now(), "values": case.values}
+    record = {"reason": reason, **more, "time": now(), "values": case.values}
     with suppress(OSError):  # on a full disk the outcome alone must do
-        if trace or not path.exists():
-            write_text(path, json.dumps(record, default=str))
-            folder.case(case.index, "running").unlink(missing_ok=True)
+        write_text(folder.case(case.index, kind), json.dumps(record, default=str))
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,8 @@ class _Run:
             ) as checkpoints,
         ):
             if self.ranks.first:
-                folder.case(case.index, "failed").unlink(missing_ok=True)
+                for kind in ("failed", "ended"):
+                    folder.case(case.index, kind).unlink(missing_ok=True)
             try:
                 try:
                     checkpoints.find()
@@ -184,6 +191,8 @@ class _Run:
         with self._writer(simulation, checkpoints, hashed) as writer:
             recorder = checkpoints.recorder(writer)
             warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
+            if ended := str(writer.noted.get("ended", "")):
+                _record(self.folder, self.case, "ended", ended)
         plans.keep(simulation.transforms)
         return "; ".join(warnings)
 

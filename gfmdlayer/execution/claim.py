@@ -32,13 +32,15 @@ from gfmdlayer.files.shared_folders import no_link
 from gfmdlayer.files.whole import cannot_be_written, is_unfinished, unfinished_path
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
 _PART = r"(\.(.+-)?\d+-[0-9a-f]+)?\.part"
 _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
-_OF_A_CASE = re.compile(rf"(\d{{4,}})\.(running|(h5|xdmf|failed|running|checkpoint(\d+[ab])?|state){_PART})")
+_OF_A_CASE = re.compile(
+    rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint(\d+[ab])?|state){_PART})"
+)
 _STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d+)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
 _FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant

@@ -4,6 +4,7 @@
     DIR/cases/NNNN.h5      a complete case
     DIR/cases/NNNN.xdmf    description of a surface in two dimensions for ParaView
     DIR/cases/NNNN.failed  why a case failed (JSON)
+    DIR/cases/NNNN.ended   why a complete case ended early (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
     DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
@@ -87,7 +88,7 @@ class Folder:
         return self.cases / f"stop{own}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, running, checkpoint or journal0."""
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal0."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Mapping[str, set[int]]:

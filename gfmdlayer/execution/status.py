@@ -28,7 +28,7 @@ WRITE_INTERVAL = 1.0  # seconds between two status files of a case
 SILENCE = 120.0  # seconds without an update after which a case on another host counts as dead
 _MOST = 2**63  # of numbers in a status
 STEPS_TRUSTED = 0.9  # part of the expected steps, beyond which only the simulated time tells the progress
-FAILURES_READ = 1000  # records of failures that an overview reads
+RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 
 
 class StatusFile:
@@ -186,8 +186,8 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A case on record as failed: its number, why, and its swept values."""
+class Record:
+    """A case on record as failed or ended early: its number, why, and its swept values."""
 
     index: int
     reason: str
@@ -204,8 +204,8 @@ class Overview:
         Numbers of cases; running ones count in `total` alone.
     running : list of Running
         The running cases.
-    failures : list of Failure
-        The first `FAILURES_READ` failed cases.
+    failures, ended : list of Record
+        The first `RECORDS_READ` failed cases, and complete ones that ended early.
     """
 
     total: int
@@ -213,7 +213,8 @@ class Overview:
     failed: int
     waiting: int
     running: list[Running]
-    failures: list[Failure]
+    failures: list[Record]
+    ended: list[Record]
 
     @property
     def over(self) -> bool:
@@ -235,22 +236,25 @@ def overview(folder: Folder) -> Overview:
     busy = {case.index for case in at_work}
     complete = {number for number in found["h5"] - busy if number in own}
     failed = {number for number in found["failed"] - busy - complete if number in own}
-    failures = [_failure(folder, index) for index in sorted(failed)[:FAILURES_READ]]
+    records = [_records(folder, failed, "failed"), _records(folder, found["ended"] & complete, "ended")]
     waiting = max(0, total - len(complete | failed | busy))
-    return Overview(total, len(complete), len(failed), waiting, at_work, failures)
+    return Overview(total, len(complete), len(failed), waiting, at_work, *records)
 
 
-def _failure(folder: Folder, index: int) -> Failure:
-    record = read_json(folder.case(index, "failed")) or {}
-    values = record.get("values")
-    return Failure(index, str(record.get("reason")), values if isinstance(values, dict) else {})
+def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:
+    found = []
+    for index in sorted(numbers)[:RECORDS_READ]:
+        record = read_json(folder.case(index, kind)) or {}
+        values = record.get("values")
+        found.append(Record(index, str(record.get("reason")), values if isinstance(values, dict) else {}))
+    return found
 
 
-def group_by_reason(failures: list[Failure]) -> list[list[Failure]]:
-    """Group failures whose reasons differ in numbers alone, the largest group first."""
-    groups: defaultdict[str, list[Failure]] = defaultdict(list)
-    for failure in failures:
-        groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", failure.reason)].append(failure)
+def group_by_reason(records: list[Record]) -> list[list[Record]]:
+    """Group records whose reasons differ in numbers alone, the largest group first."""
+    groups: defaultdict[str, list[Record]] = defaultdict(list)
+    for record in records:
+        groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", record.reason)].append(record)
     return sorted(groups.values(), key=len, reverse=True)
 
 

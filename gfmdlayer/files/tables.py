@@ -12,6 +12,9 @@ from gfmdlayer.arrays import FloatArray
 
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
+_SEPARATORS = str.maketrans(",;", "  ")
+
+RowError = Callable[[Sequence[float]], str | None]
 Line = tuple[int, str, list[str]]  # number, text and words
 
 
@@ -25,7 +28,7 @@ def read_columns(
     *,
     increasing: bool = False,
     at_least: int = 2,
-    row_error: Callable[[Sequence[float]], str | None] = lambda _: None,
+    row_error: RowError | None = None,
 ) -> FloatArray:
     """Read columns of numbers separated by commas, semicolons or white space.
 
@@ -41,7 +44,7 @@ def read_columns(
         Whether the first column must grow from row to row.
     at_least : int
         The fewest rows allowed.
-    row_error : callable
+    row_error : callable, optional
         From the numbers of a row to the reason why they cannot be used, if any.
 
     Returns
@@ -53,6 +56,11 @@ def read_columns(
     TableError
         Naming file and line.
     """
+    table = _read_at_once(path)
+    if table is not None and row_error is None and table.shape[1] == len(names) and len(table) >= at_least:
+        grows = not increasing or bool((np.diff(table[:, 0]) > 0).all())
+        if grows and bool((np.abs(table) <= LARGEST).all()):
+            return table
     wanted = f"{len(names)} numbers ({', '.join(names)})"
     lines = read_lines(path)
     rows: list[list[float]] = []
@@ -66,7 +74,7 @@ def read_columns(
         if increasing and rows and row[0] <= rows[-1][0]:
             found = f"{names[0]} = {row[0]:g} after {rows[-1][0]:g}"
             raise TableError(f"{place}: {found}; must increase from row to row")
-        if wrong := row_error(row):
+        if row_error is not None and (wrong := row_error(row)):
             raise TableError(f"{place}: {wrong}")
         rows.append(row)
     if len(rows) < at_least:
@@ -83,6 +91,8 @@ def read_matrix(path: Path) -> FloatArray:
     TableError
         Naming file and line.
     """
+    if (found := _read_at_once(path)) is not None:
+        return found
     rows: list[list[float]] = []
     for place, _, row in _rows(path, read_lines(path), "numbers"):
         if rows and len(row) != len(rows[0]):
@@ -91,6 +101,23 @@ def read_matrix(path: Path) -> FloatArray:
     if not rows:
         raise TableError(f"{path}: holds no numbers")
     return np.array(rows)
+
+
+def _read_at_once(path: Path) -> FloatArray | None:
+    """Return rows of equally many numbers by NumPy's reader; None where it finds anything else.
+
+    It takes a tenth of the time of the readers here, which then say what is wrong, and where.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        if text.isascii():
+            lines = text.translate(_SEPARATORS).splitlines()
+            words = (line.partition("#")[0].split() for line in lines)
+            first = next((i for i, each in enumerate(words) if any(map(is_number, each))), None)
+            return None if first is None else np.loadtxt(lines[first:], ndmin=2)
+    except (OSError, ValueError):
+        pass
+    return None
 
 
 def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str, str, list[float]]]:

@@ -22,7 +22,14 @@ delta f that changes neither pressure nor depth moves the free surface: with r t
 (delta f - r f)/kappa.
 
 Under an interface that attracts the mean pressure is a difference, and goes through zero. There the part of
-delta f along v, <v, delta f>/|v|, counts relative to the largest stress so far, and r as zero.
+delta f along v, <v, delta f>/|v|, counts relative to the largest stress so far, and r as zero. And the edge
+of the contact moves by the tractions around it: an error delta f there, alike in all steps, is one of the
+work that it takes to open the contact. So c is a part of the stress of a step there, as it is of the history:
+
+    c = rho (u - u_0 - dt v_0),        rho = dt/(dt + dt_0),        sum_j w_j (y_j + curvature_gain_j c)
+
+with the displacement u_0 and the velocity v_0 before, over the last step dt_0. c is linear in u, and kappa
+grows by rho sum_j w_j curvature_gain_j. The estimate of the error stays, and is then on the safe side.
 """
 
 from __future__ import annotations
@@ -32,7 +39,7 @@ from typing import Any
 
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history import mode_kernels as kernels
@@ -61,6 +68,8 @@ class ErrorControlledModes(Modes):
         Relaxing modes at the grid's wavenumbers.
     sums : Sums
         Sums over the grid.
+    curved : bool
+        Whether the stress of a step takes u as a parabola through the last steps, where these predict it.
 
     Attributes
     ----------
@@ -68,13 +77,22 @@ class ErrorControlledModes(Modes):
         Shortest relevant relaxation time; infinite for an elastic body.
     """
 
-    def __init__(self, spectrum: Spectrum, sums: Sums, **motion: Any) -> None:
+    def __init__(self, spectrum: Spectrum, sums: Sums, *, curved: bool = False, **motion: Any) -> None:
         super().__init__(spectrum, exponential, sums, **motion)
+        self._curved = curved
         relevant = spectrum.weights > RELEVANT * spectrum.glassy
         self.shortest_time = sums.minimum(float(spectrum.times[relevant].min(initial=math.inf)))
         self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
         self._velocity: ComplexArray | None = None
         self._last_step = self._largest_stress = 0.0
+
+    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b at the end of a step, see `Modes`; with the curvature where it counts."""
+        stiffness, b = super().terms(step)
+        if not self._curved or self._velocity is None:
+            return stiffness, b
+        gain = self.curvature_stress(np.full(self.u.shape, self._ratio, dtype=np.complex128)).real
+        return stiffness + gain, b + gain * (self.u + self.step * self._velocity)
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`, with the curvature that is now known."""
@@ -92,7 +110,7 @@ class ErrorControlledModes(Modes):
         return bool(self._sums.maximum(int(spectrum.any())))
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return -sigma at the end of the step of the last `terms` for this displacement."""
+        """Return -sigma at the end of the step of the last `terms` for this displacement, for a linear u."""
         b = self._b.view(np.float64)
         return kernels.force(self._stiffness, spectrum.view(np.float64), b).view(np.complex128)
 
@@ -163,6 +181,10 @@ class ErrorControlledModes(Modes):
         """dt^2 u''/2 from the divided difference of the last three displacements, this one included."""
         if self._velocity is None:
             return None
-        ratio = self.step / (self.step + self._last_step)
         numbers = (each.view(np.float64) for each in (spectrum, self.u, self._velocity))
-        return kernels.curvature(ratio, self.step, *numbers).view(np.complex128)
+        return kernels.curvature(self._ratio, self.step, *numbers).view(np.complex128)
+
+    @property
+    def _ratio(self) -> float:
+        """Length of the step over that of the last two."""
+        return self.step / (self.step + self._last_step)

@@ -49,6 +49,8 @@ def stack_modes(
     clocks: Sequence[ReducedTime | None],
     scheme: Scheme | None,
     sums: Sums,
+    *,
+    curved: bool = False,
 ) -> StackModes:
     """Return the integrator of a stack whose layers have different clocks.
 
@@ -64,6 +66,8 @@ def stack_modes(
         As for `Modes`; without it for steps of varying length.
     sums : Sums
         Sums over the grid.
+    curved : bool
+        As for `ErrorControlledModes`, for steps of varying length.
 
     Raises
     ------
@@ -76,7 +80,7 @@ def stack_modes(
     given: dict[str, Any] = {"stack": body, "wavenumbers": wavenumbers, "clocks": every}
     spectrum = body.uppermost_layer(wavenumbers)
     if scheme is None:
-        return ErrorControlledStackModes(spectrum, sums, **given)
+        return ErrorControlledStackModes(spectrum, sums, curved=curved, **given)
     return StackModes(spectrum, scheme, sums, **given)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Protocol
 
@@ -208,7 +208,8 @@ def landing_stops(
     found = [first]
     for stop in rest:
         span = stop.time - found[-1].time
-        found.append(replace(stop, step=span / max(1, math.ceil(span / step - 1e-6))))
+        length = span / max(1, math.ceil(span / step - 1e-6))
+        found.append(Instant(stop.time, length, stop.snapshot, stop.kink))
     return found
 
 
@@ -236,12 +237,14 @@ def stops(
     """
     same = SAME_TIME * end
     found = [0.0]
-    reasons: list[set[str]] = [set()]
+    at_snapshot, at_kink = [False], [False]
     marked = [(time, "snapshot") for time in snapshots] + [(time, "kink") for time in kinks if 0 < time < end]
     for time, reason in sorted([*marked, *((time, "row") for time in (*times, end))]):
         # A time right after the start is moved away from it: the step to the start has no length.
         if time > 0 and max(time, 2 * same) - found[-1] > same:
             found.append(max(time, 2 * same))
-            reasons.append(set())
-        reasons[-1].add(reason)
-    return [Instant(t, 0.0, "snapshot" in why, "kink" in why) for t, why in zip(found, reasons, strict=True)]
+            at_snapshot.append(False)
+            at_kink.append(False)
+        at_snapshot[-1] |= reason == "snapshot"
+        at_kink[-1] |= reason == "kink"
+    return [Instant(t, 0.0, *marks) for t, *marks in zip(found, at_snapshot, at_kink, strict=True)]

@@ -70,7 +70,7 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
     if not hasattr(punch, "revolution"):
         allowed = ", ".join(word for word, shape in SHAPES.items() if hasattr(shape, "revolution"))
         message = f"got {punch.shape!r}, which is no convex body of revolution; must be one of {allowed}"
-        yield Problem(("punch", "shape"), message, _GEOMETRY)
+        yield Problem(("punch", "shape"), message, _GEOMETRY, chooses=True)
         return
     for key, value in vars(punch).items():
         if isinstance(value, tuple):

@@ -14,6 +14,7 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
+from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.inputs import make_interface, too_deep
@@ -161,10 +162,8 @@ def solve(
     solution = case.solver.solve(problem, case.guess.at(0.0))
     if not solution.converged:
         solver = config.solver
-        reached = (
-            f"residual {solution.residual:.2e} after {solution.iterations} iterations of {solver.method}"
-        )
-        raise ConvergenceError(f"{reached}; the tolerance is {solver.tolerance:.2e}", problem, solution)
+        reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
+        raise ConvergenceError(reason, problem, solution)
     return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0))
 
 

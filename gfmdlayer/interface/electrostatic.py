@@ -68,11 +68,11 @@ class Electrostatic(Interface):
     law: Literal["electrostatic"] = "electrostatic"
     """attraction by a voltage: w = -(permittivity/2) voltage^2/(g + h0)"""
     voltage: Voltage
-    """between punch and base: V; or a file: two columns, time and voltage"""
+    """between punch and base, or a file with two columns, time and voltage: V"""
     insulation: Insulation
-    """h0, thickness/relative permittivity: length; or a list of insulators"""
+    """h0, thickness/relative permittivity, or a list of insulators: length"""
     permittivity: Optional = None
-    """permittivity of vacuum: pressure length^2/V^2; known from units"""
+    """permittivity of vacuum; known from units: pressure length^2/V^2"""
 
     @property
     def h0(self) -> float:

@@ -13,7 +13,7 @@ the length l of a term, and the gap g,
     cohesive zone    w = -int tau dg from g to infinity      tau = s (1 - 3 y^2 + 2 y^3)
 
 with y = (g - l)/width + 1/2 between 0 and 1. The curvature is dtau/dg. A further form is a number, a function
-and a line in `_term`.
+and a line in `term`.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ def _cohesive_zone(gap: float, stress: float, length: float, width: float) -> Va
 
 
 @nb.njit(inline="always")
-def _term(gap: float, form: int, stress: float, length: float, width: float) -> Values:
+def term(gap: float, form: int, stress: float, length: float, width: float) -> Values:
+    """Energy, traction and curvature at a gap g >= 0, of one term."""
     if form == EXPONENTIAL:
         return _exponential(gap, stress, length)
     if form == LENNARD_JONES:
@@ -112,7 +113,7 @@ def interact(gap: float, terms: Terms) -> Values:
     """Energy, traction and curvature at a gap g >= 0, of all terms together."""
     energy, traction, curvature = 0.0, 0.0, 0.0
     for k in range(terms.form.size):
-        e, t, c = _term(gap, terms.form[k], terms.stress[k], terms.length[k], terms.width[k])
+        e, t, c = term(gap, terms.form[k], terms.stress[k], terms.length[k], terms.width[k])
         energy, traction, curvature = energy + e, traction + t, curvature + c
     return energy, traction, curvature
 
@@ -123,7 +124,7 @@ def add_energy(gap: FloatArray, terms: Terms, out: FloatArray) -> None:
     for k in range(terms.form.size):
         form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
         for i in range(gap.size):
-            out[i] += _term(gap[i], form, stress, length, width)[0]
+            out[i] += term(gap[i], form, stress, length, width)[0]
 
 
 @kernel(reorder=True)
@@ -132,7 +133,7 @@ def add_traction(gap: FloatArray, terms: Terms, out: FloatArray) -> None:
     for k in range(terms.form.size):
         form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
         for i in range(gap.size):
-            out[i] += _term(gap[i], form, stress, length, width)[1]
+            out[i] += term(gap[i], form, stress, length, width)[1]
 
 
 @kernel(reorder=True)
@@ -141,4 +142,4 @@ def add_curvature(gap: FloatArray, terms: Terms, out: FloatArray) -> None:
     for k in range(terms.form.size):
         form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
         for i in range(gap.size):
-            out[i] += _term(gap[i], form, stress, length, width)[2]
+            out[i] += term(gap[i], form, stress, length, width)[2]

@@ -8,7 +8,8 @@ from gfmdlayer.observables.adhesion import Adhesion
 from gfmdlayer.observables.contact_means import ContactMeans, Force
 from gfmdlayer.observables.contact_statistics import ContactStatistics
 from gfmdlayer.observables.effort import Effort
-from gfmdlayer.observables.energy_balance import EnergyBalance, Instabilities
+from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
@@ -38,9 +39,9 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "resolution": Resolution,
     "effort": Effort,
     "friction": Friction,
-    "instabilities": Instabilities,
     "adhesion": Adhesion,
     "energy": EnergyBalance,
+    "instabilities": Instabilities,
     "statistics": ContactStatistics,
     "temperature": Temperature,
     "series_error": SeriesError,

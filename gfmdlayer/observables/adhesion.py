@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
 PART = 0.1  # of the largest traction, from which on a point counts as attracted
+_RETRACTION = "over the steps in which the depth falls or rests"
 
 
 class Adhesion(Observable):
@@ -27,17 +28,30 @@ class Adhesion(Observable):
     """
 
     COLUMNS = (
-        Column("interface_energy", "energy of the interface per area, zero far away", "pressure length"),
+        Column(
+            "interface_energy",
+            "energy of the interface per area, zero far away",
+            "pressure length",
+            origin="mean over the whole cell",
+        ),
         Column(
             "attractive_area",
             f"part of the surface out of contact with at least {PART:g} of the largest traction",
+            origin="over the cell",
         ),
-        Column("largest_tension", "largest tension of the surface", "pressure"),
+        Column("largest_tension", "largest tension of the surface", "pressure", origin="over the points"),
     )
     NUMBERS = (
-        Column("pull_off_force", "pull-off force, the largest pull in retraction", "force"),
-        Column("pull_off_stress", "pull-off force over the area of the cell", "pressure"),
-        Column("work_of_separation", "work of separation per area of the cell", "pressure length"),
+        Column(
+            "pull_off_force", "pull-off force, the largest pull in retraction", "force", origin=_RETRACTION
+        ),
+        Column("pull_off_stress", "pull-off force over the area of the cell", "pressure", origin=_RETRACTION),
+        Column(
+            "work_of_separation",
+            "work of separation per area of the cell",
+            "pressure length",
+            origin="over the steps in which the depth falls",
+        ),
     )
 
     @classmethod

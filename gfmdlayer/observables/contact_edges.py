@@ -108,11 +108,8 @@ def _edge(
     """
     start, span, many, place = marks
     first, stride, n, at = line
-    inside, outside = 1, 1
-    while inside < farthest and touching[start + (place - inside * step) % many * span]:
-        inside += 1
-    while outside < farthest and not touching[start + (place + (outside + 1) * step) % many * span]:
-        outside += 1
+    inside = _run(touching, start, span, many, place, -step, farthest)
+    outside = _run(touching, start, span, many, (place + step) % many, step, farthest)
     s0 = max(pressure[first + at * stride], 0.0) ** 2
     s1 = max(pressure[first + (at - step) % n * stride], 0.0) ** 2 if inside > 1 else 0.0
     q0 = max(gap[first + (at + step) % n * stride], 0.0) ** (2.0 / 3.0)
@@ -140,6 +137,17 @@ def _edge(
         by_gap = 1.0 - T0 - u**1.5 * (U0 + U1 * u + U2 * u**2)
     t = min(by_both, by_gap)
     return t if t < 1.0 else 0.5
+
+
+@kernel(inner=True)
+def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
+    """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
+    state, found = touching[start + place * span], 0
+    while found < farthest and touching[start + place * span] == state:
+        found += 1
+        place += step
+        place = place - many if place == many else (many - 1 if place < 0 else place)
+    return found
 
 
 @kernel
@@ -172,20 +180,23 @@ def _area(
     """
     area, t, corners = 0.0, np.empty(4), np.empty(4, np.bool_)
     (far, near), (rows, columns) = before, shape
+    above = np.empty(columns)  # places of the edge along the sides that the last row of cells has below
     for i in range(rows):
         below = i + 1 if far or i + 1 < rows else 0
+        here, there = (far + i) * columns, (far + below) * columns
+        upper, lower = touching[here : here + columns], touching[there : there + columns]
         for j in range(columns):
             right = j + 1 if j + 1 < columns else 0
-            here, there = (far + i) * columns, (far + below) * columns
-            first, other = touching[here + j], touching[there + right]
-            second, third = touching[here + right], touching[there + j]
+            first, second, third, other = upper[j], upper[right], lower[j], lower[right]
             if first == second == third == other:
                 area += first
                 continue
             # Corners in turn around the cell; side k lies between the corners k and k + 1.
             corners[0], corners[1], corners[2], corners[3] = first, second, other, third
+            t[0], t[3] = above[j], t[1]
             for k in range(4):
-                if corners[k] == corners[(k + 1) % 4]:
+                shared = (k == 0 and i > 0) or (k == 3 and j > 0)
+                if shared or corners[k] == corners[(k + 1) & 3]:
                     continue
                 along_row, forward = k % 2 == 0, corners[k] == (k < 2)
                 step = 1 if forward else -1
@@ -202,6 +213,7 @@ def _area(
                     marks = column, columns, rows + 2 * far, far + at
                     farthest = min(period, FARTHEST)
                 t[k] = _edge(touching, pressure, gap, line, marks, farthest, step)
+            above[j] = t[2]
             area += _polygon(corners, t, corners.sum())
     return area
 
@@ -211,12 +223,12 @@ def _polygon(corners: BoolArray, t: FloatArray, count: int) -> float:
     """Part of a cell inside the contact, from the places of the edge along its sides."""
     area = 1.0 if count == 3 else 0.0
     for k in range(4):
-        before = (k + 3) % 4
-        differs = corners[k] != corners[(k + 1) % 4] and corners[k] != corners[before]
+        before = (k + 3) & 3
+        differs = corners[k] != corners[(k + 1) & 3] and corners[k] != corners[before]
         if differs and corners[k]:
             area += t[k] * t[before] / 2.0  # a corner in contact, alone or opposite another
         elif differs and count == 3:
             area -= (1.0 - t[k]) * (1.0 - t[before]) / 2.0
-        elif count == 2 and corners[k] != corners[(k + 1) % 4]:
+        elif count == 2 and corners[k] != corners[(k + 1) & 3]:
             area += 0.0 if differs else t[k] / 2.0
     return area

@@ -7,10 +7,15 @@ from collections.abc import Mapping
 
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 
-TIME = Column("time", "time", "time")
+TIME = Column("time", "time", "time", origin="from the beginning of the run")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
-              symbol=r"\tilde{a}")  # fmt: skip
-PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}")
+              symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
+PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
+                  origin="mean over the whole cell; G0 of the uppermost layer")  # fmt: skip
+DEPTH = Column("depth", "indentation depth of the punch", "length",
+               origin="from the height at which the punch touches the surface at rest")  # fmt: skip
+RESIDUAL = Column("residual", "residual of the contact problem when the step was accepted",
+                  origin="relative to the largest pressure and the depth")  # fmt: skip
 
 
 class ContactMeans(Observable):
@@ -20,8 +25,8 @@ class ContactMeans(Observable):
         TIME,
         AREA,
         PRESSURE,
-        Column("depth", "indentation depth of the punch", "length"),
-        Column("residual", "residual of the contact problem when the step was accepted"),
+        DEPTH,
+        RESIDUAL,
     )
 
     def __init__(self, case: Parts) -> None:
@@ -42,8 +47,13 @@ class Force(Observable):
     """Mean pressure over the cell, and the force over the cell: of a line contact, per length of the line."""
 
     COLUMNS = (
-        Column("mean_stress", "mean contact pressure pbar", "pressure"),
-        Column("force", "force on the punch over the cell", "force"),
+        Column("mean_stress", "mean contact pressure pbar", "pressure", origin="mean over the whole cell"),
+        Column(
+            "force",
+            "force on the punch over the cell",
+            "force",
+            origin="mean_stress times the area of the cell; of a line, its period",
+        ),
     )
 
     def __init__(self, case: Parts) -> None:

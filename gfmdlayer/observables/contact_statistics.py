@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.output import Histogram
 
-MEAN_GAP = Column("mean_gap", "mean gap between surface and punch", "length")
-PATCHES = Column("patches", "number of connected patches of contact", dtype="i8")
+MEAN_GAP = Column(
+    "mean_gap", "mean gap between surface and punch", "length", origin="over the whole cell; 0 in contact"
+)
+PATCHES = Column("patches", "number of connected patches of contact", dtype="i8", origin="in the cell")
 
 
 class ContactStatistics(Observable):
@@ -33,11 +35,11 @@ class ContactStatistics(Observable):
         if asked.histograms.pressure is not None:
             bins = Bins("pressure_bin", "pressure", "pressure", _bin_edges(asked.histograms.pressure))
             name = "part of the surface in contact with a pressure in the bin; the sum is the contact area"
-            found.append(Column("pressure_histogram", name, along=bins))
+            found.append(Column("pressure_histogram", name, along=bins, origin="over the cell"))
         if asked.histograms.gap is not None:
             bins = Bins("gap_bin", "the gap", "length", _bin_edges(asked.histograms.gap))
             name = "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area"
-            found.append(Column("gap_histogram", name, along=bins))
+            found.append(Column("gap_histogram", name, along=bins, origin="over the cell"))
         return tuple(found)
 
     def __init__(self, case: Parts) -> None:

@@ -22,7 +22,15 @@ def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     wall = problem.wall_pressure(solution.pressure, solution.gap)
     floor = problem.residual_floor
     pressure_scale, depth = scales_over(problem.ranks, wall, solution.displacement, floor)
-    return np.asarray(wall * (1.0 / pressure_scale) > solution.gap * (1.0 / depth))
+    return _touching(wall, solution.gap, 1.0 / pressure_scale, 1.0 / depth)
+
+
+@kernel
+def _touching(pressure: FloatArray, gap: FloatArray, per_pressure: float, per_gap: float) -> BoolArray:
+    found = np.empty(gap.size, np.bool_)
+    for i in range(gap.size):
+        found[i] = pressure[i] * per_pressure > gap[i] * per_gap
+    return found
 
 
 def closed_gap(problem: Problem, solution: Solution) -> FloatArray:

@@ -15,15 +15,16 @@ _PAIRS = (
     "pairs of Fourier transforms (forward and backward) spent on the step; "
     "of a window, the part of the surface that it is"
 )
+_STEP = "of this step alone, with the attempts that were rejected"
 
 
 class Effort(Observable):
     """Counts transforms, iterations and attempts until a step is accepted."""
 
     COLUMNS = (
-        Column("transforms", _PAIRS, dtype="i8"),
-        Column("iterations", "iterations of the contact solver in the step", dtype="i8"),
-        Column("rejected", "attempts at the step that were rejected", dtype="i8"),
+        Column("transforms", _PAIRS, dtype="i8", origin=_STEP),
+        Column("iterations", "iterations of the contact solver in the step", dtype="i8", origin=_STEP),
+        Column("rejected", "attempts at the step that were rejected", dtype="i8", origin=_STEP),
     )
 
     def __init__(self, _case: Parts) -> None:

@@ -30,10 +30,20 @@ class Friction(Observable):
     """
 
     COLUMNS = (
-        Column("position", "position of the punch along x", "length"),
-        Column("tangential_force", "mean tangential stress against the motion along x", "pressure"),
-        Column("friction", "tangential force / normal force", symbol=r"\mu"),
-        Column("contact_centre", "centre of pressure along x, from the middle of the punch", "length"),
+        Column("position", "position of the punch along x", "length", origin="from its place at t = 0"),
+        Column(
+            "tangential_force",
+            "mean tangential stress against the motion along x",
+            "pressure",
+            origin="mean over the whole cell of pressure times slope of the surface",
+        ),
+        Column("friction", "tangential force / normal force", symbol=r"\mu", origin="of the whole cell"),
+        Column(
+            "contact_centre",
+            "centre of pressure along x, from the middle of the punch",
+            "length",
+            origin="from the middle of the punch",
+        ),
     )
 
     @classmethod

@@ -65,6 +65,8 @@ class Column:
         Bins of a distribution; a number without them.
     symbol : str
         In mathtext; a number with a symbol has a panel among the curves.
+    origin : str
+        From where, or over what, it is measured; for the reference.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Column:
     dtype: str = "f8"
     along: Bins | None = None
     symbol: str = ""
+    origin: str = ""
 
     @property
     def size(self) -> int:

@@ -16,8 +16,12 @@ class Temperature(Observable):
     """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
 
     COLUMNS = (
-        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T"),
-        Column("shift_factor", "aT, factor of relaxation times, of the uppermost material with a shift"),
+        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T", origin="as given"),
+        Column(
+            "shift_factor",
+            "aT, factor of relaxation times, of the uppermost material with a shift",
+            origin="from the relaxation times at the reference temperature",
+        ),
     )
 
     @classmethod

@@ -17,7 +17,11 @@ class Resolution(Observable):
     """
 
     COLUMNS = (
-        Column("contact_area_interpolated", "relative contact area, the edge located between the points"),
+        Column(
+            "contact_area_interpolated",
+            "relative contact area, the edge located between the points",
+            origin="over the cell; the edge from pressure and gap beside it",
+        ),
     )
 
     def __init__(self, case: Parts) -> None:

@@ -83,7 +83,7 @@ class Pyramid(Analytic):
     shape: Literal["pyramid"] = "pyramid"
     """equal faces; a Berkovich indenter by default"""
     angle: Angle = 65.27
-    """angle of the faces to the axis, in degrees"""
+    """angle of the faces to the axis: degrees"""
     faces: Faces = 3
     """number of faces"""
 
@@ -100,6 +100,6 @@ class Pyramid(Analytic):
         """Refuse a pyramid on a line."""
         if len(cell.points) == 1:
             message = "got the text 'pyramid'; must be another shape, or grid.points two numbers"
-            yield Problem(("shape",), message)
+            yield Problem(("shape",), message, chooses=True)
         else:
             yield from super().misfits(cell, counts)

@@ -65,7 +65,7 @@ class _Isolated(Shape):
     def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
         """Refuse every periodic cell."""
         message = f"got {self.shape!r}, which has a rim; must be another shape, or grid.geometry axisymmetric"
-        yield Problem(("shape",), message, ("grid.geometry",))
+        yield Problem(("shape",), message, ("grid.geometry",), chooses=True)
 
 
 class FlatPunch(_Isolated):

@@ -62,7 +62,7 @@ class Topography(Shape):
     dataset: Annotated[Name | None, given] = None
     """where the file holds several"""
     unit: Positive = 1.0
-    """length of the file's unit"""
+    """the file's unit of length: length"""
     fill: Annotated[str, Word("none", "membrane")] = "none"
     """membrane: points without a height are filled in from around them"""
     detrend: Annotated[str, Word("none", "plane", "paraboloid")] = "none"

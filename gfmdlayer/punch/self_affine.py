@@ -56,17 +56,17 @@ class SelfAffine(Shape):
     hurst: Hurst
     """Hurst exponent H: the power falls as q^(-2 (H + 1))"""
     short_cutoff: Positive
-    """shortest wavelength: length; longer than two grid spacings"""
+    """shortest wavelength, longer than two grid spacings: length"""
     seed: Seed
     """of the phases: the same surface on any grid"""
     roll_off: Optional = None
-    """wavelength above which the spectrum is flat: length; none without it"""
+    """wavelength above which the spectrum is flat; none without it: length"""
     long_cutoff: Optional = None
-    """longest wavelength: length; the longest that fits without it"""
+    """longest wavelength; by default the longest that fits: length"""
     rms_slope: Optional = None
     """root-mean-square slope; this or rms_height"""
     rms_height: Optional = None
-    """root-mean-square height: length; this or rms_slope"""
+    """root-mean-square height; this or rms_slope: length"""
 
     def heights(self, grid: Grid) -> FloatArray:
         """Heights of the surface above its lowest point, of the grid's shape.

@@ -29,7 +29,7 @@ class Parabola(Analytic):
     shape: Literal["parabola"] = "parabola"
     """height r^2/(2 radius)"""
     radius: Lengths = 0.25
-    """radius of curvature: length, or one for each direction"""
+    """radius of curvature, or one for each direction: length"""
 
     def height(self, axes: Axes) -> FloatArray:
         """r^2/(2 R), or the sum over the directions."""
@@ -72,7 +72,7 @@ class Sphere(Analytic):
     shape: Literal["sphere"] = "sphere"
     """a sphere"""
     radius: Positive
-    """radius: length; at least half the period"""
+    """radius, at least half the period: length"""
 
     def height(self, axes: Axes) -> FloatArray:
         """R - (R^2 - r^2)^(1/2), and R beyond the radius."""
@@ -101,7 +101,7 @@ class Cylinder(Analytic):
     shape: Literal["cylinder"] = "cylinder"
     """a cylinder that lies along an axis"""
     radius: Positive
-    """radius: length; at least half the period"""
+    """radius, at least half the period: length"""
     along: Along = "y"
     """direction along which it is constant: y or x"""
 
@@ -130,7 +130,7 @@ class Flat(Analytic):
     shape: Literal["flat"] = "flat"
     """flat in the middle, a parabola outside"""
     width: Lengths
-    """width of the flat part: length, or one for each direction"""
+    """width of the flat part, or one for each direction: length"""
     edge_radius: Positive
     """radius of curvature outside: length"""
 
@@ -185,9 +185,9 @@ class Sinusoid(Analytic):
     shape: Literal["sinusoid"] = "sinusoid"
     """height amplitude (1 - cos(2 pi x/wavelength))"""
     amplitude: Amplitudes
-    """amplitude: length, or one for each direction"""
+    """amplitude, or one for each direction: length"""
     wavelength: Lengths
-    """wavelength: length, or one for each direction; a whole number fill the period"""
+    """wavelength, or one for each direction; a whole number fill the period: length"""
 
     def height(self, axes: Axes) -> FloatArray:
         """Amplitude times (1 - cos(2 pi x/wavelength)), summed over the axes."""

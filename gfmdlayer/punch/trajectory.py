@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -10,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.files.tables import RowError, TableError, read_columns
 
 
 class Trajectory(Protocol):
@@ -67,9 +66,7 @@ class Table:
     values: npt.NDArray[np.float64]
 
     @classmethod
-    def read(
-        cls, file: Path, quantity: str, row_error: Callable[[Sequence[float]], str | None] = lambda _: None
-    ) -> Table:
+    def read(cls, file: Path, quantity: str, row_error: RowError | None = None) -> Table:
         """Read the columns time and ``quantity``; the times start at 0 and increase.
 
         Parameters
@@ -78,7 +75,7 @@ class Table:
             The file.
         quantity : str
             Name of the second column, for the messages.
-        row_error : callable
+        row_error : callable, optional
             From the numbers of a row to the reason why they cannot be used, if any.
 
         Raises

@@ -18,11 +18,15 @@ class ResultsError(OSError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Meaning, units and numpy type of a coordinate or field; columns of rows are declared by observables."""
+    """Meaning, units and numpy type of a coordinate or field; columns of rows are declared by observables.
+
+    Where it is measured from, or over what, is for the reference.
+    """
 
     long_name: str
     units: str = "1"
     dtype: str = "f8"
+    origin: str = ""
 
     def in_units(self, unit: Callable[[str], str]) -> Variable:
         """Return the variable with the label of its unit in place of the words."""
@@ -45,14 +49,22 @@ class Parameter:
 
 
 VARIABLES: dict[str, Variable] = {
-    "x": Variable("position along x", "length"),
-    "y": Variable("position along y", "length"),
-    "snapshot": Variable("time of the snapshot", "time"),
-    "displacement": Variable("normal displacement of the surface, positive upward", "length"),
-    "pressure": Variable("contact pressure, positive in compression", "pressure"),
-    "gap": Variable("gap between surface and punch, zero in contact", "length"),
-    "traction": Variable("traction across the gap, positive in attraction", "pressure"),
-    "case": Variable("number of the case, that of its file in cases/", "1", "i8"),
+    "x": Variable("position along x", "length", origin="from the middle of the cell, and of the punch"),
+    "y": Variable("position along y", "length", origin="from the middle of the cell"),
+    "snapshot": Variable("time of the snapshot", "time", origin="from the beginning of the run"),
+    "displacement": Variable(
+        "normal displacement of the surface, positive upward", "length", origin="from the surface at rest"
+    ),
+    "pressure": Variable(
+        "contact pressure, positive in compression", "pressure", origin="at each point, of the wall"
+    ),
+    "gap": Variable("gap between surface and punch, zero in contact", "length", origin="at each point"),
+    "traction": Variable(
+        "traction across the gap, positive in attraction",
+        "pressure",
+        origin="at each point, of the interface",
+    ),
+    "case": Variable("number of the case, that of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts

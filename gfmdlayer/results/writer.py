@@ -87,7 +87,7 @@ class CaseWriter:
         self._declared = {column.name: column.in_units(unit) for column in declared}
         self._grid = grid
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
-        self._noted: dict[str, Attribute] = {}
+        self.noted: dict[str, Attribute] = {}  # at the end of the run
         self._flush_interval, self._elapsed = flush_interval, elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5d.DatasetID] = {}
@@ -213,7 +213,7 @@ class CaseWriter:
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that are known at the end of the run."""
-        self._noted.update(attributes)
+        self.noted.update(attributes)
 
     def _begin(self, columns: tuple[str, ...]) -> None:
         """Begin the file with the columns of the first row."""
@@ -253,6 +253,6 @@ class CaseWriter:
         ended: dict[str, Attribute] = {"finished": now(), "wall_seconds": self.elapsed}
         counts = {"rows": self._rows, "snapshots": self._growing["snapshot"].shape[0]}
         added = {name: value for name, value in ended.items() if name not in self._attributes}
-        set_attributes(self._h5, {**added, **self._noted, **counts, "complete": 1})
+        set_attributes(self._h5, {**added, **self.noted, **counts, "complete": 1})
         if len(self._shape) == 2 and counts["snapshots"]:
             describe(self._h5, self.path)

@@ -1,4 +1,6 @@
-"""What the keys of a section mean: the strings below its fields.
+"""What the keys of a section mean, and in which dimension: the strings below its fields.
+
+A string ends with the dimension of a number, if it has one: "radius of curvature: length".
 
 They are read from the source when something is to be explained: no run needs them, and reading them takes
 about as long as making all of the sections.
@@ -8,11 +10,22 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import textwrap
 from functools import cache
 from itertools import pairwise
 
 from pydantic import BaseModel
+
+_DIMENSION = re.compile(
+    r": ((?:length|pressure|time|force|drive|V|J|mol|kelvin|degrees|Celsius|or|\d|[/^ ])+)$", re.MULTILINE
+)
+
+
+def dimension(words: str) -> tuple[str, str]:
+    """Split the words of a key into its meaning and its dimension, which is empty where it has none."""
+    found = _DIMENSION.search(words)
+    return (words[: found.start()], found[1]) if found else (words, "")
 
 
 @cache

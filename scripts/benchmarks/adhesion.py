@@ -182,15 +182,23 @@ class _LastDisplacement(Newton):
 
 
 @nb.njit(nogil=True)
-def _no_preconditioner(plans, system, step, damping, lack):  # type: ignore[no-untyped-def]
+def _no_preconditioner(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
     """Take the place of the beginning of a step."""
-    pairs = begin(plans, system, step, damping, lack)
-    step.softening[:] = 1.0 / step.d.size
+    pairs = begin(single, system, curvature, step, damping, lack)
+    step.softening[:], step.share[:] = 1.0 / step.d.size, 1.0
     return pairs
 
 
 @nb.njit(nogil=True)
-def _no_search(plans, system, at, step, x):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _one_stiffness(single, system, curvature, step, damping, lack):  # type: ignore[no-untyped-def]
+    """Take the place of the beginning of a step."""
+    pairs = begin(single, system, curvature, step, damping, lack)
+    step.share[:] = 1.0
+    return pairs
+
+
+@nb.njit(nogil=True)
+def _no_search(single, system, at, step, softest):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """Take the place of the search for the softest deformation."""
     return 1.0, 1.0, 0.0, 0
 
@@ -210,6 +218,7 @@ _ABLATIONS = (
     _Ablation("nothing: FFT pairs"),
     _Ablation("start from the last gap: displacement", _LastDisplacement),
     _Ablation("preconditioner", loop=lambda: _in_step(begin=_no_preconditioner)),
+    _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
     _Ablation("search for the softest deformation", others=(("find_margin", _no_search),)),

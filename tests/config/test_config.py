@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer.body.maxwell import Prony, Zener
-from gfmdlayer.config import Config, ConfigError, digest, load
+from gfmdlayer.config import Config, ConfigError, digest, load, text
 from gfmdlayer.execution.sweep import input_errors
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -266,7 +266,7 @@ REFUSED = {
         "must not be",
     ),
     "pyramid on a line": (
-        "punch: {shape: pyramid}",
+        "punch: {shape: pyramid, angle: 80, faces: 4}",  # keys that a pyramid has
         "2:16: punch.shape: got the text 'pyramid'",
         "another shape, or grid.points two numbers",
     ),
@@ -1280,3 +1280,55 @@ def test_results_carry_the_solver_that_auto_takes(values: dict[str, object], met
     config = Config(name="x").with_values(values)
     assert config.contact_solver.method == method
     assert digest(config) == digest(config.with_values({"solver.method": method}))
+
+
+LONG = ", ".join(f"{1 + 0.01 * i:.6g}" for i in range(600))  # more than are left to the parser of YAML
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f"a: [{LONG}]\nb: 1\n",
+        f"a: {{c: [{LONG}], d: [1, {LONG}, -2e-3, +5, 1., 007]}}\n",
+        f"a: [[{LONG}], [{LONG},\n {LONG}], 3]  # and so on\n",
+        "a:\n" + "".join(f"  - {i}\n" for i in range(600)) + "b: 1\n",
+        "a:\n- " + LONG.replace(", ", "\n- ") + "\nb: [x]\n",
+        "a: x\n" + "".join(f"  - {i}\n" for i in range(600)),  # one long text
+        "a:\n  - 1\n" + "".join(f"    - {i}\n" for i in range(600)) + "  - 2\n",
+        f"a: '[{LONG}]'\n",
+        f"a: |\n  x: [{LONG}]\n",
+        f"a: 1  # [{LONG}]\n",
+        f"a: [{LONG},]\nb: [{LONG}, , 1]\n",
+        f"a: [{LONG}] 3\n",
+        f"a: [{LONG}, 1e999]\nb: !!seq [{LONG}]\nc: &x [{LONG}]\n",
+        f"[{LONG}]: 1\n",
+        f"? [{LONG}]\n: 1\n",
+        f"a: [{LONG}]\na: [{LONG}]\nb: \ue000\n",
+    ],
+)
+def test_long_lists_of_numbers_are_read_as_short_ones_are(
+    content: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = text.read(content, "x.yaml")
+    monkeypatch.setattr(text, "shortened", lambda content: (content, {}))
+    whole = text.read(content, "x.yaml")
+    assert repr(found.data) == repr(whole.data)
+    assert found.problems == whole.problems
+    assert found.keys == whole.keys
+    assert {at: found.place(at) for at in whole.values} == whole.values
+
+
+def test_a_number_in_a_long_list_is_refused_at_its_place(tmp_path: Path) -> None:
+    path = write(tmp_path, f"name: long\nsweep:\n  punch.radius: [{LONG},\n    -2, 0.5]\n")
+    assert problems(path) == [
+        "case.yaml:4:5: sweep.punch.radius[600]: got -2; must be a number > 0, or two of them, "
+        "one for each direction"
+    ]
+
+
+def test_a_shape_that_is_refused_leaves_its_keys_alone(tmp_path: Path) -> None:
+    """They are not judged by the default shape."""
+    found = problems(write(tmp_path, "name: x\ngrid: {points: 64}\npunch: {shape: pyramid, angle: 80}\n"))
+    assert len(found) == 1
+    isolated = "name: x\ngrid: {geometry: axisymmetric}\npunch: {shape: pyramid, angle: 80}\n"
+    assert len(problems(write(tmp_path, isolated))) == 1

@@ -101,3 +101,19 @@ def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
     assert of({"time": {"end": 8.0, "step": 2.0}}) == []
     (note,) = of(coarse)
     assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is one step")
+
+
+def test_an_indentation_that_equal_steps_pass_over_is_noted(tmp_path: Path) -> None:
+    """Backward Euler sees the depth at whole steps alone; the other integrator lands on each row."""
+    path = tmp_path / "depth.txt"
+    path.write_text("0 0\n0.05 0\n0.1 0.01\n0.15 0\n1 0\n")
+    table = {"trajectory": {"kind": "table", "file": str(path)}}
+    time = {"end": 1.0, "step": 0.25, "integrator": "backward_euler"}
+    (note,) = of(table | {"time": time})
+    assert note.startswith(
+        "time.step = 0.25: backward Euler passes over the depth at t = 0.1, 0.01, for which its steps have 0"
+    )
+    assert of(table | {"time": time | {"step": 0.05}}) == []
+    assert of(table | {"time": time | {"integrator": "exponential"}}) == []
+    cycle = {"trajectory": {"kind": "approach_retract", "depth": 0.01, "approach_speed": 0.02}}
+    assert of(cycle | {"time": {"step": 0.5, "integrator": "backward_euler"}}) == []

@@ -24,7 +24,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
 from gfmdlayer.execution.claim import claimed, leftovers
 from gfmdlayer.execution.folder import Folder, FolderError
-from gfmdlayer.execution.status import FAILURES_READ, StatusFile, overview, running
+from gfmdlayer.execution.status import RECORDS_READ, StatusFile, overview, running
 
 Make = Callable[..., Folder]
 
@@ -149,10 +149,20 @@ def test_few_failures_are_told_one_by_one_and_many_by_their_reasons(
     ]
 
 
+def test_complete_cases_say_why_they_ended_early(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = make(3, h5=range(1), failed=range(1, 2))
+    for index in range(3):  # the records of cases that are computed again do not count
+        record = {"reason": "PULLED OFF at t = 3", "values": {"layer.thickness": 0.1}}
+        folder.case(index, "ended").write_text(json.dumps(record))
+    lines = told(capsys, "status", str(folder.path))
+    assert lines[0] == "3 cases: 1 complete, 0 running, 1 failed, 1 waiting"
+    assert lines[2:] == ["  0000 complete: PULLED OFF at t = 3  thickness = 0.1"]
+
+
 def test_of_very_many_failures_some_are_read(make: Make) -> None:
-    folder = make(FAILURES_READ + 500, failed=range(FAILURES_READ + 500))
+    folder = make(RECORDS_READ + 500, failed=range(RECORDS_READ + 500))
     seen = overview(folder)
-    assert (seen.failed, len(seen.failures)) == (FAILURES_READ + 500, FAILURES_READ)
+    assert (seen.failed, len(seen.failures)) == (RECORDS_READ + 500, RECORDS_READ)
 
 
 def test_a_watch_ends_when_nothing_is_left_to_wait_for(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,7 +195,7 @@ def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:
         while b"2 waiting" not in shown:
             shown += terminal.read(65536)
         process.send_signal(2)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=120)
         os.close(screen)
     assert (process.returncode, errors) == (0, b"")
 
@@ -218,6 +228,7 @@ LEFT = (
 )
 KEPT = (
     *("config.yaml", "sweep.h5", "cases/0000.h5", "cases/0001.failed", "cases/0001.checkpoint"),
+    "cases/0000.ended",
     *("cases/0001.journal1", "cases/0003.h5.aside", "cases/.lock"),
     *("notes.part", "figure.png", "cases/notes.part", "cases/0000.txt", "cases/stop.txt", "cases/3.running"),
 )

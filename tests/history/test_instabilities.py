@@ -18,6 +18,9 @@ from scipy.optimize import brentq
 import gfmdlayer
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.status import overview
+from gfmdlayer.observables.folds import Row, work_over_fold
 from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
@@ -97,12 +100,38 @@ def test_an_elastic_film_jumps_in_and_out_and_loses_the_area_of_its_loop(toleran
     assert recording["work"][-1] == pytest.approx(LOST_IN + LOST_OUT, abs=separation**2 / 12 * WORK)
 
 
-def test_fixed_steps_report_jumps_without_looking_for_them() -> None:
-    values = {"trajectory": CYCLE | {"depth": 0.0}, "time": {"step": 0.01}}
-    found = film(values).noted
+@pytest.mark.parametrize("step", [0.02, 0.01])
+def test_fixed_steps_find_the_loss_without_looking_for_the_jump(step: float) -> None:
+    recording = film({"trajectory": CYCLE | {"depth": 0.0}, "time": {"step": step}})
+    found = recording.noted
     assert found["instabilities"] == 2
     late = np.abs(found["instability_depth"] + (HEIGHT_IN, HEIGHT_OUT))
-    assert (late <= 0.01 * 0.01 * (1 + 1e-9)).all()  # a step times the speed
+    moved = 0.01 * step
+    assert (late <= moved * (1 + 1e-9)).all()
+    # The pressure jumps somewhere in the step: half of it, over the step, would be an error of first order.
+    jumps = K * HEIGHT_IN - traction(GAP_OF_JUMP), K * (HEIGHT_OUT - LIFT_AFTER)
+    first_order = 0.5 * moved * np.array(jumps)
+    assert (np.abs(found["instability_energy"] - (LOST_IN, LOST_OUT)) < 0.1 * first_order).all()
+    assert recording["work"][-1] == pytest.approx(LOST_IN + LOST_OUT, abs=0.1 * first_order.sum())
+    assert np.abs(recording["energy_residual"]).max() < 0.01 * first_order.sum()
+
+
+@pytest.mark.parametrize("depth_given", [True, False])
+def test_work_over_the_end_of_a_branch_is_exact_for_its_leading_terms(*, depth_given: bool) -> None:
+    def row(time: float) -> Row:
+        """With the root of the time to the end at 1: y = 3 + 4 root, m = 5 root, then y = 7; x = -2 t."""
+        root = math.sqrt(1 - time) if time < 1 else math.nan
+        point = -2 * time, 3 + 4 * root if time < 1 else 7.0
+        return Row(time, *(point if depth_given else point[::-1]), 5 * root)
+
+    begin, end = row(0.7), row(1.2)
+    found = work_over_fold(row(0.4), begin, end, depth_given=depth_given)
+    area = -2 * (3 * 0.3 + 4 * 0.3**1.5 / 1.5 + 7 * 0.2)
+    if not depth_given:  # by parts
+        area = end.depth * end.pressure - begin.depth * begin.pressure - area
+    assert found == pytest.approx((area, 0.6), rel=1e-12)
+    assert work_over_fold(begin, end, depth_given=depth_given) is None
+    assert work_over_fold(begin, begin, end, depth_given=depth_given) is None
 
 
 def table(tmp_path: Path, name: str, text: str) -> str:
@@ -194,6 +223,9 @@ def test_a_load_that_nothing_holds_ends_its_case_which_is_a_result(tmp_path: Pat
     ended = found["mean_pressure"].isel(work=0)
     np.testing.assert_array_equal(np.isnan(ended), found["time"] > pulled.attrs["pull_off_time"])
     assert not found["mean_pressure"].isel(work=1).isnull().any()
+    (ended,) = overview(Folder(tmp_path / "out")).ended
+    case = gfmdlayer.open_case(tmp_path / "out" / "cases" / "0000.h5")
+    assert (ended.index, ended.reason, ended.values) == (0, case.attrs["ended"], {"interface.work": 1e-3})
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -17,6 +17,8 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.maxwell import Prony, Zener
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.grid.sums import Sums
+from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.third_order import ThirdOrder
 
@@ -103,7 +105,7 @@ def sine_stress(spectrum: Spectrum, time: float) -> Floats:
 
 
 @materials
-@pytest.mark.parametrize(("name", "expected"), [("backward_euler", 1), ("exponential", 2)])
+@pytest.mark.parametrize(("name", "expected"), [("backward_euler", 1), ("exponential", 2), ("curved", 3)])
 def test_orders_of_the_schemes(name: str, expected: int, material: Material) -> None:
     spectrum = relaxation_spectrum(BODY, material, Q)
     exact = sine_stress(spectrum, 2.0)
@@ -112,7 +114,12 @@ def test_orders_of_the_schemes(name: str, expected: int, material: Material) -> 
     errors = []
     for count in counts:
         times = [2.0 * i / count for i in range(count + 1)]
-        found = stresses(Modes(spectrum, SCHEMES[name]), times, math.sin)[-1]
+        modes = (
+            ErrorControlledModes(spectrum, Sums(np.ones(Q.size)), curved=True)
+            if name == "curved"
+            else Modes(spectrum, SCHEMES[name])
+        )
+        found = stresses(modes, times, math.sin)[-1]
         errors.append(np.abs(found / exact - 1).max())
     assert order(errors, 2 / counts) == pytest.approx(expected, abs=0.1)
 

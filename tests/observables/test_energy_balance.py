@@ -145,9 +145,10 @@ def test_the_work_is_the_area_under_the_curve_of_pressure_and_depth() -> None:
     problem = SimpleNamespace(interface=HARD_WALL)
 
     def work_at(depth: float) -> float:
-        surface, solution = SimpleNamespace(depth=depth), SimpleNamespace(mean_pressure=depth**2)
+        surface = SimpleNamespace(depth=depth)
+        solution = SimpleNamespace(mean_pressure=depth**2, margin=1.0)
         step: Any = SimpleNamespace(
-            row={}, energy=energy, surface=surface, solution=solution, problem=problem
+            time=0.0, row={}, energy=energy, surface=surface, solution=solution, problem=problem
         )
         return balance.measure(step)["work"]
 

@@ -7,7 +7,6 @@ by least squares of s/max(kappa, `_SOFTEST` of the largest) - 1 over the modes o
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import gcd, prod
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ REACH = 2  # rows and columns on either side
 # Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
 _TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
 _SOFTEST = 0.02
-_MODES = 1 << 12  # of each process, for the fit
+_WAVES = 64  # along each axis of a surface, its square along a line, for the fit
 
 
 def stencil(grid: Grid, stiffness: FloatArray) -> Any:
@@ -38,7 +37,7 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     ndarray of float32, shape (6,)
         Weights of `_TAPS`.
     """
-    symbols, sample = _symbols(grid), _sample(grid.spectral_shape)
+    symbols, sample = _symbols(grid), _sample(grid)
     stiffest = grid.sums.maximum(float(stiffness.max()))
     inverse = 1.0 / np.maximum(stiffness[sample], _SOFTEST * stiffest)
     used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
@@ -49,13 +48,20 @@ def stencil(grid: Grid, stiffness: FloatArray) -> Any:
     return weights
 
 
-def _sample(shape: tuple[int, ...]) -> IntArray:
-    """Modes for the fit, in all rows and columns alike."""
-    size, columns = prod(shape), shape[-1]
-    every = max(1, size // _MODES)
-    while gcd(every, columns) > 1:
-        every += 1
-    return np.arange(0, size, every)
+def _sample(grid: Grid) -> IntArray:
+    """Modes for the fit that this process holds, spread evenly over all of the grid."""
+    number = _WAVES ** (2 // len(grid.points))
+    rows = _spread(grid.points[0], number, 0.0) if len(grid.points) > 1 else np.zeros(1, dtype=int)
+    # The last axis has the waves from 0 to the largest: each that is taken is in the middle of its part.
+    own, columns = grid.waves_y, _spread(grid.points[-1] // 2 + 1, number, 0.5)
+    columns = columns[(columns >= own.start) & (columns < own.stop)] - own.start
+    return np.asarray((rows[:, np.newaxis] * len(own) + columns).ravel())
+
+
+def _spread(points: int, number: int, place: float) -> IntArray:
+    """Return so many of the points, or all, each at a place in its part of them."""
+    number = min(points, number)
+    return np.asarray((np.arange(number) + place) * points // number, dtype=np.int64)
 
 
 def _symbols(grid: Grid) -> Callable[[int, int, IntArray], FloatArray]:
@@ -83,7 +89,7 @@ def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
 
 
 @kernel(reorder=True, inner=True)
-def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any) -> None:
+def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
     """Write one row of the stencil applied to a periodic field.
 
     Parameters
@@ -94,28 +100,21 @@ def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, resu
         The row.
     field, before, after : ndarray, shapes (rows, columns), (2, columns), (2, columns)
         The rows of this process and those beside them (`Grid.halo`).
-    result : ndarray, shape (columns,)
-        Where the row is written.
+    result, work : ndarray, shape (columns,)
+        Where the row is written, and space.
     """
     here, n = field[i], field.shape[1]
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
     top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)
     w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
-    # Several loops over few arrays that begin where they are read: so they need no checks of indices and
-    # overlap, and are vectorised.
-    inner = result[2:]
-    left, middle, right, last = here[1:], here[2:], here[3:], here[4:]
+    for j in range(n):
+        beside = up[j] + down[j]
+        result[j] = w0 * here[j] + w3 * beside + w5 * (top[j] + bottom[j])
+        work[j] = w1 * here[j] + w4 * beside
+    # Arrays that begin where they are read need no checks of indices, and the loop is vectorised.
+    inner, left, right, last = result[2:], work[1:], work[3:], here[4:]
     for j in range(n - 4):
-        inner[j] = w0 * middle[j] + w1 * (left[j] + right[j]) + w2 * (here[j] + last[j])
-    up0, up1, up2, down0, down1, down2 = up[1:], up[2:], up[3:], down[1:], down[2:], down[3:]
-    for j in range(n - 4):
-        inner[j] += w3 * (up1[j] + down1[j]) + w4 * (up0[j] + up2[j] + down0[j] + down2[j])
-    above, below = top[2:], bottom[2:]
-    for j in range(n - 4):
-        inner[j] += w5 * (above[j] + below[j])
+        inner[j] += left[j] + right[j] + w2 * (here[j] + last[j])
     for k in range(min(n, 4)):
         j = k if k < 2 else n + 1 - k
-        west, east = (j - 1) % n, (j + 1) % n
-        result[j] = w0 * here[j] + w1 * (here[west] + here[east])
-        result[j] += w2 * (here[(j - 2) % n] + here[(j + 2) % n]) + w3 * (up[j] + down[j])
-        result[j] += w4 * (up[west] + up[east] + down[west] + down[east]) + w5 * (top[j] + bottom[j])
+        result[j] += work[(j - 1) % n] + work[(j + 1) % n] + w2 * (here[(j - 2) % n] + here[(j + 2) % n])

@@ -39,6 +39,7 @@ _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _ROUNDING = 1e-13  # of energies, over their parts
+IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
 
 
 class Fields(NamedTuple):
@@ -48,7 +49,7 @@ class Fields(NamedTuple):
     to: Surface
     held: FloatArray
     step: Step
-    spectrum: ComplexArray  # of u at the beginning of the loop
+    spectrum: ComplexArray  # of u
 
 
 class Progress(NamedTuple):
@@ -64,7 +65,8 @@ class Progress(NamedTuple):
     pulled_off: bool
     multiplier: float
     residual: float
-    pairs: int
+    energy: float  # of the interface, sum over the points; NaN where the state has to be evaluated anew
+    pairs: float
     iterations: int
 
 
@@ -80,21 +82,23 @@ def is_lost(system: System, drop: float, unstable: bool) -> bool:
 
 @kernel(reorder=True)
 def iterate(  # noqa: C901  # compiled as one, for its many results
-    plans: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
+    plans: Plans, single: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
 ) -> Progress:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
-    If it is within the tolerance at once the spectrum is that of the state.
+    Where the residual is within the tolerance and the energy known, the spectrum is that of the state.
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
-    done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, pairs, _ = (
-        given
-    )
-    iterations, n, settled = 0, at.u.size, False
-    set_stress(plans, system, at, fields.spectrum, step.work)
-    energy = set_interaction(system, at)
-    pairs += 1
+    (
+        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
+        pairs, _,
+    ) = given  # fmt: skip
+    iterations, n, settled, evaluated = 0, at.u.size, False, np.isnan(energy)
+    if evaluated:
+        set_stress(plans, system, at, fields.spectrum, step.spectrum)
+        energy = set_interaction(system, at)
+        pairs += 1.0
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
@@ -111,16 +115,18 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             lack = mean * n - at.u.sum()
             lack = lack if abs(lack) > _LIFTED * abs(mean0) * n else 0.0
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
-        spent, least = _find_step(plans, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
-        pairs += spent
+        spent, least = _find_step(single, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
+        pairs += IN_SINGLE * spent
         if least < 0.0:
             done = done if descends else min(1.0, done + _SHORTEST)
             descends, settled, unstable = True, False, True
             # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
-        pairs += _try_step(plans, system, at, step, mean, to)
+        move(system, at, step, mean, to)
+        set_stress(plans, system, to, fields.spectrum, step.spectrum)
         after = set_interaction(system, to)
+        pairs, evaluated = pairs + 1.0, False
         first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
         if error > most:
@@ -143,7 +149,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
-        at, to, swapped, energy = to, at, not swapped, after
+        at, to, swapped, energy, evaluated = to, at, not swapped, after, way == 1.0
         if not descends:
             done += way * (target - done)
             continue
@@ -170,6 +176,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         pulled_off,
         multiplier,
         residual,
+        energy if evaluated or residual > tolerance else np.nan,
         pairs,
         iterations,
     )
@@ -177,7 +184,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 
 @kernel(reorder=True, inner=True)
 def _find_step(
-    plans: Plans,
+    single: Plans,
     system: System,
     at: Surface,
     step: Step,
@@ -195,20 +202,15 @@ def _find_step(
     least : float
         As of `minimise`.
     """
-    pairs = begin(plans, system, step, damping, lack)
-    turns, least = minimise(plans, system, at.curvature, damping, step, floor, inexact)
+    pairs = begin(single, system, at.curvature, step, damping, lack)
+    # Of order one: squares of rounding in SI units would underflow in single precision.
+    unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
+    for i in range(d.size):
+        d[i], force[i] = d[i] / unit, force[i] / unit
+    turns, least = minimise(single, system, step, floor / unit, inexact)
+    for i in range(d.size):
+        d[i] *= unit
     return pairs + 2 * turns, least
-
-
-@kernel(reorder=True, inner=True)
-def _try_step(plans: Plans, system: System, at: Surface, step: Step, mean: float, to: Surface) -> int:
-    """Write displacement and stress after a step; return the FFT pairs."""
-    if move(system, at, step, mean, to):
-        set_stress(plans, system, to, step.work, step.work)
-        return 1
-    for i in range(at.u.size):
-        to.stress[i] = at.stress[i] - step.Kd[i]
-    return 0
 
 
 @kernel(inner=True)
@@ -221,11 +223,11 @@ def _copy(source: Surface, target: Surface) -> None:
 
 
 @kernel(reorder=True)
-def hold(plans: Plans, system: System, fields: Fields) -> None:
-    """Find the traction that holds a surface where it is."""
+def hold(plans: Plans, system: System, fields: Fields) -> float:
+    """Find the traction that holds a surface where it is; return its energy as `set_interaction`."""
     at, held, step = fields.at, fields.held, fields.step
-    set_stress(plans, system, at, fields.spectrum, step.work)
-    set_interaction(system, at)
+    set_stress(plans, system, at, fields.spectrum, step.spectrum)
+    energy = set_interaction(system, at)
     held[:] = 0.0
     balance(system, at, held, 0.0, step)
     total, count = 0.0, 0.0
@@ -236,3 +238,4 @@ def hold(plans: Plans, system: System, fields: Fields) -> None:
     if system.mean_is_fixed and count > 0.0:
         for i in range(held.size):
             held[i] -= step.free[i] * total / count
+    return energy

@@ -1,22 +1,24 @@
 """The compiled passes of `newton`: states of the surface, the linear system of a step, and what a step does.
 
-Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them.
+Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them. States are in
+double precision, linear systems, whose solutions are corrections, in single.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
-from gfmdlayer.interface.forms import interact
+from gfmdlayer.interface.forms import term
 from gfmdlayer.interface.terms import Terms
 from gfmdlayer.kernels import LANES, kernel
 
-_NO_CURVATURE = 1e-10  # part of the elastic stiffness along a direction below which its curvature is rounding
+_NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
+_STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs that of the body
 _ROUNDING = 1e-15
 
 
@@ -29,7 +31,6 @@ class System(NamedTuple):
     terms: Terms
     strength: float  # largest traction of the interface
     range: float  # of the interface; the traction falls beyond it
-    reach: float  # gap from which on there is no interaction
     mean_is_fixed: bool
     load: float
     softest: float  # kappa_1
@@ -46,32 +47,40 @@ class Surface(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The linear system of a step, on the free points, and its solution."""
+    """The linear system of a step, on the free points, and its solution.
+
+    All but the first four are in single precision.
+    """
 
     free: FloatArray  # 1 where the point moves, 0 where it is pressed
     pressure: FloatArray  # p_c, which is out of balance on the free points
-    force: FloatArray  # what is out of balance after the step, to first order
     d: FloatArray
-    Kd: FloatArray  # K times d
-    direction: FloatArray
-    applied: FloatArray  # K times the direction
-    z: FloatArray  # preconditioned force
-    softening: FloatArray  # preconditioner, one value a mode
-    work: ComplexArray
+    spectrum: ComplexArray  # work
+    force: Any  # what is out of balance after the step, to first order
+    direction: Any
+    applied: Any  # K times the direction
+    z: Any  # preconditioned force
+    share: Any  # root of the share of the body in the stiffness of a point, beside that of the interface
+    point: Any  # compliance of the body at a point
+    moves: Any  # `free` again
+    stiffness: Any  # curvature and damping
+    kappa: Any
+    softening: Any  # preconditioner, one value a mode
+    work: Any  # spectrum
 
 
 @kernel(reorder=True, inner=True)
-def apply(plans: Plans, factor: FloatArray, field: FloatArray, work: ComplexArray, out: FloatArray) -> None:
-    """Multiply the modes of a field; one FFT pair."""
+def apply(plans: Plans, factor: Any, field: Any, work: Any, out: Any) -> None:
+    """Multiply the modes of a field; one FFT pair, in single precision."""
     forward(plans, field, work)
     for k in range(work.size):
-        work[k] = complex(factor[k] * work[k].real, factor[k] * work[k].imag)
+        work[k] *= factor[k]
     backward(plans, work, out)
 
 
 @kernel(reorder=True, inner=True)
 def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray, work: ComplexArray) -> None:
-    """Write the transform of u, and the stress f = b - K u; one FFT pair."""
+    """Write the transform of u, and the stress f = b - K u; one FFT pair, in double precision."""
     forward(plans, at.u, spectrum)
     kappa, b = system.kappa, system.b
     for k in range(work.size):
@@ -83,13 +92,16 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 @kernel(reorder=True, inner=True)
 def set_interaction(system: System, at: Surface) -> float:
     """Write traction and curvature of the interface; return the sum of its energy over the points."""
-    h, u, traction, curvature, total = system.h, at.u, at.traction, at.curvature, 0.0
-    for i in range(u.size):
-        gap = h[i] - u[i]
-        energy, traction[i], curvature[i] = 0.0, 0.0, 0.0
-        if gap < system.reach:
-            energy, traction[i], curvature[i] = interact(gap, system.terms)
-        total += energy
+    h, u, traction, curvature, total, terms = system.h, at.u, at.traction, at.curvature, 0.0, system.terms
+    traction[:], curvature[:] = 0.0, 0.0
+    # The points are the inner loop, for the vector units.
+    for k in range(terms.form.size):
+        form, stress, length, width = terms.form[k], terms.stress[k], terms.length[k], terms.width[k]
+        for i in range(u.size):
+            energy, pull, change = term(h[i] - u[i], form, stress, length, width)
+            total += energy
+            traction[i] += pull
+            curvature[i] += change
     return total
 
 
@@ -172,7 +184,9 @@ def _open_pressure(
 
 
 @kernel(reorder=True, inner=True)
-def begin(plans: Plans, system: System, step: Step, damping: float, lack: float) -> int:
+def begin(
+    single: Plans, system: System, curvature: FloatArray, step: Step, damping: float, lack: float
+) -> int:
     """Begin with no step, or where the mean has to change with one that lifts all free points.
 
     Returns
@@ -180,49 +194,68 @@ def begin(plans: Plans, system: System, step: Step, damping: float, lack: float)
     int
         FFT pairs.
     """
-    n, d = step.d.size, step.d
+    n, d, force, total, stiffest = step.d.size, step.d, step.force, 0.0, curvature.max()
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
-        step.softening[k] = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
-    if lack == 0.0:
+        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
+        step.kappa[k], step.softening[k] = system.kappa[k], softening
+        total += softening
+    step.point[0] = n * total / (_STIFF * step.softening.size)
+    for i in range(n):
+        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
+        step.moves[i], step.stiffness[i], step.share[i] = step.free[i], curvature[i] + damping, 1.0
+    if stiffest > 0.0:
         for i in range(n):
-            d[i], step.Kd[i] = 0.0, 0.0
+            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+    if lack == 0.0:
         return 0
-    apply(plans, step.softening, step.free, step.work, d)
+    for i in range(n):
+        step.direction[i] = step.free[i]
+    precondition(single, step, step.direction, step.z)
     total = 0.0
     for i in range(n):
-        d[i] *= step.free[i]
+        d[i] = step.free[i] * step.z[i]
         total += d[i]
     for i in range(n):
         d[i] *= lack / total
-    apply(plans, system.kappa, d, step.work, step.Kd)
+        step.direction[i] = d[i]
+    apply(single, step.kappa, step.direction, step.work, step.applied)
+    for i in range(n):
+        off = step.applied[i] + (curvature[i] + damping) * d[i]
+        force[i] = step.free[i] * (step.pressure[i] - off)
     return 2
 
 
 @kernel(reorder=True, inner=True)
-def minimise(
-    plans: Plans,
-    system: System,
-    curvature: FloatArray,
-    damping: float,
-    step: Step,
-    floor: float,
-    inexact: float,
-) -> tuple[int, float]:
+def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
+    """Write z = M r, M close to the inverse of K + w'' + damping; one FFT pair.
+
+    M = S C S + (1 - S^2)/(k + w'') with C = 1/(K + damping + kappa_1/2), the stiffness k of the body at a
+    point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more stiffly than
+    the body answer alone.
+    """
+    share = step.share
+    for i in range(z.size):
+        z[i] = share[i] * r[i]
+    apply(single, step.softening, z, step.work, z)
+    for i in range(z.size):
+        square = share[i] * share[i]
+        z[i] = share[i] * z[i] + step.point[0] * square * (np.float32(1.0) - square) * r[i]
+
+
+@kernel(reorder=True, inner=True)
+def minimise(single: Plans, system: System, step: Step, floor: float, inexact: float) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
-    They go on from the d that they are given, with the mean of its change zero where the mean is fixed.
+    They go on from the d and the force that they are given, with the mean of the change of d zero where the
+    mean is fixed.
 
     Parameters
     ----------
-    plans, system : Plans, System
+    single, system : Plans, System
         Transforms and problem.
-    curvature : ndarray, one value a point
-        w''.
-    damping : float
-        Added to the curvature.
     step : Step
-        The linear system.
+        The linear system, see `begin`.
     floor, inexact : float
         Largest force that may be left on a point, and as a part of that at the beginning.
 
@@ -233,64 +266,105 @@ def minimise(
     least : float
         The curvature along the last direction, per area, where it is negative; else 0.
     """
-    free, _, force, d, Kd, direction, applied, z, softening, work = step
-    n = d.size
-    count = free.sum()
-    for i in range(n):
-        force[i] = free[i] * (step.pressure[i] - Kd[i] - (curvature[i] + damping) * d[i])
-        direction[i] = 0.0
+    d, force, direction, applied, z, moves, stiffness = (
+        step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
+    )  # fmt: skip
+    n, count = d.size, step.free.sum()
     if count == 0.0:
         return 0, 0.0
-    aim, last, centred = max(floor, inexact * _centre(system, force, free, count)), 1.0, system.mean_is_fixed
-    largest = np.empty(LANES)
+    aim, last, centred = (
+        max(floor, inexact * _centre(system, force, step.free, count)),
+        1.0,
+        system.mean_is_fixed,
+    )
+    direction[:] = 0.0
     for iteration in range(_MOST):
-        apply(plans, softening, force, work, z)
+        precondition(single, step, force, z)
         # Forces are zero where points are pressed, and in the mean where that is fixed.
-        total, across = 0.0, 0.0
+        total, across = _sums(z, moves, force)
+        mean, beta = np.float32(total / count if centred else 0.0), np.float32(across / last)
+        beta, last = beta if iteration > 0 else np.float32(0.0), across
         for i in range(n):
-            total += z[i] * free[i]
-            across += force[i] * z[i]
-        mean = total / count if centred else 0.0
-        beta = across / last if iteration > 0 else 0.0
-        last = across
-        for i in range(n):
-            direction[i] = free[i] * (z[i] - mean) + beta * direction[i]
-        apply(plans, system.kappa, direction, work, applied)
-        elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
-        for i in range(n):
-            s = direction[i]
-            response = applied[i] + (curvature[i] + damping) * s
-            elastic += s * applied[i]
-            along += s * response
-            square += s * s
-            total += free[i] * response
+            direction[i] = moves[i] * (z[i] - mean) + beta * direction[i]
+        apply(single, step.kappa, direction, step.work, applied)
+        elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
         if square == 0.0:
             return iteration + 1, 0.0
         if not along > _NO_CURVATURE * (elastic + system.softest * square):
             return iteration + 1, min(along / square, -1e-300)
-        way, mean = across / along, total / count if centred else 0.0
-        largest[:] = 0.0
-        for first in range(0, n, LANES):
-            end = first + LANES
-            ds, Kds, fs, moves = d[first:end], Kd[first:end], force[first:end], free[first:end]
-            directions, applieds, curvatures = direction[first:end], applied[first:end], curvature[first:end]
-            for i in range(ds.size):
-                s = directions[i]
-                ds[i] += way * s
-                Kds[i] += way * applieds[i]
-                left = fs[i] - way * moves[i] * (applieds[i] + (curvatures[i] + damping) * s - mean)
-                fs[i] = left
-                largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
-        if largest.max() <= aim:
+        way, mean = across / along, np.float32(total / count if centred else 0.0)
+        if _advance(way, mean, step) <= aim:
             return iteration + 1, 0.0
     return _MOST, 0.0
+
+
+@kernel(reorder=True, inner=True)
+def _sums(z: Any, moves: Any, force: Any) -> tuple[float, float]:
+    """Sums of z over the free points, and of force z; in single precision over few points only."""
+    total, across = 0.0, 0.0
+    for first in range(0, z.size, LANES):
+        zs, frees, fs = z[first : first + LANES], moves[first : first + LANES], force[first : first + LANES]
+        some: Any = np.float32(0.0)
+        others: Any = np.float32(0.0)
+        for i in range(zs.size):
+            some += zs[i] * frees[i]
+            others += fs[i] * zs[i]
+        total += some
+        across += others
+    return total, across
+
+
+@kernel(reorder=True, inner=True)
+def _curvatures(
+    direction: Any, applied: Any, stiffness: Any, moves: Any
+) -> tuple[float, float, float, float]:
+    """Sums of s K s, s H s and s^2 for a direction s, and of H s over the free points."""
+    elastic, along, square, total = 0.0, 0.0, 0.0, 0.0
+    for first in range(0, direction.size, LANES):
+        end = first + LANES
+        none: Any = np.float32(0.0)
+        ss, Ks, hs, frees = direction[first:end], applied[first:end], stiffness[first:end], moves[first:end]
+        sKs, sHs, s2, Hs = none, none, none, none
+        for i in range(ss.size):
+            s = ss[i]
+            response = Ks[i] + hs[i] * s
+            sKs += s * Ks[i]
+            sHs += s * response
+            s2 += s * s
+            Hs += frees[i] * response
+        elastic += sKs
+        along += sHs
+        square += s2
+        total += Hs
+    return elastic, along, square, total
+
+
+@kernel(reorder=True, inner=True)
+def _advance(way: float, mean: Any, step: Step) -> float:
+    """Go along the direction; return the largest force that is left."""
+    largest, part = np.zeros(LANES, np.float32), np.float32(way)
+    for first in range(0, step.d.size, LANES):
+        end = first + LANES
+        ds, fs, frees, ss = (
+            step.d[first:end],
+            step.force[first:end],
+            step.moves[first:end],
+            step.direction[first:end],
+        )
+        Ks, hs = step.applied[first:end], step.stiffness[first:end]
+        for i in range(ds.size):
+            ds[i] += part * ss[i]
+            left = fs[i] - part * frees[i] * (Ks[i] + hs[i] * ss[i] - mean)
+            fs[i] = left
+            largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
+    return float(largest.max())
 
 
 _MOST = 400  # iterations
 
 
 @kernel(reorder=True, inner=True)
-def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -> float:
+def _centre(system: System, force: Any, free: FloatArray, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
     mean, largest = force.sum() / count if system.mean_is_fixed else 0.0, 0.0
     for i in range(force.size):
@@ -300,17 +374,16 @@ def _centre(system: System, force: FloatArray, free: FloatArray, count: float) -
 
 
 @kernel(reorder=True, inner=True)
-def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> bool:
-    """Write the displacement after a step, kept below the punch; return whether it was bent.
+def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> None:
+    """Write the displacement after a step, kept below the punch.
 
     Where the mean is fixed it is restored by a shift of the points below the punch.
     """
-    h, u, v, bent = system.h, at.u, to.u, 0.0
+    h, u, v = system.h, at.u, to.u
     for i in range(v.size):
         moved = u[i] + step.d[i]
-        bent += 1.0 if moved > h[i] else 0.0
         v[i] = h[i] if moved > h[i] else moved
-    if bent > 0.0 and system.mean_is_fixed:
+    if system.mean_is_fixed:
         for _ in range(60):
             total, free, largest = 0.0, 0.0, 0.0
             for i in range(v.size):
@@ -322,7 +395,6 @@ def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> b
                 break
             for i in range(v.size):
                 v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
-    return bent > 0.0
 
 
 @kernel(reorder=True, inner=True)

@@ -8,10 +8,12 @@ over all displacements x of the free points. Without attraction it is 1 or more;
 to zero as the square root of the distance to that point. A state in balance may be no minimum: an even film
 stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by itself, by
 preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517), and kept from
-step to step, so that one turn of two FFT pairs follows it.
+step to step, so that one turn of two FFT pairs follows it. Single precision knows the ratio to 1e-6.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from gfmdlayer.contact.newton.passes import (
     apply,
     begin,
     move,
+    precondition,
     set_interaction,
     set_stress,
 )
@@ -35,11 +38,20 @@ _SHORTER = 8  # times that this is tried with a quarter of it
 _KICK = 0.3  # change of the traction, over the strength, by which a state that is no minimum is left
 
 
+class Softest(NamedTuple):
+    """The softest deformation x, and work arrays of the search for it, in single precision."""
+
+    x: Any
+    before: Any
+    d: Any
+    Kd: Any
+
+
 @kernel(reorder=True)
 def find_margin(
-    plans: Plans, system: System, at: Surface, step: Step, x: FloatArray
+    single: Plans, system: System, at: Surface, step: Step, softest: Softest
 ) -> tuple[float, float, float, int]:
-    """Improve the softest deformation x.
+    """Improve the softest deformation.
 
     Returns
     -------
@@ -50,13 +62,13 @@ def find_margin(
     pairs : int
         FFT pairs.
     """
-    free, curvature, half, n = step.free, at.curvature, 0.5 * system.softest, x.size
-    Kx, slope, before, w, Kw, d, Kd = (
-        step.direction, step.force, step.pressure, step.z, step.applied, step.d, step.Kd,
-    )  # fmt: skip
-    begin(plans, system, step, 0.0, 0.0)  # the preconditioner, and d = 0
+    free, curvature, half, n = step.free, at.curvature, 0.5 * system.softest, at.u.size
+    Kx, slope, w, Kw = step.direction, step.force, step.z, step.applied
+    x, before, d, Kd = softest
+    begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
+    d[:], Kd[:] = 0.0, 0.0
     _admit(system, free, x)
-    apply(plans, system.kappa, x, step.work, Kx)
+    apply(single, step.kappa, x, step.work, Kx)
     pairs, margin, last, across = 1, np.inf, np.inf, 1.0
     for turn in range(_MOST + 1):
         xHx, xBx = 0.0, 0.0
@@ -72,9 +84,9 @@ def find_margin(
             before[i] = slope[i]
             slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (curvature[i] - margin * half) * x[i])
         _admit(system, free, slope)
-        apply(plans, step.softening, slope, step.work, w)
+        precondition(single, step, slope, w)
         _admit(system, free, w)
-        apply(plans, system.kappa, w, step.work, Kw)
+        apply(single, step.kappa, w, step.work, Kw)
         pairs += 2
         previous, across, change = across, 0.0, 0.0
         for i in range(n):
@@ -116,7 +128,7 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 
 @kernel(reorder=True, inner=True)
-def _admit(system: System, free: FloatArray, x: FloatArray) -> None:
+def _admit(system: System, free: FloatArray, x: Any) -> None:
     """Take away what the constraints do not let move."""
     total, count = 0.0, 0.0
     for i in range(x.size):
@@ -129,9 +141,7 @@ def _admit(system: System, free: FloatArray, x: FloatArray) -> None:
 
 
 @kernel(reorder=True)
-def leave(
-    plans: Plans, system: System, at: Surface, to: Surface, step: Step, x: FloatArray
-) -> tuple[float, int]:
+def leave(plans: Plans, system: System, at: Surface, to: Surface, step: Step, x: Any) -> tuple[float, int]:
     """Leave a state that is no minimum along x, to the side where the energy is lower.
 
     Returns
@@ -154,7 +164,7 @@ def leave(
             for i in range(n):
                 step.d[i] = (sign if sign != 0.0 else side) * far * x[i]
             move(system, at, step, mean, to)
-            set_stress(plans, system, to, step.work, step.work)
+            set_stress(plans, system, to, step.spectrum, step.spectrum)
             pairs += 1
             change = set_interaction(system, to) - energy
             for i in range(n):

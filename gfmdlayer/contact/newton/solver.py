@@ -23,35 +23,34 @@ on the way of a step at most. `Solution.released_energy` is the energy that a de
 has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
 part of the step, so that its error is of first order in the step. Elsewhere it is zero.
 
-Linear systems are solved on the free points by conjugate gradients with the preconditioner
-1/(K + c + kappa_1/2), two FFT pairs an iteration; a direction of negative curvature ends them and begins a
-descent. Points that a step drives through the wall are put onto it; if that turns the step uphill, a shorter
-one of the descent takes its place. In balance `soft_mode` looks for a deformation of negative curvature,
-which no symmetry hides.
+Linear systems are solved on the free points by conjugate gradients in single precision: what they correct is
+evaluated in double. The preconditioner is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than
+the body (`passes.precondition`); an iteration takes two FFT pairs. A direction of negative curvature ends
+them and begins a descent. Points that a step drives through the wall are put onto it; if that turns the step
+uphill, a shorter one of the descent takes its place. In balance `soft_mode` looks for a deformation of
+negative curvature, which no symmetry hides.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import Fields, Progress, hold, is_lost, iterate
+from gfmdlayer.contact.newton.loop import IN_SINGLE, Fields, Progress, hold, is_lost, iterate
 from gfmdlayer.contact.newton.passes import Step, Surface, System
-from gfmdlayer.contact.newton.soft_mode import find_margin, leave
+from gfmdlayer.contact.newton.soft_mode import Softest, find_margin, leave
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.projection import project
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.interface.terms import COHESIVE_ZONE, EXPONENTIAL
 from gfmdlayer.resumable import State
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
-_DECAYED = 45.0  # exp(-45) = 3e-20
 
 
 class Newton:
@@ -71,14 +70,30 @@ class Newton:
 
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
-        field, spectrum = transforms.empty_field, transforms.empty_spectrum
+        self._mode = np.random.default_rng(0).normal(size=transforms.size)  # any that no symmetry rules out
+        self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
+
+    @cached_property
+    def _single(self) -> Transforms:
+        """Transforms in single precision; from the wisdom of a run that is restored before its first step."""
+        return self._transforms.of_shape(self._transforms.shape, single=True)
+
+    @cached_property
+    def _fields(self) -> Fields:
+        field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
         at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
-        work = spectrum()
-        free, pressure, force, d, Kd, direction, applied, z = (field() for _ in range(8))
-        step = Step(free, pressure, force, d, Kd, direction, applied, z, np.empty(work.size), work)
-        self._fields = Fields(at, to, field(), step, spectrum())
-        self._mode = np.random.default_rng(0).normal(size=at.u.size)  # any that no symmetry rules out
-        self._margin = math.nan
+        force, direction, applied, z, share, moves, stiffness = (small.empty_field() for _ in range(7))
+        work = small.empty_spectrum()
+        kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
+        step = Step(
+            field(), field(), field(), spectrum(),
+            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work,
+        )  # fmt: skip
+        return Fields(at, to, field(), step, spectrum())
+
+    @cached_property
+    def _softest(self) -> Softest:
+        return Softest(*(self._single.empty_field() for _ in range(4)))
 
     def solve(self, problem: Problem, start: FloatArray) -> Solution:
         """Solve from the gap of the last step.
@@ -101,22 +116,22 @@ class Newton:
         """
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system, fields, plans = _system(problem), self._fields, self._transforms.plans
-        progress, h, u = self._begin(system, start), problem.obstacle, fields.at.u
-        chunk, converged, mode = max(4, _CHUNK // u.size), False, self._mode.copy()
+        system, fields = _system(problem), self._fields
+        plans, single = self._transforms.plans, self._single.plans
+        progress, u = self._begin(system, start), fields.at.u
+        chunk, converged = max(4, _CHUNK // u.size), False
+        self._softest.x[:] = self._mode
         while not converged and progress.iterations < self._most and not progress.pulled_off:
-            if progress.done == 1.0:
-                # The loop keeps the mean but for rounding. An accepted state has it exactly.
-                project(u, h, problem.mean_is_fixed)
             before, limit = progress.iterations, min(chunk, self._most - progress.iterations)
-            progress = iterate(plans, system, fields, progress, self._tolerance, limit)
+            progress = iterate(plans, single, system, fields, progress, self._tolerance, limit)
             within = progress.done == 1.0 and progress.residual <= self._tolerance
-            if within and progress.iterations == before:
+            if within and not math.isnan(progress.energy):
                 progress, converged = self._check(system, progress)
             elif not within and progress.iterations < before + limit:
                 break
-        if not converged:
-            self._mode[:] = mode
+        pairs, part = divmod(progress.pairs + self._part, 1.0)
+        if converged:
+            self._mode[:], self._part = self._softest.x, part
         lost = is_lost(system, progress.drop, progress.unstable)
         released = progress.released + (progress.drop if lost else 0.0)
         solution = make_solution(
@@ -124,21 +139,24 @@ class Newton:
             u.copy(),
             fields.at.stress + progress.multiplier,
             fields.spectrum.copy() if converged else self._transforms.forward(u),
-            spent=(progress.pairs, progress.iterations),
+            spent=(int(pairs), progress.iterations),
             within=np.inf if converged else -1.0,
         )
         return replace(solution, released_energy=released / u.size, margin=self._margin)
 
     def _check(self, system: System, progress: Progress) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
-        fields, plans = self._fields, self._transforms.plans
-        margin, curvature, attraction, pairs = find_margin(plans, system, fields.at, fields.step, self._mode)
-        self._margin, progress = margin, progress._replace(pairs=progress.pairs + pairs)
+        fields, plans, softest = self._fields, self._transforms.plans, self._softest
+        margin, curvature, attraction, turns = find_margin(
+            self._single.plans, system, fields.at, fields.step, softest
+        )
+        self._margin, progress = margin, progress._replace(pairs=progress.pairs + IN_SINGLE * turns)
         # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
         if curvature >= -math.sqrt(2 * self._tolerance) * abs(attraction):
             return progress, True
-        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, self._mode)
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, softest.x)
         return progress._replace(
+            energy=math.nan,
             pairs=progress.pairs + pairs,
             iterations=progress.iterations + 1,
             descends=True,
@@ -152,33 +170,33 @@ class Newton:
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
-        for array in (*fields.at, *fields.to, *fields.step[:-2]):
+        for array in (*fields.at, *fields.to, *fields.step, self._softest.x):
             array[:] = 0.0
-        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, np.zeros(size))
+        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._softest.x)
 
     def state(self) -> State:
-        """Return the softest deformation."""
-        return {"mode": self._mode}
+        """Return the softest deformation, and the count of a part of a pair."""
+        return {"mode": self._mode, "part": self._part}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
-        self._mode[:] = state["mode"]
+        self._mode[:], self._part = state["mode"], float(state["part"])
 
     def _begin(self, system: System, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
-        fields, done, mean = self._fields, 1.0, 0.0
+        fields, done, mean, energy = self._fields, 1.0, 0.0, math.nan
         u = fields.at.u
         np.subtract(system.h, start, out=u)
         fields.held[:] = 0.0
         if np.isfinite(u).all():
             done, mean = 0.0, float(u.mean()) if system.mean_is_fixed else 0.0
-            hold(self._transforms.plans, system, fields)
+            energy = hold(self._transforms.plans, system, fields)
         else:
             u[:] = 0.0
             project(u, system.h, system.mean_is_fixed)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=0.0, residual=np.inf, pairs=int(done == 0.0), iterations=0,
+            multiplier=0.0, residual=np.inf, energy=energy, pairs=float(done == 0.0), iterations=0,
         )  # fmt: skip
 
 
@@ -191,22 +209,8 @@ def _system(problem: Problem) -> System:
         law.terms,
         max(law.strength, 1e-300),
         floor.range,
-        _reach(law),
         problem.mean_is_fixed,
         problem.applied_pressure,
         floor.stiffness,
         floor,
     )
-
-
-def _reach(law: InterfaceLaw) -> float:
-    """Gap from which on the law is nothing in double precision; infinite where it falls as a power."""
-    reach = 0.0
-    for form, _, length, width in zip(*law.terms, strict=True):
-        if form == EXPONENTIAL:
-            reach = max(reach, _DECAYED * length)
-        elif form == COHESIVE_ZONE:
-            reach = max(reach, length + width)
-        else:
-            return np.inf
-    return reach

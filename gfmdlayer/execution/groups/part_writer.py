@@ -30,6 +30,7 @@ class PartWriter:
 
     def __init__(self, grid: Grid, columns: Iterable[Column]) -> None:
         self._grid, self.declared = grid, frozenset(column.name for column in columns)
+        self.noted: dict[str, Attribute] = {}
 
     def __enter__(self) -> Self:
         return self

@@ -1,0 +1,122 @@
+"""Work of the punch over a step in which a branch of equilibria ends, and the list of these instabilities.
+
+The quantity x that is prescribed, depth or mean pressure, goes on evenly; the other one, y, follows a branch
+up to its end at x_f, jumps, and follows another one. Near the end the margin of the branch, m (`Solution`),
+falls as the root of the distance, m^2 ~ x_f - x, and y changes linearly with m. The last two rows of the
+branch, -1 and 0, so give place and response at its end,
+
+    x_f = x_0 + (x_0 - x_-1) m_0^2/(m_-1^2 - m_0^2),        y_f = y_0 + (y_0 - y_-1) m_0/(m_-1 - m_0)
+
+and the work int y dx is (x_f - x_0) (2 y_0 + y_f)/3 on the first branch, where y is a parabola on its side,
+and (x_1 - x_f) y_1 on the second. The error of x_f is of the order 3/2 in the step, as is that of the work,
+and of the energy that is lost: what the balance of the step leaves. The solver's own figure, of first order,
+is above it, as it is taken behind the end of the branch; it serves where the margin does not tell, as for a
+flat punch that lets go at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
+from gfmdlayer.resumable import State
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import Attribute
+    from gfmdlayer.config import Config
+
+# Instabilities that are listed with a case, those that lose the most; `lost` has all of them.
+MOST_LISTED = 1000
+
+
+class Row(NamedTuple):
+    """Time, depth, mean pressure and margin of an accepted step."""
+
+    time: float
+    depth: float
+    pressure: float
+    margin: float
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """Of the curve whose area is the work."""
+        return self.depth, self.pressure
+
+
+def work_over_fold(*rows: Row, depth_given: bool) -> tuple[float, float] | None:
+    """Work per area over a step with an instability, and the part of the step before it.
+
+    Parameters
+    ----------
+    *rows : Row
+        The last one or two of the branch that ends, and the one after the step.
+    depth_given : bool
+        Whether the depth is prescribed, and not the mean pressure.
+
+    Returns
+    -------
+    work, part : float
+        None where the rows do not tell it.
+    """
+    if len(rows) < 3:
+        return None
+    last, before, after = rows
+    if not (last.margin > before.margin > 0 and after.time > before.time):  # or NaN
+        return None
+    fallen = last.margin**2 - before.margin**2
+    part = before.margin**2 / fallen * (before.time - last.time) / (after.time - before.time)
+    rest = math.sqrt(max(1 - 1 / part, 0.0))  # of the margin at the end of the step
+    further = (1 - rest) * before.margin / (last.margin - before.margin)
+    part = min(part, 1.0)
+    (_, y), (x0, y0), (x1, y1) = (
+        row.point if depth_given else row.point[::-1] for row in (last, before, after)
+    )
+    area = (x1 - x0) * (part * (y0 + further * (y0 - y) / 3) + (1 - part) * y1)
+    return (area if depth_given else x1 * y1 - x0 * y0 - area), part
+
+
+class Instabilities(Observable):
+    """Lists the instabilities of a case in its attributes."""
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return no column, of a case whose interface attracts."""
+        return () if config.interfaces else None
+
+    def __init__(self, _case: Parts) -> None:
+        self._lost, self._count = 0.0, 0
+        self._found: list[tuple[float, float, float]] = []  # times, depths, energies
+
+    @property
+    def attributes(self) -> Mapping[str, Attribute]:  # type: ignore[override]
+        """The instabilities: their number, and times, depths and energies in the order of time."""
+        import numpy as np
+
+        if not self._found:
+            return {"instabilities": 0}
+        time, depth, energy = np.array(self._found).reshape(-1, 3).T
+        listed = {"time": time, "depth": depth, "energy": energy}
+        return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Take note of the energy that was lost in a step; the first finds its equilibrium for nothing."""
+        lost = float(step.row["lost"])
+        if lost > self._lost:
+            self._found.append((step.time, step.surface.depth, lost - self._lost))
+            self._lost, self._count = lost, self._count + 1
+            if len(self._found) > MOST_LISTED:
+                self._found.remove(min(self._found, key=lambda each: each[2]))
+        return {}
+
+    def state(self) -> State:
+        """Return what was found."""
+        return {"lost": self._lost, "count": self._count, "found": self._found}
+
+    def restore(self, state: State) -> None:
+        """Continue with the instabilities of another run."""
+        self._lost, self._count = float(state["lost"]), int(state["count"])
+        self._found = [
+            (time, depth, energy) for time, depth, energy in state["found"].reshape(-1, 3).tolist()
+        ]
