@@ -295,7 +295,5 @@ def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
     """
     if mean_stiffness > 0 or depth < mean_height:
         return ""
-    return (
-        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
-        f"must be below the mean height of the punch, {mean_height:.6g}"
-    )
+    found = f"got {depth:.6g} with this punch and a body whose mean height cannot change"
+    return f"{found}; must be below the mean height of the punch, {mean_height:.6g}"
