@@ -295,24 +295,28 @@ def add_response(first: int, end: int, gap0: Any, change: Any, gap: Any) -> tupl
 
 
 @kernel(reorder=True)
-def comply(compliance: Any, spectrum: Any) -> None:
+def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[float], tuple[float]]:
     """Multiply a spectrum by the compliance."""
-    for k in range(spectrum.size):
-        spectrum[k] *= compliance[k]
+    factors, modes = compliance[first:end], spectrum[first:end]
+    for k in range(modes.size):
+        modes[k] *= factors[k]
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
-def displace(stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray) -> None:
+def displace(
+    first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
+) -> tuple[tuple[float], tuple[float]]:
     """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too.
 
     Spectra are given as real numbers, real and imaginary parts in turn.
     """
-    for k in range(stiffness.size):
+    for k in range(first, end):
         per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
-        pressure[2 * k] = per * (intercept[2 * k] - pressure[2 * k])
-        pressure[2 * k + 1] = per * (intercept[2 * k + 1] - pressure[2 * k + 1])
-    for k in range(u.size):
-        u[k] = pressure[k]
+        for i in range(2 * k, 2 * k + 2):
+            u[i] = per * (intercept[i] - pressure[i])
+            pressure[i] = u[i]
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
