@@ -79,7 +79,7 @@ SOLVERS: Mapping[str, Declaration] = {
         "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
     ),
     "nested_gradient": Declaration(
-        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=22, distributed=True
+        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=30, distributed=True
     ),
     "conjugate_gradient": Declaration(
         "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=22

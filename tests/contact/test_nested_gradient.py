@@ -14,7 +14,7 @@ from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.nested.stencil import stencil
 from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.contact.residual import assess
+from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
@@ -110,16 +110,27 @@ def test_five_hundred_random_rough_problems_are_solved(first: int) -> None:
         check(*problem_of(seed))
 
 
-@pytest.mark.parametrize("seed", [1, 4, 9])
-def test_it_agrees_with_the_active_set(seed: int) -> None:
-    """Errors of pressure and gap of the order of the tolerance give means and areas within some of it."""
-    case, problem = problem_of(seed, sizes=(64, 67, 90))
-    found = solved(case, problem)
-    other = ActiveSet(case.transforms, TOLERANCE, windows=False).solve(problem, np.zeros(case.punch.size))
-    assert other.converged
-    largest = other.pressure.max()
-    np.testing.assert_allclose(found.pressure, other.pressure, atol=100 * TOLERANCE * largest)
-    assert abs(found.contact_area - other.contact_area) * case.punch.size <= 2
+@pytest.mark.parametrize("first", range(0, 60, 20))
+def test_it_agrees_with_the_active_set(first: int) -> None:
+    """The difference of two pressures is bounded by the tolerance.
+
+    With the gap = gap0 + A p, p and gap >= 0, and gap <= tolerance D wherever p > 0, the differences dp and
+    dg = A dp of two solutions obey dp.A dp = dp.dg <= tolerance D sum |dp|: where both press, both gaps are
+    within tolerance D, and where one does, dp dg is at most its p times its gap. No value of A is below
+    1/max kappa, so that the norm of dp is at most max kappa tolerance D sqrt(points that press). Under a
+    given load dg may have a shift too, which does no work on dp, whose sum is zero.
+    """
+    for seed in range(first, first + 20):
+        case, problem = problem_of(seed, sizes=(64, 65, 67))
+        found = solved(case, problem)
+        other = ActiveSet(case.transforms, TOLERANCE, windows=False).solve(problem, np.zeros(case.punch.size))
+        assert found.converged
+        assert other.converged
+        _, depth = residual_scales(other.pressure, other.displacement, problem.residual_floor)
+        pressing = np.count_nonzero((found.pressure > 0) | (other.pressure > 0))
+        bound = problem.stiffness.max() * TOLERANCE * depth * pressing**0.5
+        assert np.linalg.norm(found.pressure - other.pressure) <= bound
+        assert abs(found.contact_area - other.contact_area) * case.punch.size <= 2
 
 
 def film() -> tuple[Case, Problem]:

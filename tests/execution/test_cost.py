@@ -214,6 +214,11 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_t
 """
 
 
+def peak_of(values: dict[str, object]) -> float:
+    command = [sys.executable, "-c", PEAK, json.dumps(values)]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
 @pytest.mark.parametrize(
     "values",
     [
@@ -230,12 +235,20 @@ def test_memory_counts_branches_directions_and_the_solver(
 ) -> None:
     values = values | {"time.end": 0.02, "time.step": 0.02, "trajectory.ramp_time": 0.02}
 
-    def peak_of(values: dict[str, object]) -> float:
-        command = [sys.executable, "-c", PEAK, json.dumps(values)]
-        return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-
     small = 256 if isinstance(values["grid.points"], int) else [16, 16]
     simulate(case_with(values | {"grid.points": small}), recorder())  # compiling needs more
     peak = peak_of(values)
     # Rounded up where the parts do not peak at the same time; what is left out is below a quarter.
     assert 0.75 * peak <= estimate(case_with(values)).memory <= 1.5 * peak
+
+
+@pytest.mark.slow  # four steps on a million points
+def test_memory_of_a_large_rough_surface_is_within_a_fifth() -> None:
+    """After four steps the three last ones, from which the next is predicted, are all held."""
+    rough = {"shape": "self_affine", "hurst": 0.8, "rms_slope": 0.1, "short_cutoff": 0.03, "seed": 1}
+    load = {"control": "load", "load": 0.05, "ramp_time": 0.5}
+    values = {"punch": rough, "trajectory": load, "layer.thickness": 0.2, "solver.tolerance": 1e-4}
+    values |= {"time.step": 0.02, "time.end": 0.08}
+    peak_of(values | {"grid.points": [128, 128]})  # compiling needs more
+    values |= {"grid.points": [1024, 1024]}
+    assert estimate(case_with(values)).memory == pytest.approx(peak_of(values), rel=0.2)

@@ -14,7 +14,7 @@ admissible. alpha is the length that the last step should have had. At a given d
 scaled too, to the lowest energy, which the stencil, blind to the mean of the pressure, would leave to many
 iterations.
 
-A step that ends pressures is taken as a whole if the lowest energy is beyond half of it: else points would
+A step that ends pressures is taken as a whole if the lowest energy is near its end: else points would
 only come close to leaving. A preconditioned step that was clipped need not descend: it is then tried without
 the points that it lets go, and at last along r.
 """
@@ -29,8 +29,8 @@ from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.level import Fields, Level
 from gfmdlayer.contact.nested.passes import Move
 
-_SHORTEST, _LONGEST = 0.1, 2.0  # of the lengths that are tried
-_LET_GO = 0.5  # beyond this part of a step that ends pressures it is taken as a whole
+_SHORTEST, _LONGEST = 0.05, 2.0  # of the lengths that are tried
+_LET_GO = 0.8  # beyond this part of a step that ends pressures it is taken as a whole
 _LOAD = 1e-2  # relative error of the load that a projection may leave; the next one corrects it
 _PROJECTIONS = 60  # rounds of Newton's method at most
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
