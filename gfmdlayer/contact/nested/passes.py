@@ -6,6 +6,7 @@ what is added to them in single. Outside of the set C of points that press or ov
 
 Sums over a block of points are in the precision of the fields, those over the blocks in double. Largest
 values are kept side by side, and written from one array into another: stores under a condition are slow.
+Both arrays count at the end, as the last block may be a short one.
 """
 
 from __future__ import annotations
@@ -77,7 +78,10 @@ def advance(
             wider[i] = off if off > opened[i] else opened[i]
             deeper[i] = rs[i] if rs[i] > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
-    return (load, weighted, free), (float(opened.max()), below.max() * move.per_gap)
+    return (load, weighted, free), (
+        float(max(opened.max(), wider.max())),
+        max(below.max(), deeper.max()) * move.per_gap,
+    )
 
 
 @kernel(reorder=True, inner=True)
@@ -206,7 +210,7 @@ def respond(first: int, end: int, p: Any, step: Any, change: Any) -> tuple[tuple
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
-    return (curvature, across), (float(falls.max()),)
+    return (curvature, across), (float(max(falls.max(), faster.max())),)
 
 
 @kernel(reorder=True)
@@ -250,7 +254,12 @@ def extent(
             wider[i] = gaps[i] if gaps[i] > widest[i] else widest[i]
         largest, depth, overlap, larger, deeper, lower = larger, deeper, lower, largest, depth, overlap
         widest, wider = wider, widest
-    return (load, weighted, total), (largest.max(), depth.max(), overlap.max(), widest.max())
+    return (load, weighted, total), (
+        max(largest.max(), larger.max()),
+        max(depth.max(), deeper.max()),
+        max(overlap.max(), lower.max()),
+        max(widest.max(), wider.max()),
+    )
 
 
 @kernel(reorder=True)
@@ -351,4 +360,7 @@ def settle(
             worse[i] = off if off > worst[i] else worst[i]
             touching += 1.0 if press > opening else 0.0
         worst, overlap, worse, deeper = worse, deeper, worst, overlap
-    return (touching, load, gaps, mean), (worst.max(), overlap.max())
+    return (touching, load, gaps, mean), (
+        max(worst.max(), worse.max()),
+        max(overlap.max(), deeper.max()),
+    )
