@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from contextlib import suppress
 from pathlib import Path
@@ -96,12 +97,16 @@ def _in_small(config: Config) -> Config:
 
 
 def _indented_in_small(config: Config) -> Config:
-    """An isolated case of one ramp."""
-    control = config.trajectory.control
+    """An isolated case of one ramp, small beside the layers: wide contacts on thin ones take long."""
+    control, base = config.trajectory.control, config.halfspace.shear_modulus
+    size = min((each.thickness for each in config.stacked if 0 < each.thickness < math.inf), default=1.0)
+    moduli = [*(law.unit for law in config.laws), *([base] if base and math.isfinite(base) else [])]
+    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(moduli)
     return config.with_values(
         {
-            "punch": {"shape": "parabola"},
-            "trajectory": {"control": control, control: 1e-3},
+            "grid": {"geometry": "axisymmetric", "points": config.grid.points},
+            "punch": {"shape": "parabola", "radius": size},
+            "trajectory": {"control": control, control: value},
             "time": {"end": 2.0, "step": 1.0},
             "output": {},
         }

@@ -56,11 +56,11 @@ VERBS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    options = command_line().parse_args(arguments)
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
     if threads.lstrip("+-").isdecimal() and int(threads) < 1:  # Numba raises an error as it is imported
         return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset")
     try:
+        options = command_line().parse_args(arguments)
         status: int = options.verb(options)
         sys.stdout.flush()
     except BrokenPipeError:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
+MANY_CASES = 20_000  # in a run, which is silent for seconds before its first case
+
 EXAMPLE = f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}"
 
 
@@ -112,6 +114,7 @@ def _pool(
 
 def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     from gfmdlayer.config import ConfigError
+    from gfmdlayer.config.sweeps import count
     from gfmdlayer.execution import interrupts
     from gfmdlayer.execution.folder import Folder, FolderError
     from gfmdlayer.execution.progress import make_display
@@ -132,6 +135,8 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
             options.checkpoint_every,
             options.ranks_per_case,
         )
+        if (number := count(config.sweep)) > MANY_CASES:
+            print(f"{number} cases are made first, some thousands a second", file=sys.stderr)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
     except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
         return refuse(*input_problems(error))

@@ -29,6 +29,7 @@ from gfmdlayer.resumable import State
 
 SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12
+_MOST_ATTRACTED = 100  # where no other method takes over
 _SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
 _MIXED = 6  # surfaces at most
 
@@ -64,7 +65,7 @@ class LossStiffnessSolver:
         mixture = _Mixture(symmetric * self._weights)
         last = self._guess(problem, start)
         transforms, iterations, released = 1, 0, 0.0
-        for _ in range(_MOST_PROBLEMS):
+        for _ in range(_MOST_ATTRACTED if problem.interface.attracts else _MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
             solution = self._solver.solve(
                 replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None), start

@@ -24,7 +24,7 @@ from gfmdlayer.execution.groups.pool import run_case_together
 from gfmdlayer.execution.groups.refusals import refuse_other_ranks
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.sweep import Case, Shard, cases
+from gfmdlayer.execution.sweep import Case, Cases, Shard, own_cases
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive
 from gfmdlayer.files.shared_folders import read_json
@@ -135,10 +135,10 @@ def run_sweep(
     options = options or RunOptions()
     alone = options.ranks_per_case == 1
     folder = Folder(Path(directory), options.shard)
-    every: Sequence[Case] = cases(config)
-    own = every if options.shard is None else options.shard.share(every)
+    made = Cases(config)
+    own: Sequence[Case] = own_cases(made, options.shard)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
-        every = found.numbered(every)
+        every = found.numbered(made)  # of a shard only its own are kept
         own = growth.with_inputs(folder, found.numbered(own), found.changed)
         own = growth.with_earlier(folder, own) if alone else own
         work = _find_work(folder, own, options.only_failed)

@@ -16,9 +16,10 @@ from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.sweeps import as_label, axes
-from gfmdlayer.execution.cost import estimate
+from gfmdlayer.execution import interrupts, preflight
+from gfmdlayer.execution.cost import PROGRAM, estimate
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 Part = TypeVar("Part", bound=Section)
 
 EXAMINED = 2_000  # cases that are examined before a run, at most: about two seconds
+CASE_BYTES = 6_500  # of a case that waits in a run, measured; it is made in a third of a millisecond
 _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 
@@ -128,6 +130,22 @@ def cases(config: Config) -> list[Case]:
         Where a combination of values is not possible.
     """
     return Cases(config)[:]
+
+
+def own_cases(every: Cases, shard: Shard | None) -> list[Case]:
+    """Return the cases of a run or of its shard; a request to stop ends it at once.
+
+    Raises
+    ------
+    ConfigError
+        Where a combination of values is not possible, or memory does not hold as many cases.
+    """
+    number = len(every) if shard is None else -(-len(every) // shard.count)
+    needed, instead = PROGRAM + CASE_BYTES * number, "fewer values, or more parts (--shard I/N)"
+    if refused := preflight.memory_warnings(needed, instead=instead):
+        raise ConfigError([f"sweep: {number} cases in one run: {refused[0]}"])
+    with interrupts.at_once():
+        return every[:] if shard is None else shard.share(every)
 
 
 def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:

@@ -98,7 +98,8 @@ def curves_figure(
                 when = _draw_against_key(axes, drawn, x, name, time)
             else:
                 when = _draw_against_column(axes, drawn, x, name, log_time=log_time)
-            axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
+            if len(names) > 1:
+                axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
             axes.set_xlabel(
                 quantity(dataset[x], dataset.attrs).label if columns == 2 or i == len(names) - 1 else ""
             )

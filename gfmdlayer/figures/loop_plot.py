@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 ROW_MM = 4.5  # of the legend
+_LETTERS = 80  # in a row of it, the commands of mathtext included
+_NOTHING = 2e-3  # part of the largest value that cannot be seen
+_MARGIN = 0.05
 _SEPARATION = "work_of_separation"
 
 
@@ -68,9 +71,12 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
                 axes.text(0.03, 0.96, "\n".join(areas), transform=axes.transAxes, va="top")
         if not axes.lines:
             raise ResultsError(f"{path}: no case is complete")
+        _zoom(axes)
         axes.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
         if entries := legend_entries(legend or drawn.legend):
-            figure.legend(handles=entries, loc="outside lower center", ncols=1 if legend else 3)
+            longest = max(len(str(entry.get_label())) for entry in entries)
+            across = 1 if legend else max(1, _LETTERS // longest)
+            figure.legend(handles=entries, loc="outside lower center", ncols=across)
         if drawn.bar is not None:
             drawn.bar.draw(figure, axes)
         finish(figure, [*notes(drawn.sweep), *drawn.notes])
@@ -83,6 +89,15 @@ def _opened(path: Path, sweep: Dataset, place: dict[str, int]) -> AbstractContex
         return nullcontext(sweep)
     file = case_path(path, int(sweep["case"].isel(place)))
     return closing(open_case(file)) if is_complete(file) else None
+
+
+def _zoom(axes: Axes) -> None:
+    """Leave out the depths at which the punch is away, where no curve is off zero."""
+    curves = [line.get_data() for line in axes.lines]
+    least = _NOTHING * max(float(np.abs(y).max(initial=0.0)) for _, y in curves)
+    acts = np.concatenate([np.asarray(x)[np.abs(y) > least] for x, y in curves])
+    if acts.size and (room := _MARGIN * np.ptp(acts)) > 0:
+        axes.set_xlim(acts.min() - room, acts.max() + room)
 
 
 def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:

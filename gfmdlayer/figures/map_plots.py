@@ -13,7 +13,7 @@ import numpy as np
 from gfmdlayer.figures.curve_family import Scale
 from gfmdlayer.figures.labels import symbol, value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
-from gfmdlayer.figures.quantities import finish, quantity
+from gfmdlayer.figures.quantities import finish, power_of_ten, quantity
 from gfmdlayer.figures.selection import (
     Time,
     at_time,
@@ -222,8 +222,15 @@ def _norm(values: FloatArray) -> Normalize:
 
 
 def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray) -> None:
-    """Write the values into their cells, where all of them have room, dark on light and light on dark."""
-    texts = {at: f"{value:#.3g}".rstrip(".") for at, value in np.ndenumerate(cells) if np.isfinite(value)}
+    """Write the values into their cells, where all of them have room, dark on light and light on dark.
+
+    They are in the power of ten that `finish` writes beside a linear colour bar.
+    """
+    from matplotlib.colors import LogNorm
+
+    finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
+    unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** power_of_ten(list(finite.values()))
+    texts = {at: f"{value / unit:#.3g}".rstrip(".") for at, value in finite.items()}
     longest = max(map(len, texts.values()), default=0)
     if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:
         return

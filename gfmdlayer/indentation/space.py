@@ -33,6 +33,10 @@ _KINK = 1e-3
 # The wavenumber, times the contact radius, at which the body is its surface's material.
 _FAR = 1e8
 
+# The largest contact radius, times the last wavenumber at which layers are felt: with it the cosines of the
+# nodes take 2 GB, and a contact is some 300 times as wide as the layer is thick.
+_MOST_PHASE = 4000.0
+
 # A contact radius smaller than any, and the bisections that lead from it to any other.
 _TINY, _MOST_ITERATIONS = 1e-40, 400
 
@@ -69,10 +73,20 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
         Largest contact radius.
     tolerance : float
         Relative error allowed to the force.
+
+    Raises
+    ------
+    ValueError
+        If the contact is too large beside the layers.
     """
-    q, weights = panels(features, reach)
     phase = features.last * reach
+    if phase > 1.001 * _MOST_PHASE:
+        raise ValueError(
+            f"a contact of radius {reach:.6g} is too large beside the thinnest layer: beyond a radius of "
+            f"{_MOST_PHASE / features.last:.3g} it takes gigabytes; must be less"
+        )
     fineness = max(1.0, math.sqrt(1e-4 / tolerance))
+    q, weights = panels(features, reach)
     n = int(max(160 * fineness, 4 * phase * math.sqrt(fineness))) + 1
     gauss = 16 + math.ceil(phase / 3)
     spacing = reach / (n - 1)
@@ -104,7 +118,7 @@ def find_space(
     Raises
     ------
     ValueError
-        If the body does not support an isolated load.
+        If the body does not support an isolated load, or the contact is too large beside its layers.
     ArithmeticError
         If no contact radius is found.
     """
@@ -115,6 +129,8 @@ def find_space(
         return make_space(Features(1.0, 0.0, 0.0), 1.0, tolerance)
     reach = min(_WIDER * _halfspace_radius(body, profile, largest, history.by_force, adhesion), profile.rim)
     features = find_features(body, reach)
+    if features.last * reach > _MOST_PHASE:  # on a soft base the contact may be smaller
+        reach = _MOST_PHASE / features.last
     ends = History(np.array([0.0, 1.0]), np.array([0.0, largest]), history.by_force)
     for _ in range(60):
         space = make_space(features, reach)

@@ -58,6 +58,11 @@ def _row(method: str, points: int, effort: Effort) -> dict[str, Cell]:
 
 def run_to_file(config: Config, wisdom: str) -> int:
     """Run a case into a temporary folder and return its FFT pairs."""
+    return effort_of_run(config, wisdom)[0]
+
+
+def effort_of_run(config: Config, wisdom: str) -> tuple[int, int]:
+    """Run a case into a temporary folder and return its FFT pairs and iterations."""
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()
@@ -65,4 +70,4 @@ def run_to_file(config: Config, wisdom: str) -> int:
         if outcome.state != "complete":
             raise RuntimeError(f"the run with {config.solver.method} failed: {outcome.reason}")
         with h5py.File(folder.case(0)) as file:
-            return int(file["transforms"][:].sum())
+            return int(file["transforms"][:].sum()), int(file["iterations"][:].sum())

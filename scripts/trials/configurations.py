@@ -8,7 +8,10 @@ and prime numbers of points. Case i of seed S follows from the pair (S, i) alone
 
 from __future__ import annotations
 
-import io
+import copy
+import json
+import re
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -202,13 +205,22 @@ def adhesion(rng: Draw, height: float, softest: float) -> Values:
     return {"interface": law} if rng.random() < 0.5 else {}
 
 
-def dump(tree: Any) -> str:
-    """Return plain data as YAML."""
-    stream = io.StringIO()
-    YAML(typ="safe").dump(tree, stream)
-    return stream.getvalue()
+def dump(tree: Values) -> str:
+    """Return plain data as YAML, a line for each section."""
+    return "".join(f"{_flow(key)}: {_flow(value)}\n" for key, value in tree.items())
+
+
+def _flow(value: Any) -> str:
+    """Return plain data as JSON, which YAML understands but for numbers that are not finite."""
+    text = json.dumps(value, default=str, ensure_ascii=False)
+    return re.sub(r"\bNaN\b", ".nan", re.sub(r"\bInfinity\b", ".inf", text))
 
 
 def parse(text: str) -> Any:
     """Return the plain data of a YAML text."""
+    return copy.deepcopy(_parsed(text))
+
+
+@lru_cache(100)
+def _parsed(text: str) -> Any:
     return YAML(typ="safe").load(text)

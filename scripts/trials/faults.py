@@ -14,7 +14,6 @@ from trials.launches import Launch, Limits
 from trials.outcomes import Outcome, Patience, Wrong
 from trials.runs import ENDS, PATIENCE, Trial, tried
 
-NOBODY = 65534
 SHIM = "int flock(int fd, int how) {{ (void)fd; (void)how; __errno_location()[0] = {}; return -1; }}"
 DECLARED = "extern int *__errno_location(void);\n"
 LOCK_ERRORS = (37, 95, 22, 38)  # ENOLCK, EOPNOTSUPP, EINVAL, ENOSYS of Linux
@@ -29,10 +28,15 @@ def trial(seed: int, index: int, folder: Path) -> Outcome:
 
 def _disturb(trial: Trial, seconds: float, status: int) -> None:
     if trial.rng.random() < 0.5 or not trial.out.exists():
-        trial.kill_one(seconds)
+        trial.kill_one(seconds, status)
     fault = choose(trial.rng, *FAULTS)
     trial.events[f"faults: {fault.__name__.removeprefix('_').replace('_', ' ')}"] += 1
     fault(trial, seconds, status)
+
+
+def _begun_anew(trial: Trial) -> str:
+    """Choose a way that does not begin with libraries loaded, to which limits of a new process apply."""
+    return str(choose(trial.rng, *("serial" if way == "forked" else way for way in trial.ways)))
 
 
 def _full_disk(trial: Trial, *_: object) -> None:
@@ -46,17 +50,11 @@ def _no_locks(trial: Trial, _: float, status: int) -> None:
     if shutil.which("cc") is None:
         return
     subprocess.run(["cc", "-shared", "-fPIC", "-o", str(shim), str(source)], check=True)
-    way = choose(trial.rng, *({"serial" if way == "forked" else way for way in trial.ways}))
-    _ended(trial.launch(way, limits=Limits({"LD_PRELOAD": str(shim)})), status, only=True)
+    _ended(trial.launch(_begun_anew(trial), limits=Limits({"LD_PRELOAD": str(shim)})), status, only=True)
 
 
 def _folder_that_may_not_be_written(trial: Trial, seconds: float, _: int) -> None:
-    way, limits = choose(trial.rng, *trial.ways), Limits()
-    if os.geteuid() == 0:  # who may write everywhere
-        limits.user = NOBODY
-        for place in (trial.folder, *trial.folder.rglob("*")):
-            os.chown(place, NOBODY, NOBODY)
-    run = trial.launch(way, limits=limits)
+    run = trial.launch(_begun_anew(trial), limits=Limits(bound=True))
     patience = Patience(PATIENCE)
     while run.poll() is None and not list(trial.out.glob("cases/*.running")) and patience:
         pass
@@ -129,5 +127,5 @@ def _ended(run: Launch, *statuses: int, only: bool = False) -> None:
         raise Wrong("hangs", told)
     if run.status not in (statuses if only else (*ENDS, *statuses)):
         raise Wrong("ended badly", f"status {run.status}: {told}")
-    if "Traceback" in told:
+    if run.crashed():
         raise Wrong("traceback", told)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import resource
 import signal
@@ -24,23 +25,24 @@ WAYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ranks": ((str(MPIRUN), "-n", "2", *COMMAND), ()),
     "grids": ((str(MPIRUN), "-n", "2", *COMMAND), ("--ranks-per-case", "2")),
 }
+PR_CAPBSET_DROP, RIGHTS_OF_ROOT = 24, (1, 2)  # of Linux: to write, read and enter where permission is missing
 
 
 @dataclass
 class Limits:
-    """Environment variables of a run, the largest file that it may write, and a user without rights."""
+    """Environment variables of a run, the largest file that it may write, whether permissions bind root."""
 
     environment: dict[str, str] = field(default_factory=dict)
     file_size: int | None = None
-    user: int | None = None
+    bound: bool = False
 
     def apply(self) -> None:
         """Take them on, in the process of the run."""
         if self.file_size is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_size, self.file_size))
-        if self.user is not None:
-            os.setgid(self.user)
-            os.setuid(self.user)
+        if self.bound:
+            for right in RIGHTS_OF_ROOT:
+                ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, right, 0, 0, 0)
 
 
 class Launch:
@@ -80,6 +82,12 @@ class Launch:
     def family(self) -> list[int]:
         """Return its processes."""
         return [self.pid, *descendants(self.pid)] if self.poll() is None else []
+
+    def crashed(self) -> bool:
+        """Whether its output has a traceback; Python's own of an interrupt before `main` does not count."""
+        told = self.text()
+        interrupted = "init_import_site" in told or ("KeyboardInterrupt" in told and "in main" not in told)
+        return "Traceback" in told and not interrupted
 
     def text(self) -> str:
         """Return its output."""
@@ -135,6 +143,13 @@ def descendants(pid: int) -> list[int]:
     for process in found:  # which grows in the loop
         found += parents.get(process, [])
     return found[1:]
+
+
+def waited(pid: int) -> float:
+    """Return the seconds that a process was ready to run while the processors served others."""
+    with suppress(OSError, IndexError):
+        return float(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    return 0.0
 
 
 def alive(pid: int) -> bool:

@@ -79,3 +79,38 @@ def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch: pytest.Monk
     assert found.steps == whole.steps
     # The pairs of a case are within a factor of three of each other: 100 scatter by 5 % at most.
     assert found.pairs == pytest.approx(whole.pairs, rel=0.15)
+
+
+def test_more_cases_than_memory_holds_are_refused_before_any_is_made(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path, out = tmp_path / "many.yaml", tmp_path / "out"
+    path.write_text(product(1000, 1000).dump())
+    monkeypatch.setattr(sweep, "EXAMINED", 10)
+    monkeypatch.setattr(sweep.preflight, "memory_limits", lambda: [(4e9, "the job may have", True)])
+    monkeypatch.setattr(Cases, "__iter__", lambda _: pytest.fail("a case was made"))
+    assert main(["run", str(path), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "1000000 cases are made first" in said
+    assert "sweep: 1000000 cases in one run: about 6.73 GB of memory are needed" in said
+    assert said.endswith("take fewer values, or more parts (--shard I/N)\n")
+    assert not out.exists()
+
+
+def test_a_shard_keeps_its_own_cases_alone() -> None:
+    lazy, shard = Cases(product(30, 20)), sweep.Shard(2, 100)
+    expected = [case.index for case in shard.share(lazy[:])]
+    tracemalloc.start()
+    own = sweep.own_cases(lazy, shard)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert [case.index for case in own] == expected
+    assert len(own) == 6
+    assert peak < 600 * sweep.CASE_BYTES / 4
+
+
+def test_a_shard_of_a_thousand_million_is_found_at_once() -> None:
+    """Parts beyond the number of cases have none, and cost nothing."""
+    every = cases(product(3, 2))
+    assert sweep.Shard(1, 10**9).share(every) == every[:1]
+    assert sweep.Shard(10**9, 10**9).share(every) == []

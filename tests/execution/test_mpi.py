@@ -115,7 +115,7 @@ from gfmdlayer.execution.schedule import Outcome
 
 def who(case, **_):
     import time
-    time.sleep(0.1)
+    time.sleep(0.3)
     return Outcome(case.index, "complete", reason=str(os.getpid()))
 
 with assemble() as pool:
@@ -139,13 +139,13 @@ def test_a_signal_to_mpirun_stops_all_ranks_and_the_next_run_resumes(
     Path("tiny.yaml").write_text(TINY + "sweep: {time.end: [60, 61, 0.03]}\n")
     command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml", "--out", "out"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not all(Path(f"out/cases/{index:04d}.running").exists() for index in (0, 1)):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.01)
         process.send_signal(signum)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=300)
     assert process.returncode == 75, errors
     assert "Traceback" not in errors
     left = {path.name for path in Path("out/cases").iterdir()}
@@ -173,7 +173,7 @@ with assemble() as pool:
     begun = time.monotonic()
     process = over_ranks(2, "-c", script)
     assert process.returncode != 0
-    assert time.monotonic() - begun < 60
+    assert time.monotonic() - begun < 300
 
 
 @pytest.mark.parametrize("victim", ["manager", "worker"])
@@ -187,13 +187,13 @@ def test_a_rank_killed_in_a_sweep_ends_the_job_and_the_next_run_resumes(
         # The longest case, 1, goes to the other rank first; rank 0 takes the shortest, then case 0.
         index = 0 if victim == "manager" else 1
         told, checkpoint = (Path(f"out/cases/{index:04d}.{kind}") for kind in ("running", "checkpoint"))
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not (told.exists() and checkpoint.exists() and Path("out/cases/0002.h5").exists()):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.01)
         os.kill(json.loads(told.read_text())["pid"], signal.SIGKILL)
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
     assert process.returncode != 0
     summary, log = run_here("tiny.yaml")
     assert summary.count("complete") == 3
@@ -252,7 +252,7 @@ def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
     command = [str(MPIRUN), "-n", "2", sys.executable, "compiling.py"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
-            deadline = time.monotonic() + 60
+            deadline = time.monotonic() + 120
             while not Path("compiling").exists():
                 assert process.poll() is None
                 assert time.monotonic() < deadline
@@ -261,7 +261,7 @@ def test_ranks_end_when_the_launcher_dies_while_rank_0(program: str) -> None:
             ranks = children(proxy)
             assert len(ranks) == 2
             os.kill(proxy, signal.SIGKILL)
-            deadline = time.monotonic() + 30
+            deadline = time.monotonic() + 120
             while alive := [rank for rank in ranks if Path(f"/proc/{rank}").exists()]:
                 assert time.monotonic() < deadline, f"ranks {alive} were left behind"
                 time.sleep(0.05)

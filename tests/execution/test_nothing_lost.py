@@ -178,7 +178,7 @@ def test_a_configuration_through_a_pipe_is_read_from_its_beginning(
     writer = threading.Thread(target=Path("pipe").write_text, args=[text])
     writer.start()
     assert main(["check", "pipe"]) == 0
-    writer.join(timeout=10)
+    writer.join(timeout=120)
     assert not writer.is_alive()
     assert capsys.readouterr().out.startswith("piped: 1 case\n")
 

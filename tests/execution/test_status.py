@@ -195,7 +195,7 @@ def test_a_watch_on_a_terminal_is_left_by_ctrl_c(make: Make) -> None:
         while b"2 waiting" not in shown:
             shown += terminal.read(65536)
         process.send_signal(2)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=120)
         os.close(screen)
     assert (process.returncode, errors) == (0, b"")
 

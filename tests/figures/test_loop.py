@@ -55,6 +55,24 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
         assert shown(case.attrs["work_of_separation"]) in texts(figure)
 
 
+def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results: Path) -> None:
+    case = open_case(results / "cases" / "0000.h5").load()
+    away = case.depth < -0.01
+    figure = loop_figure(results, case.assign(force=case.force.where(~away, 0.0)))
+    low, high = figure.axes[0].get_xlim()
+    assert float(case.depth.min()) < -0.012 < low < -0.01
+    assert high > float(case.depth.max())
+
+
+def test_numbers_in_a_map_are_those_of_its_colour_bar(results: Path) -> None:
+    sweep = open_results(results)
+    figure = map_figure(sweep, z=["work_of_separation"])
+    written = [float(text.get_text()) for text in figure.axes[0].texts]
+    expected = np.ravel(sweep.work_of_separation.transpose("work", "retract_speed")) * 1e6
+    np.testing.assert_allclose(written, expected, rtol=5e-3)
+    assert "10^{-6}" in figure.axes[1].get_ylabel()
+
+
 def test_the_loop_of_one_case_has_both_areas(results: Path) -> None:
     case = open_case(results / "cases" / "0000.h5")
     written = texts(loop_figure(results / "cases" / "0000.h5", case, y="mean_stress"))

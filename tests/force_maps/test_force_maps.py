@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -188,4 +189,17 @@ def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
     assert run.poll() is None
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
-    time.sleep(2.0)  # ranks that the launcher started in sessions of their own end when it has died
+    deadline = time.monotonic() + 120
+    while processes_here():  # ranks that the launcher started in sessions of their own end when it has died
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def processes_here() -> list[int]:
+    """Return the other processes that work in this folder."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cwd"):
+        with suppress(OSError):  # it has ended
+            if entry.readlink() == Path.cwd() and int(entry.parent.name) != os.getpid():
+                found.append(int(entry.parent.name))
+    return found

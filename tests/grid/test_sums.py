@@ -41,9 +41,9 @@ class Divided(Sums):
 
     def _all(self, partial: Any) -> list[Any]:
         self._values[self._rank] = partial
-        self._barrier.wait(timeout=60)
+        self._barrier.wait(timeout=300)
         values = list(self._values)
-        self._barrier.wait(timeout=60)
+        self._barrier.wait(timeout=300)
         return values
 
     def total(self, partial: Any) -> Any:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gfmdlayer import LayeredHalfspace, Prony, Zener
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.compliance import find_features, retardation
+from gfmdlayer.indentation.compliance import Features, find_features, retardation
 from gfmdlayer.indentation.space import make_space
 
 WIDE = Prony(1.0, [(1, 0.01), (2, 0.1), (3, 1.0), (1, 1.0), (4, 100.0)])
@@ -61,3 +61,12 @@ def test_retardation_inverts_any_relaxing_stiffness(
     np.testing.assert_allclose(K * compliance, 1.0, rtol=1e-11)
     assert (J >= 0).all()
     assert (T > 0).all()
+
+
+def test_a_contact_too_wide_beside_a_layer_is_refused_before_its_nodes_are_made() -> None:
+    features = Features(surface=1e14, first=1e3, last=2e6)  # of a film of some micrometres
+    assert make_space(features, 1e-6).nodes.cosines.size < 1e6
+    with pytest.raises(
+        ValueError, match=r"radius 0\.25 is too large beside the thinnest layer: beyond a radius of 0\.002"
+    ):
+        make_space(features, 0.25)

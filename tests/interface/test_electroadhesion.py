@@ -46,3 +46,22 @@ def test_below_it_stress_and_field_balance(part: float) -> None:
     bound = 1e-6 * 0.5 * volts**2 / H0**2
     assert STIFFNESS * lifted == pytest.approx(field, abs=bound)
     assert float(found.mean_stress[-1]) == pytest.approx(-field, abs=bound)
+
+
+def test_before_the_voltage_a_film_in_metres_rests() -> None:
+    # Rounding of the gap is 1e-21 m here: its squares are below single precision.
+    waves = {"shape": "sinusoid", "amplitude": 1e-6, "wavelength": 2.5e-4}
+    law = {"law": "electrostatic", "insulation": 1e-5, "voltage": [(0.0, 0.0), (0.1, 0.0), (0.2, 100.0)]}
+    found = gfmdlayer.run(
+        {
+            "units": {"length": "m", "stress": "Pa", "time": "s"},
+            "grid": {"points": 256, "period": 2.5e-4},
+            "layer": {"thickness": 1e-4, "poisson": 0.45, "material": {"G0": 2e4, "Ginf": 2e5, "tau": 1}},
+            "halfspace": {"shear_modulus": np.inf},
+            "punch": waves,
+            "time": {"end": 0.1, "step": "adaptive"},
+        },
+        interface=law,
+        history=[(0.0, -1.2e-5), (0.1, -8e-6)],
+    )
+    assert float(abs(found.mean_stress).max()) <= 1e-6

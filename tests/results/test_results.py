@@ -224,7 +224,7 @@ def test_two_writers_of_one_case_write_to_different_files(tmp_path: Path) -> Non
 
 def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
 def test_killed_process_leaves_nothing_under_the_final_name(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from gfmdlayer import preparation
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
 from gfmdlayer.preparation import _in_small
@@ -17,6 +19,8 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
+from gfmdlayer import preparation
+from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.preparation import warm_up
 from gfmdlayer.simulation import ConvergenceError, simulate
@@ -117,3 +121,24 @@ def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> No
 def test_cases_of_one_kind_are_warmed_up_and_costed_together(values: dict[str, object], alike: bool) -> None:
     config = Config(name="kinds")
     assert (kind(config) == kind(config.with_values(values))) is alike
+
+
+@pytest.mark.parametrize("control", ["depth", "force"])
+def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside_the_layer(
+    control: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A punch of a fixed size, thousands of times as wide as a film of some micrometres, takes gigabytes."""
+    simulated: list[Config] = []
+    monkeypatch.setattr(preparation, "simulate", lambda config, _: simulated.append(config))
+    film = Config(name="film").with_values(
+        {
+            "grid.geometry": "axisymmetric",
+            "layer": {"thickness": 5e-6, "material": {"G0": 1e3, "Ginf": 5e3, "tau": 0.1}},
+            "punch": {"shape": "sphere", "radius": 5e-6},
+            "trajectory": {"control": control, control: 1e-6 if control == "depth" else 1e-9},
+        }
+    )
+    preparation.warm_up(film)
+    (small,) = simulated
+    assert Case(small).indentation._space.nodes.cosines.size < 1e6
+    assert small.trajectory.control == control

@@ -36,53 +36,58 @@ _PROJECTIONS = 60  # rounds of Newton's method at most
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
-def iterate(level: Level, at: Fields, tolerance: float, limit: int) -> tuple[float, int]:
-    """Bring the residual of a state within a tolerance, or to where it falls no more.
+class Search:
+    """Conjugate directions from a state.
 
     Parameters
     ----------
     level : Level
         The grid.
     at : Fields
-        The problem and the state, whose gap belongs to the pressure.
-    tolerance : float
-        On the sum of what open gaps and tension and what overlap leaves, or twice the larger of them where no
+        The problem and the state, in single or in double precision, whose gap belongs to the pressure, with
+        its level and scales.
+
+    Attributes
+    ----------
+    at : Fields
+        The state.
+    residual : float
+        The sum of what open gaps and tension and what overlap leaves, or twice the larger of them where no
         load is given.
-    limit : int
-        Most iterations.
-
-    Returns
-    -------
-    float, int
-        The residual and the iterations.
     """
-    level.set_scales(at)
-    search, best, since, iteration = _Search(level, at), np.inf, 0, 0
-    while search.residual > tolerance and iteration < limit and iteration - since <= _PATIENCE:
-        if search.residual < _PROGRESS * best:
-            best, since = search.residual, iteration
-        search.advance()
-        iteration += 1
-    return search.residual, iteration
 
-
-class _Search:
-    """Conjugate directions from a state."""
-
-    def __init__(self, on: Level, at: Fields) -> None:
-        self._on, self._at = on, at
-        for stale in (on.d, on.z, on.r):
+    def __init__(self, level: Level, at: Fields) -> None:
+        self._on, self.at = level, at
+        for stale in (level.d, level.z, level.r, level.step, level.change):
             stale[:] = 0.0
         self._alpha, self._shift = 1.0, 0.0
         self._product = 0.0  # z.r of the last iteration; 0 where directions begin anew
         self._move(0.0, 1.0)
 
-    def advance(self) -> None:
+    def run(self, tolerance: float, limit: int) -> int:
+        """Bring the residual within a tolerance, or to where it falls no more; return the iterations.
+
+        Parameters
+        ----------
+        tolerance : float
+            On the residual.
+        limit : int
+            Most iterations.
+        """
+        best, since, iteration = np.inf, 0, 0
+        while self.residual > tolerance and iteration < limit and iteration - since <= _PATIENCE:
+            if self.residual < _PROGRESS * best:
+                best, since = self.residual, iteration
+            self._advance()
+            iteration += 1
+        return iteration
+
+    def _advance(self) -> None:
         """Take one iteration."""
         self._direct()
         self._project()
         if not self._slope > 0:
-            self._on.sweep.only(passes.release, self._alpha, self._at.p, self._on.r, self._on.d)
+            self._on.sweep.only(passes.release, self._alpha, self.at.p, self._on.r, self._on.d)
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
             self._project()
@@ -91,17 +96,7 @@ class _Search:
             self._move(0.0, 1.0)
             np.copyto(self._on.d, self._on.r)
             self._alpha, self._shift = 0.5 * self._on.stiffest, 0.0
-            self._note(
-                self._on.sweep(
-                    passes.project,
-                    self._alpha,
-                    self._shift,
-                    self._at.p,
-                    self._on.r,
-                    self._on.d,
-                    self._on.step,
-                )[0]
-            )
+            self._write_step()
             self._project()
         self._on.respond()
         optimum, length, scale = self._lengths()
@@ -111,7 +106,7 @@ class _Search:
 
     def _direct(self) -> None:
         """Write the next direction."""
-        on, at = self._on, self._at
+        on, at = self._on, self.at
         count, total, pull, along, across, last, memory, mean = on.precondition()
         # Under a given load z has no mean, and r none that counts.
         excess, common = (total / count, pull / count) if at.load is not None and count else (0.0, 0.0)
@@ -121,40 +116,40 @@ class _Search:
             beta = 0.0
         self._product = product
         self._shift = (self._load - at.load) / count if at.load is not None and count else 0.0
-        self._note(
-            on.sweep(passes.direct, excess, beta, self._alpha, self._shift, at.p, on.r, on.z, on.d, on.step)[
-                0
-            ]
-        )
+        step = self._alpha, self._shift
+        self._note(on.sweep(passes.direct, excess, beta, *step, at.p, on.r, on.z, on.d, on.step)[0])
 
     def _project(self) -> None:
         """Write the step of the given load."""
-        on, at = self._on, self._at
+        at = self.at
         for _ in range(_PROJECTIONS):
             if at.load is None or abs(self._above) <= _LOAD * at.load:
                 break
             self._shift += self._above / self._count if self._count else min(self._above, 0.0)
-            self._note(on.sweep(passes.project, self._alpha, self._shift, at.p, on.r, on.d, on.step)[0])
+            self._write_step()
+
+    def _write_step(self) -> None:
+        on, p = self._on, self.at.p
+        self._note(on.sweep(passes.project, self._alpha, self._shift, p, on.r, on.d, on.step)[0])
 
     def _note(self, found: Sequence[float]) -> None:
         """Note the load beyond the given one, the number of pressures, and how the energy falls."""
         total, self._count, self._slope, self._ended = found
-        self._above = total - (self._at.load or 0.0)
+        self._above = total - (self.at.load or 0.0)
 
     def _lengths(self) -> tuple[float, float, float]:
         """Return the length of the step of the lowest energy, the one to take, and the scale after it."""
-        on, at, slope = self._on, self._at, self._slope
-        curvature, across = on.sweep(passes.respond, at.p, on.step, on.change)[0]
+        on, at, slope = self._on, self.at, self._slope
+        (curvature, across), (fall,) = on.sweep(passes.respond, at.p, on.step, on.change)
         optimum = slope / curvature if curvature > 0 else 1.0
         # The energy of a p + b D is a parabola of a and b.
-        stiff, free, push = self._weighted - self._free, self._free - at.aim * self._load, slope + across
+        stiff, free, push = self._weighted - self._free, self._free - at.level * self._load, slope + across
         if at.load is None:
             whole, part = -across * push - curvature * free, across * free + stiff * push
             if stiff * curvature > across**2 and whole > 0:
                 optimum = part / whole
         length = optimum
         if optimum > 1.0:
-            fall = on.sweep(passes.fastest, at.p, on.step)[1][0]
             length = min(optimum, 1.0 / fall) if fall > 0 else optimum
         elif optimum > _LET_GO and self._ended > 0:
             length = 1.0
@@ -167,13 +162,14 @@ class _Search:
 
     def _move(self, length: float, scale: float) -> None:
         """Take a step and assess the state."""
-        on, at = self._on, self._at
+        on, at = self._on, self.at
         move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
         found, (opened, below) = on.sweep(
             passes.advance, move, at.p, at.gap, at.gap0, on.step, on.change, on.z
         )
         on.r, on.z = on.z, on.r
         self._load, self._weighted, self._free = found
+        at.level = at.level if at.load is None else 0.0
         # A gap may be shifted under a given load; elsewhere the aim is at the middle of what is allowed.
         worst = opened + below if at.load is not None else 2.0 * max(opened, below)
         self.residual = worst if np.isfinite(self._load + self._weighted) else np.nan

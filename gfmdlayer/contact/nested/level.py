@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,16 @@ def displacement(problem: Problem, spectrum: ComplexArray, work: ComplexArray) -
     passes.displace(problem.stiffness, given, spectrum.view(np.float64), work.view(np.float64))
 
 
+class Extent(NamedTuple):
+    """How far the fields of a state reach."""
+
+    mean: float  # of u
+    pressure: float  # the largest
+    depth: float  # the largest -u
+    overlap: float  # the largest -gap
+    gap: float  # the largest
+
+
 @dataclass
 class Fields:
     """A problem and its state, one value a point.
@@ -36,7 +47,7 @@ class Fields:
     load : float or None
         Sum of the pressure, where it is given.
     aim : float
-        Gap that is aimed at in contact, where the load is not given.
+        Gap that is aimed at in contact, as part of the scale of depth, where the load is not given.
     scales : tuple of float
         Of pressure and depth in the residual.
     level : float
@@ -99,20 +110,29 @@ class Level:
         beside = self.grid.halo(r, REACH, REACH)
         return self.sweep(passes.precondition, self._weights, r, *beside, self.z, self.d)[0]
 
-    def set_scales(self, at: Fields, *, shifted: bool = False) -> float:
-        """Set the level of a state, unless it is ``shifted`` by one, and the scales of its residual.
+    def set_scales(self, at: Fields, per_point: float = 0.0) -> Extent:
+        """Set the level of a state and the scales of its residual.
 
-        Returns
-        -------
-        float
-            The largest overlap, before the shift.
+        Parameters
+        ----------
+        at : Fields
+            The state.
+        per_point : float
+            Where not zero, u stands in the place of the gap, but for this factor.
         """
-        (load, weighted, total), (largest, depth, overlap) = self.sweep(passes.extent, at.h, at.p, at.gap)
-        if not shifted:
-            at.level = weighted / load if at.load is not None and load > 0 else at.aim
-        mean = total / self.grid.size + at.level
-        at.scales = scales(largest, max(mean, 0.0) + depth - at.level, self.floor)
-        return overlap
+        arrays = at.h, at.p, at.gap
+        (load, weighted, total), extrema = self.sweep(passes.extent, per_point, *arrays)
+        extent = Extent(total / self.grid.size, *extrema)
+        if at.load is not None:
+            at.level = weighted / load if load > 0 else 0.0
+        at.scales = self.scales(extent, at.level)
+        at.level = at.aim * at.scales[1] if at.load is None else at.level
+        return extent
+
+    def scales(self, extent: Extent, level: float) -> tuple[float, float]:
+        """Scales of pressure and depth, where the gap counts from a level."""
+        depth = max(extent.mean + level, 0.0) + extent.depth - level
+        return scales(extent.pressure, depth, self.floor)
 
     def set_load(self, at: Fields) -> bool:
         """Scale the pressure to the given load; return whether there is any pressure."""

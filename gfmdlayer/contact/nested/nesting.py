@@ -10,7 +10,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.coarser import prolong
-from gfmdlayer.contact.nested.iteration import iterate
+from gfmdlayer.contact.nested.iteration import Search
 from gfmdlayer.contact.nested.level import Fields, Level, displacement
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
@@ -48,8 +48,8 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
         _begin(level, state, last)
         level.add_response(state)
-        iterate(level, state, _TOLERANCE, _LIMIT)
         level.set_scales(state)
+        Search(level, state).run(_TOLERANCE, _LIMIT)
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
         last = level, state
     if last is None:
@@ -72,7 +72,7 @@ def _coarse(
         coarse.backward(transforms.truncated(each, coarse)).astype(np.float64) / fine.grid.size
         for each in spectra
     )
-    return level, Fields(h, h - free, np.zeros(h.size), np.zeros(h.size), None)
+    return level, Fields(h, h - free, np.zeros_like(h), np.zeros_like(h), None)
 
 
 def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:

@@ -1,8 +1,11 @@
 """Passes over the points of a grid: what the iteration does to its fields between transforms.
 
 Each kernel acts on the points ``first`` to ``end``, a whole number of rows, and returns a tuple of sums and a
-tuple of maxima over them, which `Sweep` completes. Pressures and gaps are in double precision, what is added
-to them in single. Outside of the set C of points that press or overlap, r = 0.
+tuple of maxima over them, which `Sweep` completes. Pressures and gaps are in single or in double precision,
+what is added to them in single. Outside of the set C of points that press or overlap, r = 0.
+
+Sums over a block of points are in the precision of the fields, those over the blocks in double. Largest
+values are kept side by side, and written from one array into another: stores under a condition are slow.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from gfmdlayer.kernels import LANES, kernel
 
 _GONE = 1e-6  # part of a pressure that is left by rounding in single precision where it was to vanish
 _MEMBER = np.float32(1e-37)  # r of a point of C whose gap is exactly right
+_NONE, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 class Move(NamedTuple):
@@ -24,65 +28,65 @@ class Move(NamedTuple):
 
     length: float  # of the step
     scale: float  # of the pressure and its deformation after it
-    load_given: bool  # whether the gap without pressure is not needed
-    level: float  # gap that is aimed at in contact
+    load_given: bool  # whether the gap is known up to a shift, and that without pressure is not needed
+    level: float  # gap in contact after it, which then counts from there, or gap that is aimed at
     per_pressure: float  # inverse scales of the residual
     per_gap: float
 
 
 @kernel(reorder=True)
 def advance(
-    first: int, end: int, move: Move, p: FloatArray, gap: FloatArray, gap0: FloatArray, step: Any,
-    change: Any, r: Any,
-) -> tuple[tuple[float, float, float], tuple[float, float]]:  # fmt: skip
-    """Take a step, and write r = level - gap on the new C.
+    first: int, end: int, move: Move, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """Take a step, and write r = level - gap on the new C; with a given load gaps then count from the level.
 
     Returns
     -------
     Sums of p, of p gap and, unless the load is given, of p gap0; largest violation by an open gap or tension,
     and overlap, both in the residual's scales.
     """
+    real = p.dtype.type
+    length, gone, none = real(move.length), real(_GONE), real(0.0)
+    shift, aim = real(move.level if move.load_given else 0.0), real(0.0 if move.load_given else move.level)
+    per_pressure, per_r = np.float32(move.per_pressure), np.float32(-move.per_gap)
     load, weighted, free = 0.0, 0.0, 0.0
     opened, below = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
-    length, level, per_pressure, per_gap = move.length, move.level, move.per_pressure, move.per_gap
-    none, per_r = np.float32(0.0), np.float32(-per_gap)
+    wider, deeper = opened.copy(), below.copy()
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         ps, gaps, rs = p[begin:stop], gap[begin:stop], r[begin:stop]
         steps, changes = step[begin:stop], change[begin:stop]
-        if length != 0.0:
-            for i in range(ps.size):
-                now = ps[i] + length * steps[i]
-                ps[i] = now if now > _GONE * ps[i] else 0.0
-            for i in range(ps.size):
-                gaps[i] += length * changes[i]
+        for i in range(ps.size):
+            now = ps[i] + length * steps[i]
+            ps[i] = now if now > gone * ps[i] else none
+            gaps[i] += length * changes[i] - shift
         if not move.load_given:
-            free += _scale(move.scale, ps, gaps, gap0[begin:stop])
+            free += _scale(real(move.scale), ps, gaps, gap0[begin:stop])
+        total, product = none, none
         for i in range(ps.size):
-            pull = level - gaps[i]
-            inside = np.float32(pull) if pull != 0.0 else _MEMBER
-            rs[i] = inside if ps[i] > 0.0 or pull > 0.0 else none
+            pull = np.float32(aim - gaps[i])
+            inside = pull if pull != _NONE else _MEMBER
+            rs[i] = inside if (ps[i] > none) | (pull > _NONE) else _NONE
+            total += ps[i]
+            product += ps[i] * gaps[i]
+        load += total
+        weighted += product
         for i in range(ps.size):
-            load += ps[i]
-            weighted += ps[i] * gaps[i]
-        for i in range(ps.size):
-            press, apart = np.float32(ps[i] * per_pressure), rs[i] * per_r
+            press, apart = np.float32(ps[i]) * per_pressure, rs[i] * per_r
             off = press if press < apart else apart
-            opened[i] = off if off > opened[i] else opened[i]
-        for i in range(ps.size):
-            below[i] = rs[i] if rs[i] > below[i] else below[i]
-    return (load, weighted, free), (float(opened.max()), below.max() * per_gap)
+            wider[i] = off if off > opened[i] else opened[i]
+            deeper[i] = rs[i] if rs[i] > below[i] else below[i]
+        opened, below, wider, deeper = wider, deeper, opened, below
+    return (load, weighted, free), (float(opened.max()), below.max() * move.per_gap)
 
 
 @kernel(reorder=True, inner=True)
-def _scale(factor: float, p: FloatArray, gap: FloatArray, gap0: FloatArray) -> float:
+def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
     """Multiply a pressure and its deformation gap - gap0; return the sum of p gap0."""
-    free = 0.0
-    if factor != 1.0:
-        for i in range(p.size):
-            gap[i] = gap0[i] + factor * (gap[i] - gap0[i])
-            p[i] *= factor
+    free, rest = p.dtype.type(0.0), p.dtype.type(1.0) - factor
     for i in range(p.size):
+        gap[i] = factor * gap[i] + rest * gap0[i]
+        p[i] *= factor
         free += p[i] * gap0[i]
     return free
 
@@ -107,33 +111,35 @@ def precondition(
     Over C, sums of 1, z, r, z r, z r_last, r_last, r d and d; no maximum.
     """
     columns = r.shape[1]
-    row = np.empty(columns, np.float32)
-    count, total, pull, along, across, last, memory, mean = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    row, work = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    sums = np.zeros(8)
     for i in range(first // columns, end // columns):
-        apply_to_row(weights, i, r, before, after, row)
+        apply_to_row(weights, i, r, before, after, row, work)
         rs, zs, ds = r[i], z[i * columns : (i + 1) * columns], d[i * columns : (i + 1) * columns]
+        count, total, pull, along = _NONE, _NONE, _NONE, _NONE
         for j in range(columns):
-            row[j] = row[j] if rs[j] != 0.0 else np.float32(0.0)
-        for j in range(columns):
-            count += 1.0 if rs[j] != 0.0 else 0.0
+            inside = _ONE if rs[j] != _NONE else _NONE
+            row[j] *= inside
+            count += inside
             total += row[j]
             pull += rs[j]
-            along += np.float64(row[j]) * rs[j]
+            along += row[j] * rs[j]
+        across, last, memory, mean = _NONE, _NONE, _NONE, _NONE
         for j in range(columns):
-            across += np.float64(row[j]) * zs[j]
-            last += zs[j] if rs[j] != 0.0 else 0.0
-        for j in range(columns):
-            memory += np.float64(rs[j]) * ds[j]
-            mean += ds[j] if rs[j] != 0.0 else 0.0
-        for j in range(columns):
+            across += row[j] * zs[j]
+            last += zs[j] if rs[j] != _NONE else _NONE
+            memory += rs[j] * ds[j]
+            mean += ds[j] if rs[j] != _NONE else _NONE
             zs[j] = row[j]
-    return (count, total, pull, along, across, last, memory, mean), (0.0,)
+        for k, some in enumerate((count, total, pull, along, across, last, memory, mean)):
+            sums[k] += some
+    return (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]), (0.0,)
 
 
 @kernel(reorder=True)
 def direct(
-    first: int, end: int, excess: float, memory: float, length: float, shift: float, p: FloatArray, r: Any,
-    z: Any, d: Any, step: Any,
+    first: int, end: int, excess: float, memory: float, length: float, shift: float, p: Any, r: Any, z: Any,
+    d: Any, step: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
     """Write the direction d = z - excess + memory d on C, and do what `project` does."""
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
@@ -143,7 +149,7 @@ def direct(
         rs, zs, ds = r[begin:stop], z[begin:stop], d[begin:stop]
         for i in range(ds.size):
             along = zs[i] - less + part * ds[i]
-            ds[i] = along if rs[i] != 0.0 else np.float32(0.0)
+            ds[i] = along if rs[i] != _NONE else _NONE
         found = _project(length, shift, p[begin:stop], rs, ds, step[begin:stop])
         total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
     return (total, count, slope, ended), (0.0,)
@@ -151,7 +157,7 @@ def direct(
 
 @kernel(reorder=True)
 def project(
-    first: int, end: int, length: float, shift: float, p: FloatArray, r: Any, d: Any, step: Any
+    first: int, end: int, length: float, shift: float, p: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
     """Write the step to max(p + length d - shift, 0) on C, and to 0 outside.
 
@@ -169,87 +175,87 @@ def project(
 
 
 @kernel(reorder=True, inner=True)
-def _project(
-    length: float, shift: float, p: FloatArray, r: Any, d: Any, step: Any
-) -> tuple[float, float, float, float]:
-    total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
+def _project(length: float, shift: float, p: Any, r: Any, d: Any, step: Any) -> tuple[Any, Any, Any, Any]:
+    real = p.dtype.type
+    some, less, none = real(length), real(shift), real(0.0)
+    total, count, slope, ended = none, _NONE, _NONE, _NONE
     for i in range(p.size):
-        now = p[i] + length * d[i] - shift
-        now = now if r[i] != 0.0 else 0.0
-        now = now if now > 0.0 else 0.0
+        now = p[i] + some * d[i] - less
+        now = now if (r[i] != _NONE) & (now > none) else none
         total += now
-        count += 1.0 if now > 0.0 else 0.0
-        ended += 1.0 if now <= 0.0 and p[i] > 0.0 else 0.0
+        count += _ONE if now > none else _NONE
+        ended += _ONE if (now <= none) & (p[i] > none) else _NONE
         step[i] = np.float32(now - p[i])
-    for i in range(p.size):
-        slope += np.float64(r[i]) * step[i]
+        slope += r[i] * step[i]
     return total, count, slope, ended
 
 
 @kernel(reorder=True)
-def fastest(first: int, end: int, p: FloatArray, step: Any) -> tuple[tuple[float], tuple[float]]:
-    """Return no sum; the fastest relative fall of a pressure along the step."""
-    fall = np.zeros(LANES)
+def respond(first: int, end: int, p: Any, step: Any, change: Any) -> tuple[tuple[float, float], tuple[float]]:
+    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step."""
+    none, one = p.dtype.type(0.0), p.dtype.type(1.0)
+    curvature, across, falls, faster = 0.0, 0.0, np.zeros(LANES, p.dtype), np.zeros(LANES, p.dtype)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        ps, steps = p[begin:stop], step[begin:stop]
+        ps, steps, changes = p[begin:stop], step[begin:stop], change[begin:stop]
+        along, aside = _NONE, none
         for i in range(ps.size):
-            falls = -steps[i] / (ps[i] if ps[i] > 0.0 else 1.0)
-            fall[i] = falls if falls > fall[i] else fall[i]
-    return (0.0,), (fall.max(),)
+            along += steps[i] * changes[i]
+            aside += ps[i] * changes[i]
+            fall = -steps[i] / (ps[i] if ps[i] > none else one)
+            faster[i] = fall if fall > falls[i] else falls[i]
+        curvature, across = curvature + float(along), across + float(aside)
+        falls, faster = faster, falls
+    return (curvature, across), (float(falls.max()),)
 
 
 @kernel(reorder=True)
-def respond(
-    first: int, end: int, p: FloatArray, step: Any, change: Any
-) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of step A step and p A step; no maximum."""
-    ps, steps, changes = p[first:end], step[first:end], change[first:end]
-    curvature, across = 0.0, 0.0
-    for i in range(ps.size):
-        curvature += np.float64(steps[i]) * changes[i]
-        across += ps[i] * changes[i]
-    return (curvature, across), (0.0,)
-
-
-@kernel(reorder=True)
-def release(
-    first: int, end: int, length: float, p: FloatArray, r: Any, d: Any
-) -> tuple[tuple[float], tuple[float]]:
+def release(first: int, end: int, length: float, p: Any, r: Any, d: Any) -> tuple[tuple[float], tuple[float]]:
     """Drop from C the points whose pressure a step would end and whose gap is open."""
     ps, rs, ds = p[first:end], r[first:end], d[first:end]
     for i in range(ps.size):
-        rs[i] = np.float32(0.0) if ps[i] + length * ds[i] <= 0.0 and rs[i] < 0.0 else rs[i]
+        rs[i] = _NONE if (ps[i] + length * ds[i] <= 0.0) & (rs[i] < _NONE) else rs[i]
     return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
 def extent(
-    first: int, end: int, h: FloatArray, p: FloatArray, gap: FloatArray
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Return the sums of p, of p gap and of u = h - gap; the largest pressure, -u and -gap."""
+    first: int, end: int, per_point: float, h: Any, p: Any, gap: Any
+) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero.
+
+    Returns
+    -------
+    Sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap.
+    """
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = np.zeros(LANES), np.full(LANES, -np.inf), np.full(LANES, -np.inf)
+    larger, deeper, lower = largest.copy(), depth.copy(), overlap.copy()
+    widest, wider = overlap.copy(), overlap.copy()
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        hs, ps, apart = h[begin:stop], p[begin:stop], gap[begin:stop]
+        hs, ps, gaps = h[begin:stop], p[begin:stop], gap[begin:stop]
+        if per_point > 0.0:
+            for i in range(hs.size):
+                gaps[i] = hs[i] - per_point * gaps[i]
         for i in range(hs.size):
             load += ps[i]
-            weighted += ps[i] * apart[i]
-            total += hs[i] - apart[i]
+            weighted += ps[i] * gaps[i]
+            total += hs[i] - gaps[i]
         for i in range(hs.size):
-            below = apart[i] - hs[i]
-            depth[i] = below if below > depth[i] else depth[i]
-        for i in range(hs.size):
-            largest[i] = ps[i] if ps[i] > largest[i] else largest[i]
-        for i in range(hs.size):
-            overlap[i] = -apart[i] if -apart[i] > overlap[i] else overlap[i]
-    return (load, weighted, total), (largest.max(), depth.max(), overlap.max())
+            press, below, above = ps[i], gaps[i] - hs[i], -gaps[i]
+            larger[i] = press if press > largest[i] else largest[i]
+            deeper[i] = below if below > depth[i] else depth[i]
+            lower[i] = above if above > overlap[i] else overlap[i]
+            wider[i] = gaps[i] if gaps[i] > widest[i] else widest[i]
+        largest, depth, overlap, larger, deeper, lower = larger, deeper, lower, largest, depth, overlap
+        widest, wider = wider, widest
+    return (load, weighted, total), (largest.max(), depth.max(), overlap.max(), widest.max())
 
 
 @kernel(reorder=True)
 def press(
-    first: int, end: int, level: float, stiffness: float, gap0: FloatArray, p: FloatArray
+    first: int, end: int, level: float, stiffness: float, gap0: Any, p: Any
 ) -> tuple[tuple[float], tuple[float]]:
     """Write a first guess of the pressure: where the punch overlaps, lowered by a level."""
     total, ps, gaps = 0.0, p[first:end], gap0[first:end]
@@ -261,7 +267,7 @@ def press(
 
 
 @kernel(reorder=True)
-def times(first: int, end: int, factor: float, field: FloatArray) -> tuple[tuple[float], tuple[float]]:
+def times(first: int, end: int, factor: float, field: Any) -> tuple[tuple[float], tuple[float]]:
     """Multiply a field."""
     part = field[first:end]
     for i in range(part.size):
@@ -270,20 +276,17 @@ def times(first: int, end: int, factor: float, field: FloatArray) -> tuple[tuple
 
 
 @kernel(reorder=True)
-def open_gap(
-    first: int, end: int, per_point: float, h: FloatArray, gap: FloatArray
-) -> tuple[tuple[float], tuple[float]]:
-    """Write the gap h - u in the place of an unnormalised u."""
-    hs, gaps = h[first:end], gap[first:end]
-    for i in range(hs.size):
-        gaps[i] = hs[i] - per_point * gaps[i]
+def lowered(first: int, end: int, level: float, field: Any, target: Any) -> tuple[tuple[float], tuple[float]]:
+    """Write a field less a level, in another precision."""
+    source, found = field[first:end], target[first:end]
+    less = field.dtype.type(level)
+    for i in range(found.size):
+        found[i] = source[i] - less
     return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
-def add_response(
-    first: int, end: int, gap0: FloatArray, change: Any, gap: FloatArray
-) -> tuple[tuple[float], tuple[float]]:
+def add_response(first: int, end: int, gap0: Any, change: Any, gap: Any) -> tuple[tuple[float], tuple[float]]:
     """Write the gap gap0 + A p."""
     free, changes, gaps = gap0[first:end], change[first:end], gap[first:end]
     for i in range(gaps.size):
@@ -323,25 +326,25 @@ def settle(
     -------
     Number of points in contact, sums of p, gap and u; the residual and the overlap.
     """
-    touching, load, gaps, mean, worst, overlap = 0.0, 0.0, 0.0, 0.0, np.zeros(LANES), np.zeros(LANES)
+    touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
+    worst, overlap = np.zeros(LANES), np.zeros(LANES)
+    worse, deeper = worst.copy(), overlap.copy()
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
         hs, ps, apart, us = h[begin:stop], p[begin:stop], gap[begin:stop], u[begin:stop]
         for i in range(ps.size):
             opening = apart[i] - shift
-            overlap[i] = -opening if -opening > overlap[i] else overlap[i]
-        for i in range(ps.size):
-            opening = apart[i] - shift
+            deeper[i] = -opening if -opening > overlap[i] else overlap[i]
             apart[i] = 0.0 if opening < 0.0 else opening  # NaN stays
-            gaps += apart[i]
         for i in range(ps.size):
             us[i] = hs[i] - apart[i]
+            gaps += apart[i]
             mean += us[i]
+            load += ps[i]
         for i in range(ps.size):
             press, opening = ps[i] * per_pressure, apart[i] * per_gap
             off = press if press < opening else opening
-            worst[i] = off if off > worst[i] else worst[i]
-        for i in range(ps.size):
-            touching += 1.0 if ps[i] * per_pressure > apart[i] * per_gap else 0.0
-            load += ps[i]
+            worse[i] = off if off > worst[i] else worst[i]
+            touching += 1.0 if press > opening else 0.0
+        worst, overlap, worse, deeper = worse, deeper, worst, overlap
     return (touching, load, gaps, mean), (worst.max(), overlap.max())

@@ -7,9 +7,9 @@ Nested grids
     its pressure is the guess for the next finer grid (`nesting`): after this nested iteration a few
     corrections are left for the given grid.
 Precision
-    The iteration adds corrections in single precision, whose errors shrink with them. The state that it ends
-    with is evaluated in double precision, and goes on from there if its residual is too large: every solution
-    is assessed in double precision.
+    The iteration is in single precision where that resolves the gaps. The state that it ends with is
+    evaluated in double precision; where its residual is too large, it goes on from there with pressure and
+    gap in double precision, to which corrections in single are added, whose errors shrink with them.
 Hand-over
     Where the residual falls no more, as for a stiff film on a soft base, the active set takes the problem
     from the last pressure. After two such steps in a row it keeps the run.
@@ -28,8 +28,8 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.iteration import iterate
-from gfmdlayer.contact.nested.level import Fields, Level, displacement
+from gfmdlayer.contact.nested.iteration import Search
+from gfmdlayer.contact.nested.level import Extent, Fields, Level, displacement
 from gfmdlayer.contact.nested.nesting import nest
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -41,6 +41,9 @@ _POOR = 0.1  # residual of a guess from which coarser grids are the better begin
 _LIMIT = 400  # iterations between two evaluations in double precision
 _PROGRESS = 0.5  # part of the last residual that an evaluation has to find
 _FAILURES = 2  # steps in a row after which the active set keeps the run
+# Tolerance, and scale of depth as part of the largest gap, below which pressure and gap are in double
+# precision while it iterates.
+_SINGLE, _SHALLOW = 1e-7, 1e-2
 _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the punch cannot be shifted
 
 
@@ -78,6 +81,7 @@ class NestedGradient:
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
         self._stiffness: FloatArray | None = None
+        self._single: Fields | None = None
         self._work = transforms.empty_spectrum()
         self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
         self._doubles = 0.0
@@ -97,19 +101,24 @@ class NestedGradient:
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, 0, 0)
         fine, at = self._level_of(problem), self._fields(problem, start)
-        if not self._is_near(fine, problem, at):
+        search = self._from_guess(fine, problem, at)
+        if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
-            self._evaluate(problem, fine, at)
+            search = self._search(fine, at, self._evaluate(problem, fine, at)[1])
         iterations, last = 0, np.inf
         while True:
             limit = min(_LIMIT, self._max_iterations - iterations)
-            iterations += iterate(fine, at, CLOSE * self._tolerance, limit)[1]
-            spectrum = self._evaluate(problem, fine, at)
-            solution = self._solution(problem, fine, at, spectrum)
+            iterations += search.run(CLOSE * self._tolerance, limit)
+            if search.at is not at:
+                fine.sweep.only(passes.lowered, 0.0, search.at.p, at.p)
+            spectrum, extent = self._evaluate(problem, fine, at)
+            solution = self._solution(problem, fine, at, spectrum, extent)
             if solution.converged or limit <= 0 or not solution.residual < _PROGRESS * last:
                 break
-            last = solution.residual
+            if at.load is None:
+                self._evaluate(problem, fine, at)  # the gap, with the overlap that the solution has not
+            last, search = solution.residual, Search(fine, at)
         self.spent = self._doubles, fine.pairs + coarse
         pairs, part = divmod(self._doubles + 0.5 * self.spent[1] + self._part, 1.0)
         solution = replace(solution, transforms=int(pairs), iterations=iterations)
@@ -129,8 +138,12 @@ class NestedGradient:
         self._failures, self._part = int(state["failures"]), float(state["part"])
 
     def compile(self) -> None:
-        """Compile the kernels that only a hand-over comes to."""
+        """Compile the kernels that few steps come to."""
         ActiveSet(self._transforms).compile()
+        single = np.zeros(1, np.float32)
+        for p in (single, np.zeros(1)):
+            passes.project(0, 1, 1.0, 0.0, p, single, single, single)
+            passes.release(0, 1, 1.0, p, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
         """The operators of the grid, made anew only where the stiffness has changed."""
@@ -148,7 +161,7 @@ class NestedGradient:
         np.fmax(start, 0.0, out=p)
         if problem.mean_pressure is not None:
             return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
-        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None)
+        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, _AIM * self._tolerance)
         nothing = np.zeros_like(self._work)
         displacement(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
@@ -156,37 +169,50 @@ class NestedGradient:
         self._doubles += 0.5
         return at
 
-    def _is_near(self, fine: Level, problem: Problem, at: Fields) -> bool:
-        """Whether the first guess is a better beginning than coarser grids; its gap is then known."""
+    def _from_guess(self, fine: Level, problem: Problem, at: Fields) -> Search | None:
+        """Begin with the first guess, if it has any pressure or needs none."""
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             at.p[:] = 0.0  # no contact
         elif not fine.set_load(at):
-            return False
-        self._evaluate(problem, fine, at)
-        return iterate(fine, at, np.inf, 0)[0] < _POOR
+            return None
+        return self._search(fine, at, self._evaluate(problem, fine, at)[1])
 
-    def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> ComplexArray:
-        """Write the gap of the pressure, of the given load; return the transform of h - gap."""
+    def _search(self, fine: Level, at: Fields, extent: Extent) -> Search:
+        """Begin with a state, in single precision where that resolves the gaps."""
+        if self._tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
+            return Search(fine, at)
+        empty, shift = fine.transforms.empty_field, 0.0 if at.load is None else at.level
+        if self._single is None:
+            p, gap = empty(), empty()
+            self._single = Fields(at.h, gap if at.load is not None else empty(), p, gap, at.load)
+        now = self._single
+        now.load, now.scales, now.level = at.load, at.scales, at.level - shift
+        pairs = [(0.0, at.p, now.p), (shift, at.gap, now.gap)]
+        for less, field, narrowed in pairs + [(0.0, at.gap0, now.gap0)] * (at.load is None):
+            fine.sweep.only(passes.lowered, less, field, narrowed)
+        return Search(fine, now)
+
+    def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> tuple[ComplexArray, Extent]:
+        """Write the gap of the pressure, of the given load; return the transform of h - gap, and extents."""
         fine.set_load(at)
         spectrum: ComplexArray = self._transforms.empty_spectrum()
         self._transforms.transform(at.p, spectrum)
         displacement(problem, spectrum, self._work)
         self._transforms.transform_back(self._work, at.gap)
-        fine.sweep.only(passes.open_gap, 1.0 / self._grid.size, at.h, at.gap)
         self._doubles += 1
-        if at.load is None:
-            fine.set_scales(at)
-            at.aim = _AIM * self._tolerance * at.scales[1]
-        return spectrum
+        return spectrum, fine.set_scales(at, 1.0 / self._grid.size)
 
-    def _solution(self, problem: Problem, fine: Level, at: Fields, spectrum: ComplexArray) -> Solution:
+    def _solution(
+        self, problem: Problem, fine: Level, at: Fields, spectrum: ComplexArray, extent: Extent
+    ) -> Solution:
         """Clear the surface of the punch, and assess it."""
-        given, overlap = at.load is not None, fine.set_scales(at)
-        at.level = -overlap if given else 0.0
-        fine.set_scales(at, shifted=True)
-        u, (pressure, depth) = self._transforms.empty_field(), at.scales
+        given = at.load is not None
+        shift = -extent.overlap if given else 0.0
+        at.scales = pressure, depth = fine.scales(extent, shift)
+        at.level -= shift
+        u = self._transforms.empty_field()
         (touching, load, gaps, total), (residual, overlap) = fine.sweep(
-            passes.settle, 1.0 / pressure, 1.0 / depth, at.level, at.h, at.p, at.gap, u
+            passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.h, at.p, at.gap, u
         )
         if given and self._grid.first_row == 0:
             spectrum[0] = total

@@ -89,7 +89,7 @@ def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
 
 
 @kernel(reorder=True, inner=True)
-def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any) -> None:
+def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
     """Write one row of the stencil applied to a periodic field.
 
     Parameters
@@ -100,28 +100,21 @@ def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, resu
         The row.
     field, before, after : ndarray, shapes (rows, columns), (2, columns), (2, columns)
         The rows of this process and those beside them (`Grid.halo`).
-    result : ndarray, shape (columns,)
-        Where the row is written.
+    result, work : ndarray, shape (columns,)
+        Where the row is written, and space.
     """
     here, n = field[i], field.shape[1]
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)
     top, bottom = _row(i - 2, field, before, after), _row(i + 2, field, before, after)
     w0, w1, w2, w3, w4, w5 = weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]
-    # Several loops over few arrays that begin where they are read: so they need no checks of indices and
-    # overlap, and are vectorised.
-    inner = result[2:]
-    left, middle, right, last = here[1:], here[2:], here[3:], here[4:]
+    for j in range(n):
+        beside = up[j] + down[j]
+        result[j] = w0 * here[j] + w3 * beside + w5 * (top[j] + bottom[j])
+        work[j] = w1 * here[j] + w4 * beside
+    # Arrays that begin where they are read need no checks of indices, and the loop is vectorised.
+    inner, left, right, last = result[2:], work[1:], work[3:], here[4:]
     for j in range(n - 4):
-        inner[j] = w0 * middle[j] + w1 * (left[j] + right[j]) + w2 * (here[j] + last[j])
-    up0, up1, up2, down0, down1, down2 = up[1:], up[2:], up[3:], down[1:], down[2:], down[3:]
-    for j in range(n - 4):
-        inner[j] += w3 * (up1[j] + down1[j]) + w4 * (up0[j] + up2[j] + down0[j] + down2[j])
-    above, below = top[2:], bottom[2:]
-    for j in range(n - 4):
-        inner[j] += w5 * (above[j] + below[j])
+        inner[j] += left[j] + right[j] + w2 * (here[j] + last[j])
     for k in range(min(n, 4)):
         j = k if k < 2 else n + 1 - k
-        west, east = (j - 1) % n, (j + 1) % n
-        result[j] = w0 * here[j] + w1 * (here[west] + here[east])
-        result[j] += w2 * (here[(j - 2) % n] + here[(j + 2) % n]) + w3 * (up[j] + down[j])
-        result[j] += w4 * (up[west] + up[east] + down[west] + down[east]) + w5 * (top[j] + bottom[j])
+        result[j] += work[(j - 1) % n] + work[(j + 1) % n] + w2 * (here[(j - 2) % n] + here[(j + 2) % n])

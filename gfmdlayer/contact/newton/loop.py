@@ -203,7 +203,13 @@ def _find_step(
         As of `minimise`.
     """
     pairs = begin(single, system, at.curvature, step, damping, lack)
-    turns, least = minimise(single, system, step, floor, inexact)
+    # Of order one: squares of rounding in SI units would underflow in single precision.
+    unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
+    for i in range(d.size):
+        d[i], force[i] = d[i] / unit, force[i] / unit
+    turns, least = minimise(single, system, step, floor / unit, inexact)
+    for i in range(d.size):
+        d[i] *= unit
     return pairs + 2 * turns, least
 
 
