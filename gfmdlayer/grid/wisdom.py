@@ -61,15 +61,20 @@ def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
     transforms = Transforms(shape, wisdom, threads=threads)
     for part in parts(shape):
         transforms.shorter(part)
-    if len(shape) > 1:
-        for grid in Grid(shape, (1.0,) * len(shape)).nested:
-            transforms.of_shape(grid.points, single=True)
+    for grid in Grid(shape, (1.0,) * len(shape)).nested:
+        transforms.of_shape(grid.points, single=True)
     return transforms.wisdom
 
 
 def _is_enough(wisdom: str, shape: tuple[int, ...], threads: int) -> bool:
     """Whether FFTW measures nothing beside this wisdom."""
     return set(_measured(shape, threads, wisdom).splitlines()) == set(wisdom.splitlines())
+
+
+def _with_missing(wisdom: str, shape: tuple[int, ...], threads: int) -> str | None:
+    """Return wisdom with plans that earlier versions did not keep; None where FFTW does not take it."""
+    found = _measured(shape, threads, wisdom)
+    return found if set(wisdom.splitlines()) < set(found.splitlines()) else None
 
 
 def _read(path: Path, shape: tuple[int, ...], threads: int) -> str | None:
@@ -81,11 +86,14 @@ def _read(path: Path, shape: tuple[int, ...], threads: int) -> str | None:
     wrong = "is damaged"
     if kept is not None:
         wisdom = kept.decode(errors="replace")
-        if _is_enough(wisdom, shape, threads):
-            return wisdom
-        forget_wisdom()  # that this process has measured for other grids
-        if _is_enough(wisdom, shape, threads):
-            return wisdom
+        for _ in range(2):
+            if _is_enough(wisdom, shape, threads):
+                return wisdom
+            forget_wisdom()  # that this process has measured for other grids
+        if more := _with_missing(wisdom, shape, threads):
+            with suppress(OSError):
+                write_sealed(path, more.encode())
+            return more
         wrong = "is not of this FFTW"
     warnings.warn(f"{path}: {wrong} and is replaced; {_MAY_DIFFER}", stacklevel=4)
     with suppress(OSError):

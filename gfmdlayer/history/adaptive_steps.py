@@ -18,6 +18,7 @@ length at which they will be, as both are proportional to it. Behind the jump th
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 
@@ -32,6 +33,7 @@ _SAFETY = 0.9  # part of the tolerance that a step aims at
 _GROWTH = 2.0  # largest growth of a step
 _FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a kink
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
+_ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
 _AFTER_KINK = 0.3  # first step after a kink, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
 _FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
@@ -159,7 +161,10 @@ class AdaptiveSteps:
                 jump = change.drive * _ratio(abs(response - now.response), response_scale)
                 accepted = self._accepts_abrupt(max(error, jump), change)
             else:
-                accepted, widest = error <= self._tolerance, math.inf
+                accepted = error <= self._tolerance
+                if not accepted and self._given.step <= _ROUNDING * self._given.time:
+                    accepted, error = True, self._tolerance  # there is no shorter step
+                widest = math.inf
                 if change is not None and change.separation > 0:
                     widest = _SAFETY * self._separation / change.separation
                 self._set_next_step(_SAFETY * self._tolerance / max(error, 1e-300), accepted, widest)

@@ -95,9 +95,12 @@ def _tree(text: str) -> dict[str, Any] | None:
 def _places(tree: Any) -> list[tuple[Any, Any]]:
     """Return every container with every key or index in it."""
     found: list[tuple[Any, Any]] = []
-    pending = [tree]
+    pending, seen = [tree], set()
     while pending:
         one = pending.pop()
+        if id(one) in seen:  # an anchor
+            continue
+        seen.add(id(one))
         items = list(one.items() if isinstance(one, dict) else enumerate(one))
         found += [(one, key) for key, _ in items]
         pending += [value for _, value in items if isinstance(value, dict | list)]

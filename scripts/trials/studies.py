@@ -98,14 +98,14 @@ def _sweep(rng: Draw, config: Values) -> Values:
     """One to four cases."""
     tolerance = config["solver"]["tolerance"]
     found: Values = {}
-    if rng.random() < 0.7:
-        found["solver.tolerance"] = [tolerance, 0.5 * tolerance]
     if rng.random() < 0.5:
+        found["solver.tolerance"] = [tolerance, 0.5 * tolerance]
+    if not found or rng.random() < 0.5:
         thickness = "layers.0.thickness" if "layers" in config else "layer.thickness"
         least = (config.get("layers") or [config["layer"]])[0]["thickness"]
         if 0 < least < np.inf:
             found[thickness] = [least, 1.3 * least]
-    return found
+    return found or {"solver.tolerance": [tolerance]}
 
 
 def _isolated(rng: Draw) -> Study:

@@ -116,6 +116,24 @@ def test_wisdom_is_kept_in_the_folder_and_read_from_it(tmp_path: Path) -> None:
     assert [read_sealed(path) for path in folder.iterdir()] == [first.encode()]
 
 
+def test_wisdom_has_the_plans_of_coarser_grids_and_gets_those_that_it_lacks(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    """Lines too have plans in single precision, which differ from run to run where they are measured anew."""
+    first = wisdom.planned((512,), tmp_path)
+    double, begin, single = first.partition("\n(fftw")
+    assert "codelet" in single
+    (kept,) = tmp_path.iterdir()
+    head, _, _ = single.partition("\n")
+    write_sealed(kept, f"{double}{begin}{head}\n)\n".encode())
+    forget_wisdom()
+    more = wisdom.planned((512,), tmp_path)
+    assert set(double.splitlines()) < set(more.splitlines())
+    assert "codelet" in more.partition("\n(fftw")[2]
+    assert read_sealed(kept) == more.encode()
+    assert not recwarn.list
+
+
 def test_of_two_runs_that_measure_at_the_same_time_both_use_the_plans_of_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

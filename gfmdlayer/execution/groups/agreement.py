@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gfmdlayer.grid.ranks import Ranks
 
-PATIENCE = 60.0  # seconds in which the other ranks come to the same error, or to the end
+PATIENCE = 8.0  # seconds in which the other ranks come to the same error, or to the end
 _POLL = 0.002  # seconds between two looks
 
 
@@ -46,7 +46,10 @@ def _first(ranks: Any, said: str, error: BaseException | None) -> str:
     request, begun = ranks.control.Ibarrier(), time.monotonic()
     while not request.Test():
         if error is not None and time.monotonic() - begun > PATIENCE:
-            traceback.print_exception(error)
+            if isinstance(error, OSError | MemoryError):
+                sys.stderr.write(f"gfmdlayer: {type(error).__name__}: {error}; all ranks end\n")
+            else:
+                traceback.print_exception(error)
             sys.stderr.flush()
             ranks.control.Abort(1)
         time.sleep(_POLL)
