@@ -257,10 +257,11 @@ def _input_errors(config: Config, ranks: Ranks) -> Iterator[tuple[str, str]]:
         velocity = make_velocity(config)
         key = "temperature.file"
         make_clocks(config)
-        key = next((name for name in names if name.startswith("interface")), "interface")
+        key = "interface"
         make_interface(config)
     except TableError as error:
-        yield key, str(error)
+        blamed = (name for name, path in names.items() if name.startswith(key) and str(path) in str(error))
+        yield next(blamed, key).replace("[", ".").replace("]", ""), str(error)
         return
     except MemoryError:
         message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
@@ -294,7 +295,5 @@ def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
     """
     if mean_stiffness > 0 or depth < mean_height:
         return ""
-    return (
-        f"got {depth:.6g} with this punch and a body whose mean height cannot change; "
-        f"must be below the mean height of the punch, {mean_height:.6g}"
-    )
+    found = f"got {depth:.6g} with this punch and a body whose mean height cannot change"
+    return f"{found}; must be below the mean height of the punch, {mean_height:.6g}"

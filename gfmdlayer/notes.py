@@ -19,6 +19,9 @@ _DIMENSIONS = {
     **dict.fromkeys(("tau", "ramp_time", "end"), "time"),
 }
 _PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
+# Errors of the solver, of the surface that a step finds, come back in its pressure by the glassy over the
+# relaxed modulus. So much above the tolerance of adaptive steps they were seen to decide these.
+_NOISE = 10
 _PASSED_OVER = 0.05  # of the range of a trajectory, by which equal steps may miss a point of it
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
 
@@ -127,6 +130,16 @@ def _on_values(config: Config) -> Iterator[str]:
             f"time.step = {given.step:g}: the indentation, up to trajectory.ramp_time = {ramp:g}, is one "
             "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
         )
+    if given.tolerance is not None and not config.grid.axisymmetric:
+        relaxed, branches = config.surface.material.roughly(given.end)
+        contrast = 1 + sum(modulus for modulus, _ in branches) / relaxed if relaxed > 0 else 1.0
+        enough = given.tolerance / contrast
+        if config.solver.tolerance > _NOISE * enough:
+            yield (
+                f"solver.tolerance = {config.solver.tolerance:g}: what it leaves open, times the glassy over "
+                f"the relaxed modulus, {contrast:.3g}, is above time.tolerance = {given.tolerance:g}, and "
+                f"steps may be very many; solver.tolerance: {enough:.1g} would do"
+            )
     if (duration := config.trajectory.duration) is not None and duration > end:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
 

@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 Location = tuple[str | int, ...]
 
 
+_ALIKE = 0.75  # likeness from which on a key elsewhere in the configuration may be meant
+
+
 class ConfigError(ValueError):
     """A configuration that cannot be used, with all of its errors.
 
@@ -198,6 +201,6 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
         hint = "; a decimal comma? Numbers have a point"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
-        found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1)
+        found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)
         hint = f"; did you mean '{same_ending[found[0]]}'?" if found else ""
     return f"unknown key; allowed: {', '.join(siblings)}{hint}"

@@ -27,7 +27,12 @@ from gfmdlayer.case import Case
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact import fire
 from gfmdlayer.contact.active_set import loop, solver, window, windows
+from gfmdlayer.contact.nested import iteration, level
+from gfmdlayer.contact.nested import solver as nested_solver
+from gfmdlayer.contact.nested.nesting import nest
+from gfmdlayer.contact.nested.stencil import stencil
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.preparation import warm_up
@@ -50,7 +55,7 @@ Patches = list[tuple[object, str, object]]
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Take the ingredients out of the active set and its guesses, of FIRE, and of the adaptive steps."""
+    """Take the ingredients out of the active set, nested gradients, FIRE, and the adaptive steps."""
     points, repetitions = max(effort.points), effort.repetitions
     active_set = {**_workloads(points, effort.steps), **_hard(points // 4)}
     with TemporaryDirectory() as folder:
@@ -59,6 +64,7 @@ def measure(effort: Effort) -> list[Table]:
         withdrawn = {"trajectory": {"control": "depth", "kind": "table", "file": str(file)}}
         return [
             *_compare("ablation", "Active set", active_set, ACTIVE_SET, repetitions),
+            *_compare("ablation-nested", "Nested gradients", _rough_surfaces(points), NESTED, repetitions),
             *_compare("ablation-fire", "FIRE", _fire(points), FIRE, repetitions),
             *_compare(
                 "ablation-adaptive", "Adaptive steps", _adaptive(points, withdrawn), ADAPTIVE, repetitions,
@@ -200,6 +206,22 @@ def _workloads(points: int, steps: int) -> dict[str, list[Config]]:
     }
 
 
+def _rough_surfaces(points: int) -> dict[str, list[Config]]:
+    """A first solve and time steps on a rough surface."""
+    side = max(points // 32, 64)
+    method = {"method": "nested_gradient", "tolerance": 1e-6}
+    values = {"grid.points": [side, side], "output.snapshots": [], "solver": method}
+    layer = load(_CONFIGS / "rough-layer.yaml").with_values(
+        {**values, "punch.short_cutoff": max(0.015625, 4 / side)}
+    )
+    sudden = {"time.end": 0.5, "time.step": 0.5}
+    return {
+        f"halfspace {side}², at once": [layer.with_values({**sudden, "layer.thickness": math.inf})],
+        f"layer {side}², at once": [layer.with_values(sudden)],
+        f"layer {side}², 10 steps": [layer.with_values({"time.end": 10 * float(layer.time.step)})],
+    }
+
+
 def _hard(points: int) -> dict[str, list[Config]]:
     long = {"time.step": _LONG_STEP, "time.end": 100 * _LONG_STEP}
     soft = {"layer.thickness": 0.01, "halfspace.shear_modulus": 0.001}
@@ -301,6 +323,19 @@ def _compiled_anew(**replaced: object) -> Patches:
     return [(solver, "iterate", iterate), *_in_windows(iterate)]
 
 
+def _only_the_point(grid: Grid, stiffness: FloatArray) -> Any:
+    """Take the place of the stencil: a constant."""
+    weights = stencil(grid, stiffness)
+    weights[1:] = 0.0
+    return weights
+
+
+def _without_coarser_grids(*arguments: Any) -> float:
+    """Take the place of the nested start: from where the punch lies lowest."""
+    with patch.object(Grid, "nested", property(lambda grid: [grid])):
+        return nest(*arguments)
+
+
 def _in_windows(iterate: object) -> Patches:
     return [(windows, "solve", with_globals(window.solve, {"iterate": iterate}))]
 
@@ -331,6 +366,12 @@ ACTIVE_SET = (
     _Ablation(
         "p², gap^(2/3): pressure itself", parts=lambda case: {"guess": DisplacementPrediction(case.grid.size)}
     ),
+)
+NESTED = (
+    _Ablation("preconditioner: a constant", patches=lambda: [(level, "stencil", _only_the_point)]),
+    _Ablation("coarser grids", patches=lambda: [(nested_solver, "nest", _without_coarser_grids)]),
+    _Ablation("steps taken as a whole", patches=lambda: [(iteration, "_LET_GO", 1e9)]),
+    _Ablation("shortest length tried: 0.3", patches=lambda: [(iteration, "_SHORTEST", 0.3)]),
 )
 FIRE = (
     _Ablation("inertia by mode: uniform", parts=lambda case: _solver(case, fire.Fire, mass_weighted=False)),

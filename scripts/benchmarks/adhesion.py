@@ -3,7 +3,8 @@
 A parabola on a line, a sphere and a rough surface on an elastic halfspace are pressed in and pulled off in
 equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1. Two numbers tell cases apart: the
 stiffness of the interface over that of the body, work/(range^2 kappa_1), and the points in the length of the
-cohesive zone, (pi/4) E* range^2/work.
+cohesive zone, (pi/4) E* range^2/work. Surfaces of more than 256 points a side are followed over the first
+few steps of the retreat.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.interface.adhesion import Exponential
+from gfmdlayer.interface.adhesion import Exponential, LennardJones
 from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.interface.terms import EXPONENTIAL
 from gfmdlayer.punch.self_affine import SelfAffine
 
 EFFORT = Effort(points=(1 << 10, 1 << 12, 1 << 14, 1 << 16), steps=60, repetitions=3)
@@ -39,6 +41,7 @@ QUICK = Effort(points=(1 << 10,), steps=30, repetitions=1)
 _WORK, _HALF_E_STAR, _CURVATURE = 1e-3, 2.0, 2.0
 _RANGES = {1 << 10: (4e-3, 2e-3, 1e-3), 1 << 12: (1e-3,), 1 << 14: (5e-4,), 1 << 16: (2.5e-4,)}
 _SIDES = (256, 512, 1024)
+_LATE = 4  # steps of the larger of them
 _RESIDUAL = 1e-6
 
 
@@ -69,13 +72,16 @@ def measure(effort: Effort) -> list[Table]:
     """Follow each course by both solvers; then take the ingredients out of Newton's method."""
     courses = [_line(n, reach, effort.steps) for n in effort.points for reach in _RANGES.get(n, (1e-3,))]
     large = max(effort.points) >= 1 << 14
-    courses += [_sphere(side, effort.steps // 3) for side in (_SIDES if large else (64,))]
-    courses += [_rough(side, effort.steps // 3) for side in (_SIDES[:1] if large else (64,))]
+    sides = _SIDES if large else (64,)
+    courses += [shape(side, effort.steps // 3) for shape in (_sphere, _rough) for side in sides]
+    steep = LennardJones(work=_WORK, separation=2e-3).interaction()
+    courses.append(courses[0]._replace(law=steep))
+    if large:
+        courses.append(_rough(sides[0], effort.steps // 3)._replace(law=steep))
     rows = [_row(course, effort.repetitions) for course in courses]
     note = (
-        "Jumps are steps in which energy was released, the first, from rest, left out. Targets of Newton's "
-        "method on lines (points in the zone): 34 to 45 pairs at 1024 (51 to 3), 58 at 4096 (13), 119 to 242 "
-        "at 16384 (13); spheres 36 to 43; rough surfaces 47."
+        "Jumps are steps in which energy was released, the first, from rest, left out. Pairs in single "
+        "precision count half."
     )
     title = (
         f"Adhesive contact on a halfspace, {effort.steps} depths or a third of them, residual {_RESIDUAL:g}"
@@ -97,7 +103,7 @@ def _sphere(side: int, steps: int) -> _Course:
     grid, reach = Grid((side, side), (1.0, 1.0)), 0.5 * math.sqrt(256 / side) * 5e-3
     x, y = grid.coordinates
     height = np.ravel(_CURVATURE * (x[:, np.newaxis] ** 2 + y**2))
-    return _Course(f"sphere {side}²", grid, height, _law(reach), _depths(8e-3, -4e-3, steps))
+    return _Course(f"sphere {side}²", grid, height, _law(reach), _late(side, _depths(8e-3, -4e-3, steps)))
 
 
 def _rough(side: int, steps: int) -> _Course:
@@ -105,7 +111,14 @@ def _rough(side: int, steps: int) -> _Course:
     shape = SelfAffine(hurst=0.8, roll_off=0.25, short_cutoff=16 / side, rms_slope=0.1, seed=1)
     height = np.ravel(shape.heights(grid))
     top = float(height.mean())
-    return _Course(f"rough {side}²", grid, height, _law(2.5e-3), _depths(0.6 * top, 0.2 * top, steps))
+    depths = _late(side, _depths(0.6 * top, 0.2 * top, steps))
+    return _Course(f"rough {side}²", grid, height, _law(2.5e-3), depths)
+
+
+def _late(side: int, depths: FloatArray) -> FloatArray:
+    """Take the beginning of the retreat of the largest surfaces."""
+    turn = int(np.argmax(depths))
+    return depths[turn : turn + 1 + _LATE] if side > _SIDES[0] else depths
 
 
 def _law(reach: float) -> InterfaceLaw:
@@ -121,20 +134,21 @@ def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
     transforms = Transforms(course.grid.shape)
     newton = Newton(transforms, _RESIDUAL)
     found = _follow(newton, course)
-    fire = _follow(Fire(transforms, _RESIDUAL, starts_from="gap"), course)
+    law, exponential = course.law, course.law.terms.form[0] == EXPONENTIAL
+    fire = _follow(Fire(transforms, _RESIDUAL, starts_from="gap"), course) if exponential else None
     taken = min(found.seconds, *(_follow(newton, course).seconds for _ in range(repetitions)))
     smooth = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if not jumps]
     rough = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if jumps]
-    law = course.law
     return {
         "contact": course.name,
+        "law": "exponential" if exponential else "Lennard-Jones",
         "stiffness ratio": law.strength / law.range / (2 * math.pi * _HALF_E_STAR),
         "points in the zone": math.pi * _HALF_E_STAR / 2 * law.range / law.strength * course.grid.shape[0],
-        "pairs a step": float(np.mean(smooth)),
-        "most": max(smooth),
+        "pairs a step": float(np.mean(smooth)) if smooth else None,
+        "most": max(smooth, default=None),
         "jumps": len(rough),
         "pairs of a jump": float(np.mean(rough)) if rough else None,
-        "FIRE: pairs a step": float(np.mean(fire.pairs[1:])),
+        "FIRE: pairs a step": float(np.mean(fire.pairs)) if fire else None,
         "CPU time / bare pairs": taken / (sum(found.pairs) * _bare(transforms)),
     }
 

@@ -96,7 +96,7 @@ def _row(
     return {
         "": name,
         "own tolerance": f"{tolerance:g}",
-        "contact area": f"{area:.7f}",
+        "contact area": f"{area:.9f}",
         "residual": residual,
         "FFT pairs": pairs,
         "time [s]": taken,

@@ -10,7 +10,7 @@ import pytest
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.model import stem
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.sweep import cases
+from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.interface.adhesion import Exponential
 from gfmdlayer.interface.electrostatic import Electrostatic
 from gfmdlayer.validation.units import Units
@@ -116,3 +116,22 @@ def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None
     before = digest(cases(config)[1].config)
     (tmp_path / "volts.txt").write_text("0 0\n1 11\n")
     assert digest(cases(config)[1].config) != before
+
+
+def test_of_several_files_the_one_that_cannot_be_used_is_named_where_it_is_given(tmp_path: Path) -> None:
+    (tmp_path / "good.txt").write_text("0 1\n1 2\n")
+    (tmp_path / "bad.txt").write_text("0 1\n2 3\n1 4\n")
+    law = "{{law: electrostatic, voltage: {}, insulation: 0.1, permittivity: 1.0}}"
+    laws = "".join(f"  - {law.format(name)}\n" for name in ("good.txt", "bad.txt"))
+    given = tmp_path / "case.yaml"
+    given.write_text(f"name: a\ninterface:\n{laws}")
+    with pytest.raises(ConfigError) as refused:
+        load(given, inspect=input_errors)
+    (said,) = refused.value.problems
+    assert said.startswith(f"{given}:4:35: interface[1].voltage: {tmp_path / 'bad.txt'}:3: time = 1 after 2")
+
+
+def test_a_key_of_another_law_is_not_taken_for_one_of_another_section() -> None:
+    with pytest.raises(ConfigError) as refused:
+        Config(name="a", interface={"work": 1e-3, "range": 0.01, "stress": 3.0})
+    assert refused.value.problems == ["interface.stress: unknown key; allowed: law, work, range"]

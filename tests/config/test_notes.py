@@ -117,3 +117,14 @@ def test_an_indentation_that_equal_steps_pass_over_is_noted(tmp_path: Path) -> N
     assert of(table | {"time": time | {"integrator": "exponential"}}) == []
     cycle = {"trajectory": {"kind": "approach_retract", "depth": 0.01, "approach_speed": 0.02}}
     assert of(cycle | {"time": {"step": 0.5, "integrator": "backward_euler"}}) == []
+
+
+def test_a_solver_too_coarse_for_adaptive_steps_is_noted() -> None:
+    """Its errors in the displacement, pressed on by the glassy modulus, decide the steps."""
+    material = {"model": "zener", "G0": 1.0, "Ginf": 2000.0, "tau": 1.0}
+    case = {"layer.material": material, "time": {"end": 1.0, "step": "adaptive", "tolerance": 0.01}}
+    (note,) = of(case | {"solver.tolerance": 1e-4})
+    assert note.startswith("solver.tolerance = 0.0001: what it leaves open")
+    assert note.endswith("solver.tolerance: 5e-06 would do")
+    assert of(case | {"solver.tolerance": 5e-6}) == []
+    assert of({"layer.material": material, "solver.tolerance": 1e-4}) == []

@@ -11,6 +11,7 @@ import pytest
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
+from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.nested.stencil import stencil
 from gfmdlayer.contact.problem import Problem, Solution
@@ -131,6 +132,15 @@ def test_it_agrees_with_the_active_set(first: int) -> None:
         bound = problem.stiffness.max() * TOLERANCE * depth * pressing**0.5
         assert np.linalg.norm(found.pressure - other.pressure) <= bound
         assert abs(found.contact_area - other.contact_area) * case.punch.size <= 2
+
+
+@pytest.mark.parametrize("place", [0, 100, 255, 300, 520])
+def test_a_residual_counts_wherever_it_is(place: int) -> None:
+    """Also beside a last block of points that is a short one."""
+    p, gap, h = np.zeros(530), np.ones(530), np.ones(530)
+    p[place], gap[place] = 2.0, 0.5
+    assert passes.extent(0, 530, 0.0, h, p, gap)[1][0] == 2.0
+    assert passes.settle(0, 530, 1.0, 1.0, 0.0, h, p, gap, h.copy())[1][0] == 0.5
 
 
 def film() -> tuple[Case, Problem]:

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -88,23 +84,43 @@ def test_groups_share_a_sweep_of_a_measured_surface_that_no_rank_holds(run_here:
             )
 
 
+KILLED_AT = """
+import os, signal, sys
+from mpi4py import MPI
+from gfmdlayer.cli import main
+from gfmdlayer.execution.checkpoints import Checkpoints
+advance = Checkpoints.advance
+
+def killed_at(self, time):
+    advance(self, time)
+    if MPI.COMM_WORLD.Get_rank() == {victim} and time > {time}:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Checkpoints.advance = killed_at
+sys.exit(main())
+"""
+
+
 def test_a_case_whose_rank_is_killed_twice_is_resumed_bit_for_bit(
     bits: Callable[[Path], dict[str, bytes]],
 ) -> None:
     Path("rough.yaml").write_text(SURFACE.replace("step: 0.1", "step: 0.01"))
     options = "--ranks-per-case", "2", "--checkpoint-every", "0", "--out"
     for victim in (0, 1):
-        given = command(2, "rough.yaml", *options, "killed")
-        with subprocess.Popen(given, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-            told = Path("killed/cases/0000.running")
-            deadline = time.monotonic() + 120
-            while _time(told) <= 0.1 * (victim + 1):
-                assert process.poll() is None, process.communicate()
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
-            ranks = _ranks(process.pid)
-            os.kill(ranks[victim], signal.SIGKILL)
-            process.communicate(timeout=120)
+        program = KILLED_AT.format(victim=victim, time=0.1 * (victim + 1))
+        given = [
+            str(MPIRUN),
+            "-n",
+            "2",
+            sys.executable,
+            "-c",
+            program,
+            "run",
+            "rough.yaml",
+            *options,
+            "killed",
+        ]
+        process = subprocess.run(given, capture_output=True, timeout=240, check=False)
         assert process.returncode != 0
         left = {path.name for path in Path("killed/cases").iterdir()}
         assert left & {"0000.checkpoint1a", "0000.checkpoint1b"}
@@ -146,21 +162,3 @@ def test_ranks_that_make_no_groups_are_refused_once() -> None:
     assert process.returncode == 2
     assert process.stderr.count("got 3 ranks; must be a multiple of 2") == 1
     assert not Path("results").exists()
-
-
-def _time(status: Path) -> float:
-    try:
-        return float(json.loads(status.read_text())["simulated_time"])
-    except (OSError, ValueError):
-        return 0.0
-
-
-def _ranks(launcher: int) -> list[int]:
-    """Return the processes of the ranks, in their order."""
-    (proxy,) = _children(launcher)
-    return sorted(_children(proxy))
-
-
-def _children(pid: int) -> list[int]:
-    found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    return [int(child) for child in found.split()]

@@ -87,7 +87,7 @@ def test_a_rough_surface_is_run_on_each_grid(tables: Callable[[str], Tables]) ->
 @pytest.mark.slow  # loops are compiled anew
 def test_ablation_compares_each_ingredient_with_the_full_method(tables: Callable[[str], Tables]) -> None:
     found = tables("--only ablation --points 512 --steps 4 --repetitions 1")
-    for name in ("ablation", "ablation-fire", "ablation-adaptive"):
+    for name in ("ablation", "ablation-nested", "ablation-fire", "ablation-adaptive"):
         full, *without = found[f"{name}-pairs"]
         assert [row["taken out"] for row in without] == [row["taken out"] for row in found[f"{name}-time"]]
         assert all(isinstance(full[workload], int) for workload in full.keys() - {"taken out"})

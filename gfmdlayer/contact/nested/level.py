@@ -18,12 +18,6 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
 
-def displacement(problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
-    """Write the transform of the displacement in the place of that of the pressure, and in a second array."""
-    given = problem.intercept.view(np.float64)
-    passes.displace(problem.stiffness, given, spectrum.view(np.float64), work.view(np.float64))
-
-
 class Extent(NamedTuple):
     """How far the fields of a state reach."""
 
@@ -84,6 +78,7 @@ class Level:
     ) -> None:
         self.grid, self.transforms, self.floor = grid, transforms, floor
         self.sweep = Sweep(grid, transforms.threads)
+        self._modes = Sweep(grid, transforms.threads, grid.spectral_shape)
         self.r, self.z, self.d, self.step, self.change = (transforms.empty_field() for _ in range(5))
         self._spectrum = transforms.empty_spectrum()
         self._compliance = np.empty(stiffness.size, dtype=np.float32)
@@ -100,9 +95,14 @@ class Level:
     def respond(self) -> None:
         """Write the change of the gap under the step, A step: one pair of transforms."""
         self.transforms.transform(self.step, self._spectrum)
-        passes.comply(self._compliance, self._spectrum)
+        self._modes.only(passes.comply, self._compliance, self._spectrum)
         self.transforms.transform_back(self._spectrum, self.change)
         self.pairs += 1
+
+    def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
+        """Write the transform of the displacement in the place of that of the pressure, and in ``work``."""
+        numbers = (each.view(np.float64) for each in (problem.intercept, spectrum, work))
+        self._modes.only(passes.displace, problem.stiffness, *numbers)
 
     def precondition(self) -> Sequence[float]:
         """Write z = M r in the place of the last r; see `passes.precondition` for the sums."""

@@ -11,7 +11,7 @@ from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.coarser import prolong
 from gfmdlayer.contact.nested.iteration import Search
-from gfmdlayer.contact.nested.level import Fields, Level, displacement
+from gfmdlayer.contact.nested.level import Fields, Level
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
@@ -41,7 +41,7 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     """
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
-    displacement(problem, free, np.empty_like(free))
+    fine.displace(problem, free, np.empty_like(free))
     last, pairs = None, 0.0
     for grid in reversed(fine.grid.nested[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))

@@ -6,6 +6,7 @@ what is added to them in single. Outside of the set C of points that press or ov
 
 Sums over a block of points are in the precision of the fields, those over the blocks in double. Largest
 values are kept side by side, and written from one array into another: stores under a condition are slow.
+Both arrays count at the end, as the last block may be a short one.
 """
 
 from __future__ import annotations
@@ -77,7 +78,10 @@ def advance(
             wider[i] = off if off > opened[i] else opened[i]
             deeper[i] = rs[i] if rs[i] > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
-    return (load, weighted, free), (float(opened.max()), below.max() * move.per_gap)
+    return (load, weighted, free), (
+        float(max(opened.max(), wider.max())),
+        max(below.max(), deeper.max()) * move.per_gap,
+    )
 
 
 @kernel(reorder=True, inner=True)
@@ -206,7 +210,7 @@ def respond(first: int, end: int, p: Any, step: Any, change: Any) -> tuple[tuple
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
-    return (curvature, across), (float(falls.max()),)
+    return (curvature, across), (float(max(falls.max(), faster.max())),)
 
 
 @kernel(reorder=True)
@@ -250,7 +254,12 @@ def extent(
             wider[i] = gaps[i] if gaps[i] > widest[i] else widest[i]
         largest, depth, overlap, larger, deeper, lower = larger, deeper, lower, largest, depth, overlap
         widest, wider = wider, widest
-    return (load, weighted, total), (largest.max(), depth.max(), overlap.max(), widest.max())
+    return (load, weighted, total), (
+        max(largest.max(), larger.max()),
+        max(depth.max(), deeper.max()),
+        max(overlap.max(), lower.max()),
+        max(widest.max(), wider.max()),
+    )
 
 
 @kernel(reorder=True)
@@ -295,24 +304,28 @@ def add_response(first: int, end: int, gap0: Any, change: Any, gap: Any) -> tupl
 
 
 @kernel(reorder=True)
-def comply(compliance: Any, spectrum: Any) -> None:
+def comply(first: int, end: int, compliance: Any, spectrum: Any) -> tuple[tuple[float], tuple[float]]:
     """Multiply a spectrum by the compliance."""
-    for k in range(spectrum.size):
-        spectrum[k] *= compliance[k]
+    factors, modes = compliance[first:end], spectrum[first:end]
+    for k in range(modes.size):
+        modes[k] *= factors[k]
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
-def displace(stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray) -> None:
+def displace(
+    first: int, end: int, stiffness: FloatArray, intercept: FloatArray, pressure: FloatArray, u: FloatArray
+) -> tuple[tuple[float], tuple[float]]:
     """Write u = (b - p)/kappa mode by mode, and 0 where kappa is, in the place of p too.
 
     Spectra are given as real numbers, real and imaginary parts in turn.
     """
-    for k in range(stiffness.size):
+    for k in range(first, end):
         per = 1.0 / stiffness[k] if stiffness[k] > 0.0 else 0.0
-        pressure[2 * k] = per * (intercept[2 * k] - pressure[2 * k])
-        pressure[2 * k + 1] = per * (intercept[2 * k + 1] - pressure[2 * k + 1])
-    for k in range(u.size):
-        u[k] = pressure[k]
+        for i in range(2 * k, 2 * k + 2):
+            u[i] = per * (intercept[i] - pressure[i])
+            pressure[i] = u[i]
+    return (0.0,), (0.0,)
 
 
 @kernel(reorder=True)
@@ -347,4 +360,7 @@ def settle(
             worse[i] = off if off > worst[i] else worst[i]
             touching += 1.0 if press > opening else 0.0
         worst, overlap, worse, deeper = worse, deeper, worst, overlap
-    return (touching, load, gaps, mean), (worst.max(), overlap.max())
+    return (touching, load, gaps, mean), (
+        max(worst.max(), worse.max()),
+        max(overlap.max(), deeper.max()),
+    )

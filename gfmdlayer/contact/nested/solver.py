@@ -29,7 +29,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.iteration import Search
-from gfmdlayer.contact.nested.level import Extent, Fields, Level, displacement
+from gfmdlayer.contact.nested.level import Extent, Fields, Level
 from gfmdlayer.contact.nested.nesting import nest
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -100,7 +100,8 @@ class NestedGradient:
         self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
             return self._by_active_set(problem, start, 0, 0)
-        fine, at = self._level_of(problem), self._fields(problem, start)
+        fine = self._level_of(problem)
+        at = self._fields(fine, problem, start)
         search = self._from_guess(fine, problem, at)
         if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
@@ -155,7 +156,7 @@ class NestedGradient:
         self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
         return self._fine
 
-    def _fields(self, problem: Problem, start: FloatArray) -> Fields:
+    def _fields(self, fine: Level, problem: Problem, start: FloatArray) -> Fields:
         """The problem with the first guess, not negative; NaN counts as zero."""
         p, gap = self._transforms.empty_field(), self._transforms.empty_field()
         np.fmax(start, 0.0, out=p)
@@ -163,7 +164,7 @@ class NestedGradient:
             return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
         at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, _AIM * self._tolerance)
         nothing = np.zeros_like(self._work)
-        displacement(problem, nothing, self._work)
+        fine.displace(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
         np.subtract(at.h, at.gap0 / self._grid.size, out=at.gap0)
         self._doubles += 0.5
@@ -197,7 +198,7 @@ class NestedGradient:
         fine.set_load(at)
         spectrum: ComplexArray = self._transforms.empty_spectrum()
         self._transforms.transform(at.p, spectrum)
-        displacement(problem, spectrum, self._work)
+        fine.displace(problem, spectrum, self._work)
         self._transforms.transform_back(self._work, at.gap)
         self._doubles += 1
         return spectrum, fine.set_scales(at, 1.0 / self._grid.size)

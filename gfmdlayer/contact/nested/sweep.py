@@ -28,11 +28,13 @@ class Sweep:
         The points; its `sums` complete the results.
     threads : int
         Threads that share the points of a large grid.
+    shape : tuple of int, optional
+        Of what is swept in place of the points, such as the modes.
     """
 
-    def __init__(self, grid: Grid, threads: int) -> None:
-        self._sums, self._whole = grid.sums, grid.is_whole
-        size, columns = prod(grid.shape), grid.shape[-1]
+    def __init__(self, grid: Grid, threads: int, shape: tuple[int, ...] | None = None) -> None:
+        self._sums, self._whole, shape = grid.sums, grid.is_whole, shape or grid.shape
+        size, columns = prod(shape), max(shape[-1], 1)
         threads = min(threads, size // columns) if size >= WORTH_THREADS else 1
         rows = np.linspace(0, size // columns, threads + 1).astype(int) * columns
         self._stretches = [*pairwise(rows.tolist())]
