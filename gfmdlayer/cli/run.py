@@ -153,7 +153,8 @@ def _conclude(summary: Summary, directory: Path, shard: Shard | None) -> int:
     """Print how the run ended and return the exit status."""
     print("".join(f"note: {line}\n" for line in summary.notes), end="")
     if stopped := summary.count("stopped"):
-        print(f"stopped: {stopped} cases wait; the same command resumes them")
+        left = f"{stopped} cases wait" if stopped > 1 else "1 case waits"
+        print(f"stopped: {left}; the same command goes on from there")
         return RESUMABLE
     if summary.failures:
         print(f"{len(summary.failures)} of {len(summary.outcomes)} cases failed:")

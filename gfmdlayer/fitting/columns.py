@@ -62,6 +62,12 @@ def quantity(name: str) -> str | None:
     return None
 
 
+def is_relaxation_time(name: str) -> bool:
+    """Whether a column is named as the relaxation times of a series: tau, tau_k [s], τ."""
+    plain = _UNIT.sub("", name.strip().strip('"').lower()).strip()
+    return re.fullmatch(r"(tau|τ)([ _]?[ikn]|_relax)?|relaxation[ _]times?", plain) is not None
+
+
 def symbols(quantities: Sequence[str]) -> tuple[str, ...]:
     """Return the quantities as messages write them: omega, E', tan delta."""
     plain = {

@@ -216,8 +216,14 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
 
 
 def _check_name(place: str, header: str, width: int) -> None:
-    """Refuse a first column whose name is that of another quantity than its number of columns says."""
-    name = re.split(r"[,;\t]", header)[0] if re.search(r"[,;\t]", header) else header.split()[0]
+    """Refuse relaxation times, and a first column of another quantity than the number of columns says."""
+    names = re.split(r"[,;\t]", header) if re.search(r"[,;\t]", header) else header.split()
+    if any(map(columns.is_relaxation_time, names)):
+        raise TableError(
+            f"{place}: {header!r} names the relaxation times of a Prony series, which is no curve; write it "
+            "as material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
+        )
+    name = names[0]
     kind = MasterCurve if width == 3 else RelaxationCurve
     quantity = columns.quantity(name)
     if quantity == "frequency":

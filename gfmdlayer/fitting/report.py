@@ -204,7 +204,10 @@ def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator
     if asked is not None and isinstance(material, Prony) and len(material.branches) < asked:
         yield f"{_branches(len(material.branches))} instead of {asked}: more do not reduce the error"
     if fitted.rms > max(POOR * fitted.least, POOR_RMS):
-        yield f"the law {material.model} does not follow the data; another law or a Prony series may"
+        if isinstance(material, Prony):
+            yield "the Prony series does not follow the data; more rows, or more --branches, may help"
+        else:
+            yield f"the law {material.model} does not follow the data; another law or a Prony series may"
     if relaxed is None and material.relaxed and elastic.min() > PLATEAU * material.relaxed:
         yield (
             f"G0 = {material.relaxed:.4g} is extrapolated: the lowest measured modulus is "

@@ -93,6 +93,14 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, tension: 
     np.testing.assert_allclose(found.moduli, [modulus.real, modulus.imag], rtol=1e-14)
 
 
+@pytest.mark.parametrize("header", ["tau [s],G [MPa]", "G, τ_k", "k  G  tau"])
+def test_a_prony_table_is_not_taken_for_a_curve(tmp_path: Path, header: str) -> None:
+    rows = np.arange(1.0, 11.0)
+    path = written(tmp_path / "prony.csv", header, *[rows] * (2 + header.startswith("k")))
+    with pytest.raises(TableError, match="names the relaxation times of a Prony series"):
+        read(path)
+
+
 def test_columns_without_names_are_named_by_the_user(tmp_path: Path) -> None:
     t = np.geomspace(1e-2, 1e2, 20)
     path = written(tmp_path / "data.txt", "# nothing", t, 3 * LAWS[0].relaxation_modulus(t))

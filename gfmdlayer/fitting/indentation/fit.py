@@ -165,7 +165,7 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
 def _wrong_keys(keys: Any) -> Iterator[str]:
     """Yield what is wrong with the form of the keys of the free parameters, and of their bounds."""
     if not isinstance(keys, (list, tuple, Mapping)) or not keys:
-        yield "free: must name parameters, such as [layer.material.G0], or give their bounds"
+        yield "free: must name parameters, such as layer.material.G0, or give bounds; in the model, or --free"
         return
     for key in keys:
         if not isinstance(key, str):
