@@ -80,7 +80,7 @@ class NestedGradient:
         self._transforms, self._tolerance, self._max_iterations = transforms, tolerance, max_iterations
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
-        self._stiffness: FloatArray | None = None
+        self._stiffness: FloatArray = np.empty(0)
         self._single: Fields | None = None
         self._work = transforms.empty_spectrum()
         self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
@@ -151,8 +151,8 @@ class NestedGradient:
         if self._fine is None:
             single = self._transforms.of_shape(self._grid.points, single=True)
             self._fine = Level(self._grid, single, problem.stiffness, problem.residual_floor)
-        elif self._stiffness is None or not np.array_equal(problem.stiffness, self._stiffness):
-            self._fine.set_stiffness(problem.stiffness)
+        elif not self._grid.sums.minimum(int(np.array_equal(problem.stiffness, self._stiffness))):
+            self._fine.set_stiffness(problem.stiffness)  # by all ranks, whoever's part has changed
         self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
         return self._fine
 
