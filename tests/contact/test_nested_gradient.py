@@ -206,6 +206,16 @@ def test_without_contact_there_is_no_pressure() -> None:
     assert found.contact_area == 0.0
 
 
+def test_a_depth_may_follow_a_load() -> None:
+    case, problem = problem_of(1, sizes=(64,))
+    start = np.zeros(case.punch.size)
+    pressed = Problem(problem.stiffness, problem.intercept, case.punch - 0.3 * case.punch.mean())
+    loaded = Problem(problem.stiffness, problem.intercept, case.punch, solved(case, pressed).mean_pressure)
+    solver = NestedGradient(case.transforms, TOLERANCE, grid=case.grid)
+    assert solver.solve(loaded, start).converged
+    np.testing.assert_array_equal(solver.solve(pressed, start).pressure, solved(case, pressed).pressure)
+
+
 # Under a coating only the long waves, which the first rank holds, feel that the base has become stiffer.
 CHANGED = """
 import numpy as np
