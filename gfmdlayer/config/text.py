@@ -22,6 +22,8 @@ from ruamel.yaml.reader import ReaderError
 from gfmdlayer.files.number_lists import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
+_TOO_DEEP = "nested too deeply to be a configuration"
+_MOST_OPEN = 1000  # brackets: the parser takes a time that grows with the square of their number
 _NO_LISTS: Mapping[str, NumberList] = {}
 _TAG = "the tag {} is not used here; must be written without it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
@@ -95,10 +97,23 @@ def read(content: str | bytes, source: str, at: Location = ()) -> Document:
     return _parsed(content, source, at)
 
 
+def _too_deep(content: str) -> int | None:
+    """Return the place of the bracket that is one too many."""
+    opened = 0
+    for bracket in re.finditer(r"[\[{\]}]", content):
+        opened += 1 if bracket[0] in "[{" else -1
+        if opened > _MOST_OPEN:
+            return bracket.start()
+    return None
+
+
 def _parsed(content: str, source: str, at: Location, lists: Mapping[str, NumberList] = _NO_LISTS) -> Document:
     """Return the data in a text, in which words may stand for lists of numbers."""
     document = Document()
     start = Place(source, 1, 1)
+    if (opened := _too_deep(content)) is not None:
+        document.problems.append((_place(source, content[:opened]), _TOO_DEEP))
+        return document
     yaml = YAML(typ="safe", pure=True)
     try:
         with warnings.catch_warnings():  # anchors are refused, however often they are given
@@ -112,7 +127,7 @@ def _parsed(content: str, source: str, at: Location, lists: Mapping[str, NumberL
         place = _place(source, content[: error.position])
         document.problems.append((place, f"not YAML: the character {error.character!r} is not allowed"))
     except RecursionError:
-        document.problems.append((start, "nested too deeply to be a configuration"))
+        document.problems.append((start, _TOO_DEEP))
     except Exception as error:  # the parser lets errors of many kinds through on odd escapes and directives
         document.problems.append((start, f"not YAML: {error or type(error).__name__}"))
     return document

@@ -178,7 +178,12 @@ class _Run:
             return Listener()
         case, config = self.case, self.case.config
         return StatusFile(
-            self.folder, case.index, config.time.end, label(case.values), estimate(config).steps
+            self.folder,
+            case.index,
+            config.time.end,
+            label(case.values),
+            estimate(config).steps,
+            together=self.ranks.count > 1,
         )
 
     def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:

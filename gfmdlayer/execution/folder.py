@@ -193,10 +193,11 @@ class Folder:
             content = path.read_bytes()
             place, hashed = (hashlib.sha256(each).hexdigest()[:16] for each in (bytes(path), content))
             kept = self.path / "inputs" / f"{path.stem}-{place}-{hashed}{path.suffix}"
-            if kept.exists() and kept.read_bytes() == content:
+            same = kept.exists()  # by its name; the copy itself may be damaged
+            if same and kept.read_bytes() == content:
                 return kept
             kept.parent.mkdir(exist_ok=True)
-            if not changed and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
+            if not (changed or same) and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
                 raise FolderError(
                     f"{path}: has changed since the results in {self.path} were begun; {WAYS_OUT}"
                 )

@@ -14,7 +14,7 @@ import socket
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -46,18 +46,29 @@ class StatusFile:
         The case's swept values, for people.
     expected : int
         Expected number of steps; 0 where it is not known.
+    together : bool
+        Whether other ranks compute the case too: they agree on a stop after each step, not before the first.
     """
 
-    def __init__(self, folder: Folder, index: int, end: float, label: str = "", expected: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Folder,
+        index: int,
+        end: float,
+        label: str = "",
+        expected: int = 0,
+        together: bool = False,
+    ) -> None:
         self._path = folder.case(index, "running")
-        self._stop = folder.stop
+        self._stop, self._together = folder.stop, together
         self._written = -WRITE_INTERVAL
         me = {"host": socket.gethostname(), "pid": os.getpid(), "born": born(), "started": time.time()}
         self._fixed: dict[str, object] = me | {"end": end, "label": label, "expected": expected}
         self._steps = -1  # the call on entering is not a step
 
     def __enter__(self) -> Self:
-        self.advance(0.0)
+        with suppress(Stopped) if self._together else nullcontext():
+            self.advance(0.0)
         return self
 
     def __exit__(self, *details: object) -> None:

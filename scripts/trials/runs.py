@@ -28,6 +28,7 @@ from gfmdlayer.results.reader import attributes, is_complete
 LONGEST = 60.0  # seconds of an undisturbed run, above which a study is not used
 GRACE = 10.0  # seconds in which all processes of a run must have ended after one was killed
 LATE = 0.8  # part of the kills that come after the first case has begun
+GROWING = 0.3  # part of the studies that begin with one case
 PATIENCE = 180.0  # seconds after which a run counts as one that hangs
 ATTEMPTS = 12  # disturbed runs of a trial
 ENDS = (0, 1, 75)  # exit status of a run that could do its work
@@ -70,6 +71,16 @@ class Trial:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
         run.wait(GRACE)
+
+    def grow(self, chosen: Study, spent: float) -> None:
+        """Begin the results with the first case of a study alone, up to a random moment."""
+        first = {key: values[:1] for key, values in chosen.config["sweep"].items()}
+        Study(chosen.config | {"sweep": first}, chosen.tables).write(self.folder)
+        run = self.launch(choose(self.rng, *self.ways))
+        run.wait(self.rng.uniform(0, 3) * spent)
+        self.stop(run)
+        chosen.write(self.folder)
+        self.events["growing studies"] += 1
 
     def kill_one(self, spent: float, status: int) -> None:
         """Start a run, send a signal at a random moment, and wait until all has ended."""
@@ -192,11 +203,14 @@ def tried(trial: Trial, together: bool, disturb: Callable[[Trial, float, int], N
     Outcome
     """
     try:
-        run = trial.whole(study(trial.rng, together))
+        chosen = study(trial.rng, together)
+        run = trial.whole(chosen)
         if run.status not in (0, 1):
             kind = "refused" if run.status == 2 else "too long"
             return Outcome(kind, run.text(), Counter({f"studies {kind}": 1}))
         spent = sum(map(seconds, (trial.folder / "whole/cases").glob("*.h5")))
+        if trial.rng.random() < GROWING:
+            trial.grow(chosen, spent)
         for _ in range(trial.rng.integers(1, ATTEMPTS + 1)):
             disturb(trial, spent, run.status)
         if trial.out.exists():

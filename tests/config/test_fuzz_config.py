@@ -161,6 +161,7 @@ def test_what_looks_like_a_configuration_is_accepted_or_refused(folder: Path, co
         "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\nd: [*c, *c]\n",
         "name: x\nlayer: &l {thickness: 1, self: *l}\n",
         "[" * 2000,
+        "[" * 1_000_000,
         "{a: " * 3000 + "1" + "}" * 3000,
         "name: x\n" + "- " * 3000 + "x\n",
         "? " * 3000,

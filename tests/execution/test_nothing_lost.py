@@ -193,6 +193,20 @@ TABLES: dict[str, dict[str, object]] = {
 }
 
 
+def test_a_damaged_copy_of_a_table_is_replaced(
+    run_here: Run, bits: Callable[[str], dict[str, bytes]]
+) -> None:
+    Path("table.txt").write_text(table(0.002))
+    config = small(SWEEP, **TABLES["trajectory.file"])
+    run_here(config)
+    whole, (copy,) = bits("out"), Path("out/inputs").iterdir()
+    copy.write_text(table(0.008))
+    Path("out/cases/0001.h5").unlink()
+    run_here(config)
+    assert copy.read_text() == table(0.002)
+    assert bits("out") == whole
+
+
 @pytest.mark.parametrize("key", TABLES)
 def test_a_table_that_changes_while_a_sweep_runs_is_read_once(
     key: str, run_here: Run, bits: Callable[[str], dict[str, bytes]], monkeypatch: pytest.MonkeyPatch

@@ -16,8 +16,9 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution import interrupts
 from gfmdlayer.execution import run as running
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.interrupts import AGAIN, STOP_SIGNALS, at_once
+from gfmdlayer.execution.interrupts import AGAIN, STOP_SIGNALS, Stopped, at_once
 from gfmdlayer.execution.schedule import Outcome, Schedule
+from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.workers import processes
 
 PATIENCE = 60.0  # seconds in which a test that fails ends
@@ -111,6 +112,17 @@ def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", interrupted)
     assert main([verb, "a.yaml"]) == 75
     assert capsys.readouterr().err == "gfmdlayer: stopped\n"
+
+
+def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(tmp_path: Path) -> None:
+    """The other ranks, which no signal has reached, wait for it in what comes before the first step."""
+    folder = Folder(tmp_path)
+    folder.cases.mkdir()
+    interrupts.request_stop()
+    with pytest.raises(Stopped), StatusFile(folder, 0, 1.0):
+        raise AssertionError("alone, a process stops before its case")
+    with StatusFile(folder, 0, 1.0, together=True) as status, pytest.raises(Stopped):
+        status.advance(0.1)
 
 
 def test_a_signal_while_the_configuration_is_read_ends_the_command(
