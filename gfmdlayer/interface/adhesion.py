@@ -1,7 +1,7 @@
 """Hard wall, and adhesion by a work and a range or a stress.
 
 Every law is stated by its work of adhesion w, so that -w is the energy in contact and 0 that far away; tau is
-the traction. See `docs/adhesion.md`.
+the traction. See `docs/theory/adhesion.md`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ energy of field and source together is
 
     w = -(eps0/2) V^2/(g + h0),        tau = dw/dg = (eps0/2) V^2/(g + h0)^2
 
-which attracts for either sign of V. See `docs/adhesion.md`.
+which attracts for either sign of V. See `docs/theory/adhesion.md`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,9 @@ exponential scheme and of first order with backward Euler.
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
 difference of their energies, elastic and of the interface, has gone into waves and heat: it is lost. A step
 over an instability has work before the jump and behind it (`observables.folds`), and what the balance of the
-step leaves is the loss. Its error is that of the work: of higher than first order in the step.
+step leaves is the loss. Its error is that of the work: of higher than first order in the step. Where the end
+of the branch is not known the solver's own figure is the loss, and the work follows from the balance. Either
+way the balance of such a step closes by construction: the residual checks the steps between alone.
 
 A voltage that changes does work too. The energy of the interface is that of the field and of its source,
 w(g, t) = -C(g) V(t)^2/2 per area (`interface.electrostatic`), and at a fixed gap it changes by -C V dV: a

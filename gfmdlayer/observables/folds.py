@@ -8,10 +8,11 @@ branch, -1 and 0, so give place and response at its end,
     x_f = x_0 + (x_0 - x_-1) m_0^2/(m_-1^2 - m_0^2),        y_f = y_0 + (y_0 - y_-1) m_0/(m_-1 - m_0)
 
 and the work int y dx is (x_f - x_0) (2 y_0 + y_f)/3 on the first branch, where y is a parabola on its side,
-and (x_1 - x_f) y_1 on the second. The error of x_f is of the order 3/2 in the step, as is that of the work,
-and of the energy that is lost: what the balance of the step leaves. The solver's own figure, of first order,
-is above it, as it is taken behind the end of the branch; it serves where the margin does not tell, as for a
-flat punch that lets go at once.
+and (x_1 - x_f) y_1 on the second. Where the step ends before x_f there is the first alone, up to the margin
+r m_0 at the end of the step, and y_f - y_0 in the mean is less by the factor (1 - r)(1 + 2 r)/(1 + r). The
+error of x_f is of the order 3/2 in the step, as is that of the work, and of the energy that is lost: what the
+balance of the step leaves. The solver's own figure, of first order, is above it, as it is taken behind the
+end of the branch; it serves where the margin does not tell, as for a flat punch that lets go at once.
 """
 
 from __future__ import annotations
@@ -69,6 +70,7 @@ def work_over_fold(*rows: Row, depth_given: bool) -> tuple[float, float] | None:
     part = before.margin**2 / fallen * (before.time - last.time) / (after.time - before.time)
     rest = math.sqrt(max(1 - 1 / part, 0.0))  # of the margin at the end of the step
     further = (1 - rest) * before.margin / (last.margin - before.margin)
+    further *= (1 + 2 * rest) / (1 + rest)  # where the parabola is cut
     part = min(part, 1.0)
     (_, y), (x0, y0), (x1, y1) = (
         row.point if depth_given else row.point[::-1] for row in (last, before, after)

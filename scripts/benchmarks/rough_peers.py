@@ -8,6 +8,7 @@ compiler, with FFTW's headers and with Eigen, which it looks for where
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -127,6 +128,7 @@ def _tamaas(
 def _aspher(
     case: Case, mean_pressure: float, tolerance: float, repetitions: int
 ) -> tuple[float, npt.NDArray[np.float64]]:
+    os.environ["OMP_NUM_THREADS"] = "1"  # read as the library is loaded; else it takes all cores
     import aspher
 
     heights, found = case.punch.reshape(case.grid.shape), []

@@ -63,7 +63,7 @@ def checked(path: Path) -> Outcome:
     if status != 2:
         return Outcome(f"status {status}", said)
     lines = said.splitlines()
-    named = lines and all(line.startswith(f"gfmdlayer: {path.name}:") and len(line) < 2000 for line in lines)
+    named = lines and all(line.startswith(f"gfmdlayer: {path.name}:") and len(line) < 5000 for line in lines)
     return Outcome("refused") if named else Outcome("unclear message", said[:500])
 
 

@@ -38,6 +38,7 @@ class Limits:
 
     def apply(self) -> None:
         """Take them on, in the process of the run."""
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells ignore in the background
         if self.file_size is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_size, self.file_size))
         if self.bound:

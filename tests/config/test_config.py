@@ -796,7 +796,7 @@ def test_a_missing_name_is_asked_for(tmp_path: Path) -> None:
         (b"- 1\n- 2\n", "1:1: holds no keys; must be a mapping"),
         (b"figure2\n", "1:1: holds no keys; must be a mapping"),
         (b"name: x\n# caf\xe9\n", "2:6: the byte 0xe9 is not UTF-8; must be a text file in UTF-8"),
-        (b"[" * 5000, "1:1: nested too deeply"),
+        (b"[" * 5000, "1:1001: nested too deeply"),
     ],
 )
 def test_a_file_that_holds_no_configuration_is_refused(tmp_path: Path, content: bytes, message: str) -> None:

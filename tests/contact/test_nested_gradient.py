@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +23,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 
 TOLERANCE = 1e-6
+MPIRUN = Path(sys.executable).parent / "mpirun"
 SIZES = (64, 65, 67, 81, 90, 96, 97, 100, 101, 127, 128, 131, 144, 150, 180, 191, 192, 200, 243, 251, 256)
 
 
@@ -200,6 +204,52 @@ def test_without_contact_there_is_no_pressure() -> None:
     assert found.converged
     assert found.pressure.max() == 0.0
     assert found.contact_area == 0.0
+
+
+def test_a_flat_punch_carries_the_given_load_evenly() -> None:
+    grid = Grid((64, 64), (1.0, 1.0))
+    stiffness, size = np.ravel(grid.wavenumbers), grid.size
+    problem = Problem(stiffness, np.zeros(stiffness.size, complex), np.zeros(size), 0.1)
+    found = NestedGradient(Transforms(grid.shape), TOLERANCE, grid=grid).solve(problem, np.zeros(size))
+    assert found.converged
+    np.testing.assert_allclose(found.pressure, 0.1, rtol=1e-6)  # corrections are in single precision
+
+
+def test_a_depth_may_follow_a_load() -> None:
+    case, problem = problem_of(1, sizes=(64,))
+    start = np.zeros(case.punch.size)
+    pressed = Problem(problem.stiffness, problem.intercept, case.punch - 0.3 * case.punch.mean())
+    loaded = Problem(problem.stiffness, problem.intercept, case.punch, solved(case, pressed).mean_pressure)
+    solver = NestedGradient(case.transforms, TOLERANCE, grid=case.grid)
+    assert solver.solve(loaded, start).converged
+    np.testing.assert_array_equal(solver.solve(pressed, start).pressure, solved(case, pressed).pressure)
+
+
+# Under a coating only the long waves, which the first rank holds, feel that the base has become stiffer.
+CHANGED = """
+import numpy as np
+from mpi4py import MPI
+from gfmdlayer.contact.nested.solver import NestedGradient
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.grid.ranks import MpiRanks
+from gfmdlayer.grid.slab_transforms import SlabTransforms
+from gfmdlayer.grid.slabs import SlabGrid
+
+ranks = MpiRanks(MPI.COMM_WORLD)
+grid = SlabGrid((64, 64), (1.0, 1.0), members=ranks)
+x, y = np.meshgrid(*grid.coordinates, indexing="ij")
+h, q = np.ravel(2.0 - np.cos(6 * np.pi * x) - np.cos(4 * np.pi * y)), np.ravel(grid.wavenumbers)
+solver, none = NestedGradient(SlabTransforms(grid), 1e-6, grid=grid), np.zeros(q.size, complex)
+for stiffness in (q, np.where(q < 50, 1.5 * q, q)):
+    assert np.array_equal(stiffness, q) or ranks.first
+    assert solver.solve(Problem(stiffness, none, h, 0.1, ranks=ranks), np.zeros(h.size)).converged
+"""
+
+
+def test_the_stiffness_may_change_on_one_rank_alone() -> None:
+    command = [str(MPIRUN), "-n", "2", sys.executable, "-m", "mpi4py", "-c", CHANGED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) -> None:

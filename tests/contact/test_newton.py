@@ -302,12 +302,17 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
         assert newton.mean_pressure == pytest.approx(fire.mean_pressure, abs=1e-8 * law.strength)
 
 
-def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
-    # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
+def film() -> tuple[Floats, InterfaceLaw, float]:
+    """Stiffness of a film, a law, and the gap at which -w'' is the stiffness of its softest wave."""
     q = Grid((N,), (1.0,)).wavenumbers
     kappa = 4.0 * np.where(q > 0, q * (0.2 + (10 / np.maximum(q, 1)) ** 2), 0)
-    least, law = kappa[1:].min(), Exponential(work=1.0, range=0.05).interaction()
-    gap = law.range * np.log(law.strength / law.range / least)  # at which -w'' is that stiffness
+    law = Exponential(work=1.0, range=0.05).interaction()
+    return kappa, law, law.range * np.log(law.strength / law.range / kappa[1:].min())
+
+
+def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
+    # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
+    kappa, law, gap = film()
     even = Newton(Transforms((N,)), 1e-9).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N))
     assert np.ptp(even.gap) == 0
     assert 0 < even.margin < 0.1
@@ -316,6 +321,29 @@ def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
     assert np.ptp(uneven.gap) > 0.1 * law.range
     assert uneven.margin > 0
     assert uneven.released_energy > 0
+
+
+def test_full_contact_does_not_end_the_search_for_instabilities() -> None:
+    # In full contact there is no deformation to follow; the film as above has to be found uneven after it.
+    kappa, law, gap = film()
+    solver = Newton(Transforms((N,)), 1e-9)
+    assert solver.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N)).contact_area == 1
+    even = solver.solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N))
+    assert 0 < even.margin < 0.1
+    uneven = solver.solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N))
+    assert np.ptp(uneven.gap) > 0.1 * law.range
+
+
+@pytest.mark.parametrize(("G", "L"), [(1e11, 1e-9), (1e12, 1e-10), (1e-12, 1e9)])
+def test_units_do_not_count(G: float, L: float) -> None:
+    law = Exponential(work=1e-3 * G * L, range=4e-3 * L).interaction()
+    solvers, starts = (Newton(Transforms((N,))), Newton(Transforms((N,)))), [at_rest(N), at_rest(N)]
+    for depth in legs(8, -0.015, 0.004, -0.009):
+        plain = solvers[0].solve(problem(HALFSPACE, 2 * X**2 - depth, ADHESIVE), starts[0])
+        other = solvers[1].solve(problem(HALFSPACE * G / L, (2 * X**2 - depth) * L, law), starts[1])
+        starts = [plain.gap, other.gap]
+        assert other.converged
+        np.testing.assert_allclose(other.gap / L, plain.gap, rtol=0, atol=100 * 1e-6 * ADHESIVE.range)
 
 
 def test_no_solution_is_claimed_where_nothing_holds_the_load() -> None:

@@ -46,15 +46,17 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     for grid in reversed(fine.grid.nested[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
-        _begin(level, state, last)
+        if not _prolonged(last, level, state):
+            _press(level, state)
         level.add_response(state)
         level.set_scales(state)
         Search(level, state).run(_TOLERANCE, _LIMIT)
         pairs += (level.pairs + 1) * grid.size / fine.grid.size
         last = level, state
-    if last is None:
-        at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
-    _begin(fine, at, last)
+    if not _prolonged(last, fine, at):
+        if at.load is not None:  # its place holds the gap of a guess, if anything
+            at.gap0[:] = problem.obstacle - transforms.backward(free) / fine.grid.size
+        _press(fine, at)
     return pairs
 
 
@@ -75,14 +77,20 @@ def _coarse(
     return level, Fields(h, h - free, np.zeros_like(h), np.zeros_like(h), None)
 
 
-def _begin(level: Level, at: Fields, last: tuple[Level, Fields] | None) -> None:
-    """Write a first pressure, from a coarser grid or where the punch lies lowest, of the given load."""
-    if last is not None:
-        prolong(*last, level, at.p)
-    if last is None or not level.set_load(at):
-        sums = level.grid.sums
-        lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
-        # Where the load is given, half way up to the mean height.
-        height = 0.0 if at.load is None else 0.5 * (lowest + mean)
-        level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
-        level.set_load(at)
+def _prolonged(last: tuple[Level, Fields] | None, level: Level, at: Fields) -> bool:
+    """Write the pressure of a coarser grid, of the given load; return whether there is any."""
+    if last is None:
+        return False
+    prolong(*last, level, at.p)
+    return level.set_load(at)
+
+
+def _press(level: Level, at: Fields) -> None:
+    """Write a first pressure where the punch lies lowest, of the given load."""
+    sums = level.grid.sums
+    lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
+    # Where the load is given, half way up to the mean height.
+    height = 0.0 if at.load is None else 0.5 * (lowest + mean)
+    level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
+    if not level.set_load(at) and at.load is not None:
+        at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere

@@ -80,8 +80,8 @@ class NestedGradient:
         self._transforms, self._tolerance, self._max_iterations = transforms, tolerance, max_iterations
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
-        self._stiffness: FloatArray | None = None
-        self._single: Fields | None = None
+        self._stiffness: FloatArray = np.empty(0)
+        self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
         self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
         self._doubles = 0.0
@@ -151,8 +151,8 @@ class NestedGradient:
         if self._fine is None:
             single = self._transforms.of_shape(self._grid.points, single=True)
             self._fine = Level(self._grid, single, problem.stiffness, problem.residual_floor)
-        elif self._stiffness is None or not np.array_equal(problem.stiffness, self._stiffness):
-            self._fine.set_stiffness(problem.stiffness)
+        elif not self._grid.sums.minimum(int(np.array_equal(problem.stiffness, self._stiffness))):
+            self._fine.set_stiffness(problem.stiffness)  # by all ranks, whoever's part has changed
         self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
         return self._fine
 
@@ -182,15 +182,16 @@ class NestedGradient:
         """Begin with a state, in single precision where that resolves the gaps."""
         if self._tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
             return Search(fine, at)
-        empty, shift = fine.transforms.empty_field, 0.0 if at.load is None else at.level
-        if self._single is None:
-            p, gap = empty(), empty()
-            self._single = Fields(at.h, gap if at.load is not None else empty(), p, gap, at.load)
-        now = self._single
-        now.load, now.scales, now.level = at.load, at.scales, at.level - shift
-        pairs = [(0.0, at.p, now.p), (shift, at.gap, now.gap)]
-        for less, field, narrowed in pairs + [(0.0, at.gap0, now.gap0)] * (at.load is None):
+        given = at.load is not None
+        fields = [at.p, at.gap] if given else [at.p, at.gap, at.gap0]
+        while len(self._narrow) < len(fields):
+            self._narrow.append(fine.transforms.empty_field())
+        shift = at.level if given else 0.0  # gaps then count from the level
+        for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
             fine.sweep.only(passes.lowered, less, field, narrowed)
+        p, gap = self._narrow[:2]
+        gap0 = gap if given else self._narrow[2]
+        now = Fields(at.h, gap0, p, gap, at.load, at.aim, at.scales, at.level - shift)
         return Search(fine, now)
 
     def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> tuple[ComplexArray, Extent]:

@@ -203,14 +203,19 @@ def _find_step(
         As of `minimise`.
     """
     pairs = begin(single, system, at.curvature, step, damping, lack)
-    # Of order one: squares of rounding in SI units would underflow in single precision.
+    # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
     unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
+    stiff = 2.0 ** np.floor(np.log2(max(system.softest, 1e-300)))  # to which no digit is lost
     for i in range(d.size):
-        d[i], force[i] = d[i] / unit, force[i] / unit
-    turns, least = minimise(single, system, step, floor / unit, inexact)
+        d[i], force[i] = d[i] * (stiff / unit), force[i] / unit
+        step.stiffness[i] /= stiff
+    for k in range(step.kappa.size):
+        step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
+    step.point[0] *= stiff
+    turns, least = minimise(single, system, system.softest / stiff, step, floor / unit, inexact)
     for i in range(d.size):
-        d[i] *= unit
-    return pairs + 2 * turns, least
+        d[i] *= unit / stiff
+    return pairs + 2 * turns, least * stiff
 
 
 @kernel(inner=True)

@@ -244,7 +244,9 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def minimise(single: Plans, system: System, step: Step, floor: float, inexact: float) -> tuple[int, float]:
+def minimise(
+    single: Plans, system: System, softest: float, step: Step, floor: float, inexact: float
+) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
     They go on from the d and the force that they are given, with the mean of the change of d zero where the
@@ -254,6 +256,8 @@ def minimise(single: Plans, system: System, step: Step, floor: float, inexact: f
     ----------
     single, system : Plans, System
         Transforms and problem.
+    softest : float
+        kappa_1, in the unit of the linear system.
     step : Step
         The linear system, see `begin`.
     floor, inexact : float
@@ -290,7 +294,7 @@ def minimise(single: Plans, system: System, step: Step, floor: float, inexact: f
         elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
         if square == 0.0:
             return iteration + 1, 0.0
-        if not along > _NO_CURVATURE * (elastic + system.softest * square):
+        if not along > _NO_CURVATURE * (elastic + softest * square):
             return iteration + 1, min(along / square, -1e-300)
         way, mean = across / along, np.float32(total / count if centred else 0.0)
         if _advance(way, mean, step) <= aim:

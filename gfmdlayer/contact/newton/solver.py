@@ -70,7 +70,7 @@ class Newton:
 
     def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
         self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
-        self._mode = np.random.default_rng(0).normal(size=transforms.size)  # any that no symmetry rules out
+        self._mode = _any_deformation(transforms.size)
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
 
     @cached_property
@@ -147,9 +147,7 @@ class Newton:
     def _check(self, system: System, progress: Progress) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
         fields, plans, softest = self._fields, self._transforms.plans, self._softest
-        margin, curvature, attraction, turns = find_margin(
-            self._single.plans, system, fields.at, fields.step, softest
-        )
+        margin, curvature, attraction, turns = self._find_margin(system)
         self._margin, progress = margin, progress._replace(pairs=progress.pairs + IN_SINGLE * turns)
         # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
         if curvature >= -math.sqrt(2 * self._tolerance) * abs(attraction):
@@ -164,6 +162,17 @@ class Newton:
             drop=progress.drop - change,
             damping=-2 * curvature,
         ), change == 0.0
+
+    def _find_margin(self, system: System) -> tuple[float, float, float, int]:
+        """Follow the softest deformation; begin anew where none of the points that it moved is free."""
+        fields, softest = self._fields, self._softest
+        given = self._single.plans, system, fields.at, fields.step, softest
+        found: tuple[float, float, float, int] = find_margin(*given)
+        if softest.x.any() or not fields.step.free.any():
+            return found
+        softest.x[:] = _any_deformation(softest.x.size)
+        margin, curvature, attraction, pairs = find_margin(*given)
+        return margin, curvature, attraction, found[-1] + pairs
 
     def compile(self) -> None:
         """Compile the kernel that only a balance that is no minimum comes to."""
@@ -198,6 +207,11 @@ class Newton:
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
             multiplier=0.0, residual=np.inf, energy=energy, pairs=float(done == 0.0), iterations=0,
         )  # fmt: skip
+
+
+def _any_deformation(size: int) -> FloatArray:
+    """One that no symmetry rules out; always the same."""
+    return np.random.default_rng(0).normal(size=size)
 
 
 def _system(problem: Problem) -> System:
