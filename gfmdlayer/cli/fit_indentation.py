@@ -174,7 +174,8 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) 
 def _conclude(summary: Summary, directory: Path) -> int:
     """Print how the fits ended and return the exit status."""
     if stopped := summary.count("stopped"):
-        print(f"stopped: {stopped} curves wait; the same command resumes them")
+        left = f"{stopped} curves wait" if stopped > 1 else "1 curve waits"
+        print(f"stopped: {left}; the same command goes on from there")
         return RESUMABLE
     if summary.failures:
         print(f"{len(summary.failures)} of {len(summary.outcomes)} curves failed:")
