@@ -24,7 +24,7 @@ from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.law import Interaction, InterfaceLaw, total
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.named_files import files_named
 
 
 def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:

@@ -15,6 +15,7 @@ from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
+from gfmdlayer.validation.named_files import keys_of_files
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -24,7 +25,7 @@ from gfmdlayer.validation.problems import (
     location_of_key,
     not_in_list,
 )
-from gfmdlayer.validation.sections import keys_of_files, plain
+from gfmdlayer.validation.sections import plain
 
 _FILES = frozenset(keys_of_files(Config))
 _PYTHON = Place("")  # objects of Python have no place but their key

@@ -74,7 +74,8 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             (other for other in seen if other.startswith(f"{key}.")), None
         )
         values = _value(sweep, location)
-        if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
+        nested = values and isinstance(values, Mapping) and location[1] not in SAMPLED
+        if nested and (key in keys or not _is_range(values)):
             yield Problem(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)
@@ -90,15 +91,22 @@ def _value(sweep: Mapping[str, Any], location: Location) -> Any:
     return sweep
 
 
+def _is_range(values: Mapping[str, Any]) -> bool:
+    return not {"from", "to"}.isdisjoint(values)
+
+
 def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
-    """Return the message for keys in a mapping, with the dotted keys that are meant."""
+    """Return the message for a range, or for keys in a mapping, with the dotted keys that are meant."""
+    if _is_range(values):
+        return f"got a range; must be a list of values, or be under one of {', '.join(SAMPLED)}"
     names, inner = [], [(key, values)]
     for head, mapping in inner:
         for name, value in mapping.items():
             inner += [(f"{head}.{name}", value)] if isinstance(value, Mapping) else []
             names += [] if isinstance(value, Mapping) else [f"{head}.{name}"]
     meant = [name if name in keys else next(iter(get_close_matches(name, keys, n=1)), name) for name in names]
-    return f"got a mapping; must be a list under each dotted key; did you mean {' and '.join(meant)}?"
+    hint = " and ".join(name for name in dict.fromkeys(meant) if name != key)
+    return "got a mapping; must be a list under each dotted key" + (hint and f"; did you mean {hint}?")
 
 
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:

@@ -19,7 +19,7 @@ from gfmdlayer.files.memory import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.punch.outward import numbers, outward_heights
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.named_files import files_named
 
 History = ArrayLike | tuple[ArrayLike, ArrayLike]
 

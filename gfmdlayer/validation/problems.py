@@ -12,6 +12,7 @@ Location = tuple[str | int, ...]
 
 
 _ALIKE = 0.75  # likeness from which on a key elsewhere in the configuration may be meant
+_MOST_LISTED = 20  # keys: no section has more, but the keys of a sweep are those of all sections
 
 
 class ConfigError(ValueError):
@@ -203,4 +204,8 @@ def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) ->
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
         found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)
         hint = f"; did you mean '{same_ending[found[0]]}'?" if found else ""
-    return f"unknown key; allowed: {', '.join(siblings)}{hint}"
+    allowed = ", ".join(siblings)
+    if len(siblings) > _MOST_LISTED:
+        near = difflib.get_close_matches(key, siblings, n=3, cutoff=0.0)
+        allowed = f"{', '.join(near)} and {len(siblings) - len(near)} others (all: gfmdlayer schema)"
+    return f"unknown key; allowed: {allowed}{hint}"

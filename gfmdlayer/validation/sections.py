@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
@@ -20,10 +20,11 @@ from gfmdlayer.validation.problems import (
     Location,
     Problem,
     colon_without_space,
-    dotted,
+    dotted_key,
     nearest,
     shown,
     unknown_key,
+    without_last_places,
 )
 
 _SHAPES = {
@@ -172,7 +173,7 @@ def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
             return note
         if section := getattr(note, "section", None):
             return section  # type: ignore[no-any-return]
-    return next((kind for kind in _types(field.annotation) if issubclass(kind, Section)), None)
+    return next((kind for kind in types_in(field.annotation) if issubclass(kind, Section)), None)
 
 
 def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location, Section]]:
@@ -194,40 +195,20 @@ def contradictions(section: Section) -> Iterator[Problem]:
             yield problem.within(at)
 
 
-def files_named(section: Section) -> dict[str, Path]:
-    """Return the files that a configuration names, by dotted key."""
-    return {
-        dotted((*at, key)): value
-        for at, part in sections_in(section)
-        for key, value in vars(part).items()
-        if isinstance(value, Path)
-    }
-
-
-def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
-    """Yield the dotted keys below a section that may name a file."""
-    for key, field in section.fields().items():
-        held = held_by(field)
-        for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
-            yield from keys_of_files(member, f"{prefix}{key}.")
-        if Path in _types(field.annotation):
-            yield prefix + key
-
-
 def _notes(annotation: Any) -> Iterator[Any]:
     """Yield the notes of Annotated members of a union."""
     for part in get_args(annotation):
         yield from getattr(part, "__metadata__", ())
 
 
-def _types(annotation: Any) -> Iterator[type]:
+def types_in(annotation: Any) -> Iterator[type]:
     """Yield the classes in an annotation, through unions, lists and Annotated."""
     if hasattr(annotation, "__metadata__"):
         annotation = annotation.__origin__
     inner = get_args(annotation)
     if inner:
         for part in inner:
-            yield from _types(part)
+            yield from types_in(part)
     elif isinstance(annotation, type):
         yield annotation
 
@@ -267,6 +248,8 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
             case kind:
                 allowed, value = _SHAPES.get(kind, entry["msg"]), entry["input"]
                 hint = colon_without_space(value) if isinstance(value, str) else ""
+                if kind == "model_type":
+                    allowed += _form(section, location, value)
                 found.append(Problem(location, f"got {shown(value)}; must be {allowed}{hint}"))
     return list(dict.fromkeys(found))
 
@@ -291,6 +274,18 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
             holder, field = held, held.fields().get(part)
             held = held.entries if field is None else held_by(field)
     return tuple(location), holder, held.key if isinstance(held, OneOf) else ""
+
+
+def _form(section: type[Section], location: Location, value: object) -> str:
+    """Return ", such as {...}" with the required keys of the section whose word is nearest to a value."""
+    field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
+    held = field and held_by(field)
+    if not isinstance(held, OneOf):
+        return ""
+    word = next(iter(get_close_matches(str(value), held.members, n=1)), next(iter(held.members)))
+    fields = held.members[word].fields().items()
+    keys = [f"{key}: ..." for key, field in fields if key != held.key and field.is_required()]
+    return f", such as {{{', '.join([f'{held.key}: {word}', *keys])}}}"
 
 
 def _allowed(section: type[Section], key: str) -> str:
