@@ -12,12 +12,13 @@ from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
-from gfmdlayer.contact.choice import choose
+from gfmdlayer.contact.choice import choose, contrast, finer
 from gfmdlayer.contact.loading import CONTROLS, Loading
-from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
+from gfmdlayer.contact.loss_stiffness import with_loss
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.contact.tightened import tightened
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.slab_transforms import transforms_of
@@ -259,19 +260,19 @@ class Case:
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
         given, transforms = self.config.solver, self.transforms
-        rough, attracts = self.config.punch.rough, self.interface.attracts
+        rough, attracts, time = self.config.punch.rough, self.interface.attracts, self.config.time
         chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
-        declared, tolerance = SOLVERS[chosen.method], given.tolerance
+        declared = SOLVERS[chosen.method]
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
         if given.inertia is not None:
-            options["mass_weighted"] = given.inertia == "mass_weighted"
-            options["starts_from"] = "gap" if attracts else "displacement"
-        moved = self.velocity is not None and not declared.nonsymmetric
-        inner = tolerance * (SHARE if moved else 1.0)  # the iterations around a solver take the rest
-        solver: Solver = declared.load()(transforms, inner, given.max_iterations, **options)
-        if moved:
-            solver = LossStiffnessSolver(solver, transforms, tolerance, self.grid.parseval_weights)
-        return solver
+            start = "gap" if attracts else "displacement"
+            options |= {"mass_weighted": given.inertia == "mass_weighted", "starts_from": start}
+        made = partial(declared.load(), transforms, **options)
+        if self.velocity is not None and not declared.nonsymmetric:
+            made = partial(with_loss, made, transforms, self.grid.parseval_weights)
+        stiffened = contrast(self.config.laws, time.end)
+        aim = finer(given.tolerance, time.tolerance, stiffened, attracts=attracts)
+        return tightened(made, given.tolerance, given.max_iterations, aim)
 
     @cached_property
     def guess(self) -> DisplacementPrediction:

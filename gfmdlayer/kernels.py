@@ -24,6 +24,9 @@ from numba.core.dispatcher import Dispatcher
 from gfmdlayer.files.cache import is_writable, user_cache
 
 # Sums may be reordered and products contracted, which the vector units need; NaN and inf keep their meaning.
+# A loop that writes has two compiled forms, the second one for arrays that may overlap. Which of them runs
+# can depend on where arrays lie, if they are short (some 32 numbers) or begin at an offset, and then so do
+# the last bits of a sum in that loop. Such a sum stands in a loop of its own.
 FASTMATH = {"reassoc", "contract"}
 
 # Maxima are kept side by side for this many numbers: vector units compare them at once, while a single one

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config
+from gfmdlayer.contact.choice import contrast, finer
 from gfmdlayer.interface.interface import Interface
+from gfmdlayer.validation.named_files import files_named
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, files_named, sections_in
+from gfmdlayer.validation.sections import Section, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 _DIMENSIONS = {
@@ -131,14 +133,15 @@ def _on_values(config: Config) -> Iterator[str]:
             "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
         )
     if given.tolerance is not None and not config.grid.axisymmetric:
-        relaxed, branches = config.surface.material.roughly(given.end)
-        contrast = 1 + sum(modulus for modulus, _ in branches) / relaxed if relaxed > 0 else 1.0
-        enough = given.tolerance / contrast
-        if config.solver.tolerance > _NOISE * enough:
+        stiffened, tolerance = contrast(config.laws, given.end), config.solver.tolerance
+        enough, attracts = given.tolerance / stiffened, bool(config.interfaces)
+        aim = finer(tolerance, given.tolerance, stiffened, attracts=attracts)
+        if tolerance > _NOISE * enough:
+            many = f"steps may be very many; solver.tolerance: {enough:.1g} would do"
             yield (
-                f"solver.tolerance = {config.solver.tolerance:g}: what it leaves open, times the glassy over "
-                f"the relaxed modulus, {contrast:.3g}, is above time.tolerance = {given.tolerance:g}, and "
-                f"steps may be very many; solver.tolerance: {enough:.1g} would do"
+                f"solver.tolerance = {tolerance:g}: what it leaves open, times the glassy over the relaxed "
+                f"modulus, {stiffened:.3g}, is above time.tolerance = {given.tolerance:g}, and "
+                + (f"the solver aims at {aim:.1g}" if aim < tolerance else many)
             )
     if (duration := config.trajectory.duration) is not None and duration > end:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"

@@ -20,8 +20,6 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, TypeVar
 
-import numpy as np
-
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
@@ -119,8 +117,12 @@ class _Prescribed:
     @cached_property
     def height(self) -> float:
         """Range of the punch's heights."""
-        highest, lowest = self.ranks.maximum(np.array([self.punch.max(), -self.punch.min()])).tolist()
-        return float(highest + lowest)
+        return self.ranks.maximum(float(self.punch.max())) - self.lowest
+
+    @cached_property
+    def lowest(self) -> float:
+        """Height of the lowest point of the grid, which need not be that of the punch."""
+        return self.ranks.minimum(float(self.punch.min()))
 
     @cached_property
     def flight(self) -> _Flight:
@@ -184,7 +186,12 @@ class LoadControl(_Prescribed):
         kappa, b = self._without_mean(kappa), self._without_mean(b)
         interface = HARD_WALL if self.flight.covers(time) else self.interface.at(time)
         others = self.height, interface, self.ranks
-        return Problem(kappa, b, self.punch, self._load(time), loss_stiffness, *others)
+        return Problem(kappa, b, self.obstacle, self._load(time), loss_stiffness, *others)
+
+    @cached_property
+    def obstacle(self) -> FloatArray:
+        """Height above the lowest point of the grid, beside which first depths are not lost to rounding."""
+        return self.punch - self.lowest if self.lowest else self.punch
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface with the mean that the load gives it."""
@@ -192,10 +199,10 @@ class LoadControl(_Prescribed):
         stiffness, history = float(ranks.mean_wave(kappa)), complex(ranks.mean_wave(b))
         if stiffness > 0:
             height = (history.real / self.size - self._load(time)) / stiffness
-        depth = mean(solution.displacement, ranks) - height
-        spectrum = solution.spectrum.copy()
+        shift = mean(solution.displacement, ranks) - height
+        depth, spectrum = shift + self.lowest, solution.spectrum.copy()
         ranks.set_mean_wave(spectrum, height * self.size)
-        return Surface(solution.displacement, spectrum, depth, depth, shift=depth)
+        return Surface(solution.displacement, spectrum, depth, depth, shift)
 
     def _load(self, time: float) -> float:
         return 0.0 if self.flight.covers(time) else self.trajectory(time)

@@ -17,6 +17,7 @@ found so far.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +33,17 @@ _MOST_PROBLEMS = 12
 _MOST_ATTRACTED = 100  # where no other method takes over
 _SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
 _MIXED = 6  # surfaces at most
+
+
+def with_loss(
+    made: Callable[[float, int], Solver],
+    transforms: Transforms,
+    weights: FloatArray,
+    tolerance: float,
+    iterations: int,
+) -> LossStiffnessSolver:
+    """Return the solver around one that `made` makes for a tolerance and a maximum of iterations."""
+    return LossStiffnessSolver(made(SHARE * tolerance, iterations), transforms, tolerance, weights)
 
 
 class LossStiffnessSolver:

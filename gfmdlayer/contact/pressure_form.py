@@ -21,6 +21,9 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import LANES, kernel
 
 _ROUNDING = 1e-12  # part of the height of the punch
+# Heights, as part of the depth at which the softest mode carries the load, that no tolerance above 1e-8 tells
+# from the rounding of the gap, 1e-16 of that depth.
+_FLAT = 1e-8
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
 HEIGHT_ROUNDING = 0.01  # likewise, of the least depth that counts, which is 1e-14 of the heights
 # Part of the tolerance within which a solve ends; the rest is for what lifting the surface clear adds.
@@ -103,7 +106,7 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
 
 
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
-    """Return the solution where it needs no solver: the punch fills the cell, or the load is zero.
+    """Return the solution where it needs no solver: no load, a load on a flat punch, or no room in the cell.
 
     Parameters
     ----------
@@ -125,11 +128,25 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
     h = problem.obstacle
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
+    load = problem.applied_pressure
+    if load > 0.0 and problem.height * problem.softest < _FLAT * load and not problem.interface.attracts:
+        return _full_contact(problem, transforms)
     if not problem.mean_is_fixed or _has_room(h, problem.ranks):
         return None
     project(h.copy(), h, mean_is_fixed=True, ranks=problem.ranks)
     # u = h is the only admissible state; its pressure is that at which contact becomes full.
     return _solution_of(problem, transforms, h.copy(), None, transforms_spent=1, iterations=0, converged=True)
+
+
+def _full_contact(problem: Problem, transforms: Transforms) -> Solution | None:
+    """The state that touches the punch everywhere, where the load presses everywhere."""
+    u = problem.obstacle.copy()
+    spectrum = transforms.forward(u)
+    pressure = transforms.backward((problem.intercept - problem.stiffness * spectrum) / transforms.size)
+    pressure += problem.applied_pressure
+    if not problem.ranks.minimum(float(pressure.min())) >= 0.0:
+        return None
+    return make_solution(problem, u, pressure, spectrum, spent=(1, 0), within=0.0)
 
 
 def _has_room(h: FloatArray, ranks: Ranks) -> bool:

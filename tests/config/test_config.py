@@ -557,6 +557,32 @@ REFUSED = {
         "'layer.thickness'?",
     ),
     "swept section": ("sweep: {layer: [1]}", "2:9: sweep.layer: unknown key", "allowed: layer.thickness"),
+    "swept range": (
+        "sweep: {layer.thickness: {from: 0.1, to: 0.2}}",
+        "2:9: sweep.layer.thickness: got a range; must be a list",
+        "or be under one of latin_hypercube, sobol",
+    ),
+    "swept range of no key": ("sweep: {thicknes: {from: 1, to: 2}}", "2:9: sweep.thicknes: unknown key", "'"),
+    "swept mapping of no key": (
+        "sweep: {layer.poisson: {a: [1], b: [2]}}",
+        "2:9: sweep.layer.poisson: got a mapping",
+        "must be a list",
+    ),
+    "law without its mapping": (
+        "interface: dugdale",
+        "2:12: interface: got the text 'dugdale'",
+        "must be a mapping of keys to values, such as {law: dugdale, work: ..., stress: ...}",
+    ),
+    "shape without its mapping": (
+        "punch: {shape: array, counts: 3, element: sphere}",
+        "2:43: punch.element: got the text 'sphere'",
+        "such as {shape: sphere, radius: ...}",
+    ),
+    "sampled number": (
+        "sweep: {sobol: {samples: 2, punch.radius: 3}}",
+        "2:43: sweep.sobol.punch.radius: got 3",
+        "a mapping",
+    ),
     "swept name": ("sweep: {name: [a]}", "2:9: sweep.name: cannot be swept", "dotted key"),
     "swept sweep": ("sweep: {sweep.a: [1]}", "2:9: sweep.sweep.a: cannot be swept", "dotted key"),
     "swept over no values": (
@@ -752,6 +778,23 @@ REFUSED = {
 def test_a_misspelt_kind_is_one_error_without_the_keys_of_another(tmp_path: Path, content: str) -> None:
     (found,) = problems(write(tmp_path, f"name: x\n{content}\n"))
     assert "did you mean" in found
+
+
+@pytest.mark.parametrize(
+    ("sweep", "meant"),
+    [("thicknes: [1]", "'layer.thickness'"), ("zip: {laier.poisson: [1]}", "'layer.poisson'")],
+)
+def test_an_unknown_key_of_a_sweep_is_refused_with_the_nearest_not_with_all(
+    tmp_path: Path, sweep: str, meant: str
+) -> None:
+    (found,) = problems(write(tmp_path, f"name: x\nsweep: {{{sweep}}}\n"))
+    assert found.endswith(f"others (all: gfmdlayer schema); did you mean {meant}?")
+    assert len(found) < 250
+
+
+def test_a_dotted_key_is_suggested_once(tmp_path: Path) -> None:
+    (found,) = problems(write(tmp_path, "name: x\nsweep: {layer.poisson: {a: [1], b: [2]}}\n"))
+    assert found.count("layer.poisson") == 1
 
 
 def test_tabs_within_braces_and_texts_are_spaces(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy.special import spence
 
+import gfmdlayer
+
 Run = Callable[[dict[str, object]], Any]
 
 LOAD, R = 0.05, 0.25
@@ -125,3 +127,27 @@ def test_every_solver_carries_a_load_that_comes_and_goes(
     assert (
         recording["depth"][-1] > recording["depth"][np.argmin(abs(recording["time"] - 1))]
     )  # the body has crept
+
+
+def test_a_first_touch_between_the_points_of_the_grid_is_not_lost_to_rounding(run: Run) -> None:
+    """No point is at the tip: of the depth, all but 1e-13 is the way to the next one."""
+    tiny = {"grid.points": 31, "trajectory": {"control": "load", "load": 1e-14}, "time.step": 0.5}
+    recording = run(tiny | {"time.end": 1.0, "punch": {"shape": "wedge", "slope": 1.0}})
+    assert (recording["residual"] <= 1e-6).all()
+    assert recording["depth"] == pytest.approx(0.5 / 31, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["active_set", "nested_gradient", "conjugate_gradient", "fire"])
+@pytest.mark.parametrize("height", [0.0, 1e-17])
+def test_a_load_on_a_flat_punch_is_carried_by_all_points_alike(method: str, height: float) -> None:
+    # Gaps of this height are less than the rounding of the displacements that the load makes.
+    heights = height * np.random.default_rng(1).random((33, 17))
+    found = gfmdlayer.run(
+        {"name": "flat", "grid": {"points": [33, 17]}, "layer": {"thickness": 0.1}, "time": {"step": 0.5}},
+        punch=heights,
+        trajectory={"control": "load", "load": 1.0},
+        solver={"method": method, "tolerance": 1e-8},
+        progress=False,
+    )
+    assert found["contact_area"].values[1:] == pytest.approx(1.0)
+    assert found["mean_pressure"].values[-1] == pytest.approx(0.5)

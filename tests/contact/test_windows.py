@@ -255,3 +255,18 @@ warm_up(config.with_values({{"solver": {{"method": "active_set"}}, "trajectory":
 assert window.solve.overloads
 """
     subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[2], check=True)
+
+
+@each_condition
+def test_bits_do_not_depend_on_where_arrays_lie(condition: str) -> None:
+    problem = problem_of((4096,), condition)
+    transforms = Transforms((4096,))
+    start = np.maximum(problem.obstacle.min() + 0.005 - problem.obstacle, 0.0)
+    rng, kept, found = np.random.default_rng(0), [], set()
+    for _ in range(40):
+        kept += [np.empty(size, np.uint8) for size in rng.integers(1, 3000, 20)]
+        moved = replace(problem, obstacle=problem.obstacle.copy(), intercept=problem.intercept.copy())
+        solution = ActiveSet(transforms, TOLERANCE).solve(moved, start.copy())
+        kept += [solution.pressure.view(np.uint8), moved.obstacle.view(np.uint8)]
+        found.add(hash(solution.pressure.tobytes()))
+    assert len(found) == 1

@@ -235,3 +235,21 @@ def test_a_retracted_punch_is_not_deep() -> None:
     for _, depth in zip(steps, depths, strict=False):
         assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)
     assert seen == [True, True, False, False]
+
+
+def test_under_a_stiff_glass_contact_is_solved_as_steps_need(run: Run) -> None:
+    """What a solver leaves open, times the glassy over the relaxed modulus, is kept below their tolerance."""
+    branches = [(3.4e8, 0.22), (4.4, 4.7e4), (12.6, 65.0)]
+    stiff = {
+        "grid.points": [8, 8],
+        "layer": {"thickness": 0.005, "poisson": 0.5},
+        "layer.material": {"model": "prony", "branches": [{"G": G, "tau": tau} for G, tau in branches]},
+        "halfspace.shear_modulus": 0.0,
+        "punch": {"shape": "flat", "width": 0.3, "edge_radius": 0.2},
+        "trajectory": {"control": "force", "force": 800.0, "ramp_time": 6.5e4},
+        "time": {"end": 2300.0, "step": "adaptive", "tolerance": 0.05},
+        "solver.method": "active_set",
+    }
+    contrast = 1 + sum(G for G, _ in branches)
+    as_needed = run(stiff | {"solver.tolerance": 0.05 / contrast})
+    assert np.array_equal(run(stiff)["time"], as_needed["time"])

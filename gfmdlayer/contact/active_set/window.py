@@ -152,7 +152,9 @@ def _gather(window: Window, origin: Pair, surface: Surface, guess: FloatArray) -
                 gap0[here + i], h[here + i] = height - surface.z[there + i], height
                 if pressure > 0.0:
                     p[here + i], member[here + i] = pressure, 1.0
-                    carried += pressure
+            # In a loop that writes nothing: the order of a sum in one that does depends on where arrays lie.
+            for i in range(count):
+                carried += guess[there + i] if guess[there + i] > 0.0 else 0.0
     return carried
 
 
