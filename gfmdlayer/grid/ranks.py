@@ -116,11 +116,14 @@ class MpiRanks(Ranks):
         The same ranks, for messages that are not part of the computation.
     exchanges : dict
         Of `transposition`, by shape and type.
+    window : tuple
+        Bytes of each rank in the memory that these share, and its `mpi4py.MPI.Win`.
     """
 
     def __init__(self, communicator: Any) -> None:
         self.communicator, self.control = communicator, communicator.Dup()
         self.exchanges: dict[Any, Any] = {}
+        self.window: tuple[int, Any] = (0, None)
         self.number, self.count = communicator.Get_rank(), communicator.Get_size()
 
     def every(self, partial: Any) -> NDArray[Any]:

@@ -55,7 +55,9 @@ def edges(number: int, count: int) -> list[int]:
 def transposition(
     ranks: MpiRanks, shape: tuple[int, int], dtype: npt.DTypeLike = np.complex128, shared: bool = True
 ) -> Transposition:
-    """Return the exchange for arrays of a shape: always the same one, since shared memory is not given back.
+    """Return the exchange for arrays of a shape, always the same one.
+
+    Exchanges share one memory: rows are valid until the next exchange of any shape.
 
     Parameters
     ----------
@@ -98,11 +100,8 @@ class _SharedMemory(_Blocks):
 
     def __init__(self, ranks: MpiRanks, shape: tuple[int, int], dtype: np.dtype[Any]) -> None:
         super().__init__(ranks, shape, dtype)
-        from mpi4py import MPI
-
-        size = self._height(ranks.number) * shape[1] * dtype.itemsize + _ALIGNED
-        self._window = MPI.Win.Allocate_shared(size, 1, comm=ranks.communicator)
-        self._window.Lock_all()
+        most = max(map(self._height, range(ranks.count)))
+        self._window = _shared_window(ranks, most * self._width * dtype.itemsize)
         self._all = [self._view(rank) for rank in range(ranks.count)]
         self.rows = self._all[ranks.number]
 
@@ -120,6 +119,7 @@ class _SharedMemory(_Blocks):
 
     def to_rows(self, columns: Array) -> None:
         """Write the columns into each rank's rows."""
+        self._meet()  # a rank may still read what it was given before
         for rank, rows in enumerate(self._all):
             rows[:, self._own_columns] = columns[self._rows_of(rank)]
         self._meet()
@@ -164,6 +164,22 @@ class _Messages(_Blocks):
         height = len(self.rows)
         parts = np.split(self._packed, self._by_columns[1][1:])
         return [part.reshape(height, -1) for part in parts]
+
+
+def _shared_window(ranks: MpiRanks, size: int) -> Any:
+    """Return a window in which each rank has room for this many bytes, and all read and write all of it.
+
+    The last one is returned again where it is large enough: MPI does not give such memory back, and nested
+    grids and both precisions then need no more of it than the finest grid alone.
+    """
+    from mpi4py import MPI
+
+    room, window = ranks.window
+    if room < size:
+        window = MPI.Win.Allocate_shared(size + _ALIGNED, 1, comm=ranks.communicator)
+        window.Lock_all()
+        ranks.window = size, window
+    return window
 
 
 def _can_share(ranks: MpiRanks, size: int) -> bool:
