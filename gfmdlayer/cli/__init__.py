@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -57,7 +58,7 @@ VERBS = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
-    if threads.lstrip("+-").isdecimal() and int(threads) < 1:  # Numba raises an error as it is imported
+    if not (threads.isdecimal() and int(threads) >= 1):  # Numba raises an error, or prints one, when imported
         return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset")
     try:
         options = command_line().parse_args(arguments)
@@ -68,7 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return COMPLETE
     except KeyboardInterrupt:  # before the verb listens to signals, or in one that does not
-        print("gfmdlayer: stopped", file=sys.stderr)
+        print("gfmdlayer: stopped", file=sys.stderr, flush=True)
+        _end_ranks()
         return RESUMABLE
     except Exception as error:
         if problems := input_problems(error):
@@ -78,6 +80,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"gfmdlayer: {problem}", file=sys.stderr)
         return FAILED
     return status
+
+
+def _end_ranks() -> None:
+    """Die by a signal where an MPI launcher started this process, which then ends the other ranks.
+
+    An exit does not tell it: the others would wait for this rank in the start of MPI for ever.
+    """
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
+    from gfmdlayer.execution.workers import launched_size
+
+    if launched_size(os.environ):
+        os.kill(os.getpid(), signal.SIGINT)
+    signal.signal(signal.SIGINT, before)
 
 
 class _Version(argparse.Action):

@@ -33,7 +33,7 @@ def report(options: argparse.Namespace) -> int:
     else:
         out, folder = path / "report.html", Folder(path)
         cases, title = _listed(folder), path.resolve().name
-        config = folder.config.read_text(encoding="utf-8")
+        config = folder.config.read_text(encoding="utf-8", errors="replace")
     print(write_report(cases, Path(options.out or out), title, config))
     return COMPLETE
 
@@ -50,6 +50,7 @@ def _only(path: Path) -> Listed:
 def _listed(folder: Folder) -> list[Listed]:
     """Return all cases of a folder, with the state of each."""
     from gfmdlayer.config.sweeps import combinations
+    from gfmdlayer.execution.growth import must_agree
     from gfmdlayer.execution.status import overview
     from gfmdlayer.figures.report.cases import Listed
 
@@ -60,7 +61,9 @@ def _listed(folder: Folder) -> list[Listed]:
     states |= {
         case.index: ("running", f"at time {case.simulated_time:g} of {case.end:g}") for case in seen.running
     }
+    values = list(combinations(folder.stored_sweep()))
+    must_agree(folder, numbers, len(values))
     return [
-        Listed(number, folder.case(number), values, *states.get(number, ("waiting", "")))
-        for number, values in zip(numbers, combinations(folder.stored_sweep()), strict=True)
+        Listed(number, folder.case(number), swept, *states.get(number, ("waiting", "")))
+        for number, swept in zip(numbers, values, strict=True)
     ]

@@ -89,7 +89,7 @@ def input_problems(error: Exception) -> Sequence[str]:
 def machine_problem(error: Exception) -> str:
     """Return the message of an error of the machine: of memory, files, processes; else nothing."""
     cause = f"{type(error).__name__}: {error}"
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "failed to map" in str(error)):
         return f"memory does not suffice ({cause})"
     if isinstance(error, OSError):
         named = f"{printable(str(error.filename))}: " if error.filename else ""

@@ -23,7 +23,7 @@ from typing import IO
 
 from gfmdlayer.config import Config, sweeps
 from gfmdlayer.execution import growth
-from gfmdlayer.execution.folder import ASIDE, Folder, FolderError
+from gfmdlayer.execution.folder import ASIDE, FOREIGN, Folder, FolderError
 from gfmdlayer.execution.growth import Growth
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Shard
@@ -282,6 +282,4 @@ def refuse_foreign_folder(folder: Folder) -> None:
     # A run killed in its first instant leaves folders and an unfinished configuration.
     foreign = [name for name in found if name not in _FOLDERS and not _IN_FOLDER.fullmatch(name)]
     if foreign and not folder.is_results():
-        raise FolderError(
-            f"{folder.path}: is not empty and not a results folder of gfmdlayer; choose another with --out"
-        )
+        raise FolderError(f"{folder.path}: {FOREIGN}")

@@ -38,11 +38,14 @@ from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
 from gfmdlayer.files.seals import is_intact
-from gfmdlayer.files.shared_folders import write_new
+from gfmdlayer.files.shared_folders import regular, write_new
 from gfmdlayer.files.whole import unfinished, write_text
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.named_files import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
+FOREIGN = (
+    "is not empty and not a results folder of gfmdlayer: no config.yaml of one; choose another with --out"
+)
 ASIDE = ".aside"
 _CASES, _FILES = "# Cases: ", "# Files: "  # in the head of the configuration
 _CASES_OF_RUN = re.compile(r"[0-9]{1,9}")
@@ -109,9 +112,9 @@ class Folder:
     def is_results(self) -> bool:
         """Whether the folder was made by gfmdlayer."""
         try:
-            with self.config.open(encoding="utf-8") as file:
-                return file.readline() == MARK
-        except (OSError, UnicodeDecodeError):
+            with open(self.config, "rb", opener=regular) as file:
+                return file.readline() == MARK.encode()
+        except OSError:
             return False
 
     def stored_config(self) -> Config:
@@ -138,7 +141,7 @@ class Folder:
             Where this is not a results folder, or its configuration cannot be read.
         """
         self.must_hold_results()
-        document = text.read(self.config.read_text(encoding="utf-8"), str(self.config))
+        document = text.read(self.config.read_text(encoding="utf-8", errors="replace"), str(self.config))
         if not isinstance(document.data, dict):
             raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
         return dict(document.data.get("sweep") or {})
@@ -152,7 +155,7 @@ class Folder:
             Where this is not a results folder.
         """
         self.must_hold_results()
-        with self.config.open(encoding="utf-8") as file:
+        with self.config.open(encoding="utf-8", errors="replace") as file:
             _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
         number = cases.removeprefix(_CASES)
         count = int(number) if _CASES_OF_RUN.fullmatch(number) else sweeps.count(self.stored_sweep())
@@ -194,7 +197,7 @@ class Folder:
             place, hashed = (hashlib.sha256(each).hexdigest()[:16] for each in (bytes(path), content))
             kept = self.path / "inputs" / f"{path.stem}-{place}-{hashed}{path.suffix}"
             same = kept.exists()  # by its name; the copy itself may be damaged
-            if same and kept.read_bytes() == content:
+            if same and kept.is_file() and kept.read_bytes() == content:
                 return kept
             kept.parent.mkdir(exist_ok=True)
             if not (changed or same) and any(f"-{place}-" in other.name for other in kept.parent.iterdir()):
@@ -242,11 +245,9 @@ def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
     if not Path(path).is_file():
         return False
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(len(_SIGNATURE)) == _SIGNATURE
-    except OSError:
-        return False
+    with suppress(OSError), Path(path).open("rb") as file:
+        return file.read(len(_SIGNATURE)) == _SIGNATURE
+    return False
 
 
 def read_config(

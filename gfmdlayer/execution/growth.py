@@ -23,7 +23,7 @@ from gfmdlayer.config.model import stem
 from gfmdlayer.config.stops import stops
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.sweep import Case, Earlier, cases, with_files
-from gfmdlayer.validation.sections import files_named
+from gfmdlayer.validation.named_files import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
 _LISTED = 8  # numbers of cases in a line
@@ -68,6 +68,7 @@ def compare(folder: Folder, config: Config) -> Growth:
     try:
         stored = folder.stored_config()
         numbers = folder.case_numbers()
+        must_agree(folder, numbers, len(cases(stored)))
     except FolderError as error:
         raise FolderError(f"{error}; {WAYS_OUT}") from None
     files = folder.numbers()
@@ -94,6 +95,21 @@ def compare(folder: Folder, config: Config) -> Growth:
         if each not in had and number not in files["h5"] and _values(case) in same
     }
     return Growth(found, True, reasons, sorted(files["h5"].difference(found)))
+
+
+def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
+    """Refuse a configuration of results that was changed: it names other cases than its sweep has.
+
+    Raises
+    ------
+    FolderError
+        Where there are not as many.
+    """
+    if len(numbers) != count:
+        raise FolderError(
+            f"{folder.config}: names {len(numbers)} cases, and its sweep has {count}; "
+            "must be as the run wrote it"
+        )
 
 
 def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
@@ -168,8 +184,9 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
         if (about := read_about(folder.case(number, "state"))) is None:
             continue
         if about["made_by"] == made_by(about["made_by"].get("digest")):
-            course = Course(**about["course"])
-            kept[about["stem"]].append((course, Earlier(number, course.time, about["made_by"])))
+            with suppress(KeyError, TypeError):  # forged
+                course = Course(**about["course"])
+                kept[about["stem"]].append((course, Earlier(number, course.time, about["made_by"])))
     found = []
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):

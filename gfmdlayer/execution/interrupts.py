@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Self
+from typing import Any, Self
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 AGAIN = 1.0  # seconds
@@ -73,6 +74,7 @@ def at_once() -> Iterator[None]:
 
     For work that has no time steps: reading, compiling, planning. Python drops an exception that strikes a
     destructor or a callback, so that it is raised again after `AGAIN` seconds until the block is left.
+    Objects of LLVM that are left half closed are dropped in silence.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -80,19 +82,33 @@ def at_once() -> Iterator[None]:
 
     def interrupt(signum: int, frame: FrameType | None) -> None:
         request_stop(signum, frame)
+        sys.unraisablehook = _of_others
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
         raise KeyboardInterrupt
 
     signals = (*STOP_SIGNALS, signal.SIGALRM)
     before = {signum: signal.signal(signum, interrupt) for signum in signals}
     try:
-        if stop_requested():
-            raise KeyboardInterrupt
+        _raise_where_asked()
         yield
+    except Exception:
+        _raise_where_asked()  # libraries wrap the interrupt in errors of their own
+        raise
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for signum, handler in before.items():
             signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+
+
+def _raise_where_asked() -> None:
+    if stop_requested():
+        raise KeyboardInterrupt from None
+
+
+def _of_others(unraisable: Any) -> None:
+    """Report an exception in a destructor, unless it is of an object of LLVM."""
+    if not str(getattr(unraisable.object, "__module__", "")).startswith("llvmlite"):
+        sys.__unraisablehook__(unraisable)
 
 
 @contextmanager

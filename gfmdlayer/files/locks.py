@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from gfmdlayer.files.shared_folders import no_link
+from gfmdlayer.files.shared_folders import no_link, regular
 
 
 def try_lock(file: IO[str], shared: bool = False) -> bool | None:
@@ -56,7 +56,7 @@ def exclusive(path: Path) -> Iterator[None]:
 def open_for_writing(path: Path) -> bool:
     """Whether another process has an existing HDF5 file open for writing, by the lock that HDF5 holds."""
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=regular) as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError as error:
         return error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK)

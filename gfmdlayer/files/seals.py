@@ -12,7 +12,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from gfmdlayer.files.shared_folders import read_small, write_new
+from gfmdlayer.files.shared_folders import read_small, regular, write_new
 from gfmdlayer.files.whole import unfinished
 
 _FORM = b"\ngfmdlayer seal %08x\n"
@@ -47,9 +47,9 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
     Raises
     ------
     OSError
-        If the file cannot be read.
+        If the file cannot be read, or is no regular one.
     """
-    with path.open("rb") as file:
+    with open(path, "rb", opener=regular) as file:
         contents = file.seek(0, 2) - _LENGTH
         if not 0 <= contents <= most:
             return None

@@ -49,9 +49,7 @@ def read_small(path: Path) -> bytes:
     OSError
         If it is none, or larger than some megabytes.
     """
-    with open(path, "rb", opener=_without_waiting) as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "is no regular file", str(path))
+    with open(path, "rb", opener=_regular_and_no_link) as file:
         contents = file.read(_LARGEST + 1)
     if len(contents) > _LARGEST:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
@@ -67,8 +65,26 @@ def read_json(path: Path) -> dict[str, Any] | None:
     return None
 
 
-def _without_waiting(path: str, flags: int) -> int:
-    return no_link(path, flags | os.O_NONBLOCK)
+def regular(path: str, flags: int) -> int:
+    """Open a regular file, also by a link, as the `opener` of Python's open does: a pipe is not waited for.
+
+    Raises
+    ------
+    OSError
+        If it is none, or cannot be opened.
+    """
+    return _if_regular(os.open(path, flags | os.O_NONBLOCK), path)
+
+
+def _regular_and_no_link(path: str, flags: int) -> int:
+    return _if_regular(no_link(path, flags | os.O_NONBLOCK), path)
+
+
+def _if_regular(descriptor: int, path: str) -> int:
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "is no regular file", path)
+    return descriptor
 
 
 def printable(text: str) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 
 from gfmdlayer.config import text
 from gfmdlayer.execution.claim import held, leftovers, remove_results
-from gfmdlayer.execution.folder import MARK, WAYS_OUT, Folder, FolderError
+from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.run import Summary
 from gfmdlayer.execution.schedule import Outcome, Schedule
@@ -150,10 +150,7 @@ class ForceMap:
             folder.path.mkdir(parents=True, exist_ok=True)
             known = folder.is_results()
             if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
-                raise FolderError(
-                    f"{folder.path}: is not empty and not a results folder of gfmdlayer; choose another "
-                    "with --out"
-                )
+                raise FolderError(f"{folder.path}: {FOREIGN}")
             if known and not restart:
                 self._refuse_other()
             folder.cases.mkdir(exist_ok=True)
@@ -176,7 +173,7 @@ class ForceMap:
 
     def _refuse_other(self) -> None:
         """Refuse a folder of another model, other curves or other options."""
-        before = self.folder.config.read_text(encoding="utf-8").splitlines()
+        before = self.folder.config.read_text(encoding="utf-8", errors="replace").splitlines()
         now = self.document.splitlines()
         changed = [
             f"{line.strip()} (now)" for line in now if line not in before and not line.startswith("name:")

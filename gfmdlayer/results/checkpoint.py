@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.files.shared_folders import no_link
+from gfmdlayer.files.shared_folders import no_link, regular
 from gfmdlayer.files.whole import unfinished
 
 _ABOUT = "about"
@@ -62,11 +62,11 @@ class Checkpoint:
 def read_about(path: Path) -> dict[str, Any] | None:
     """Return the plain data of a checkpoint, and `made_by`; None where they cannot be read."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb", opener=regular) as stream, np.load(stream, allow_pickle=False) as file:
             about: dict[str, Any] = json.loads(str(file[_ABOUT]))
+            return about if isinstance(about["made_by"], dict) else None
     except Exception:  # a damaged file can fail anywhere, with any exception
         return None
-    return about
 
 
 def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
@@ -85,7 +85,7 @@ def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
         If it is damaged, or was made from another input, by other versions or on another processor.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb", opener=regular) as stream, np.load(stream, allow_pickle=False) as file:
             state = dict(file)
         about = json.loads(str(state.pop(_ABOUT)))
         digest = about.pop("digest", "")

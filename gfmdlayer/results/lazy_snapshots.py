@@ -70,7 +70,7 @@ class _FieldOfCases(BackendArray):
         inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
         found = np.full((*files.shape, *inner), np.nan)
         for place, file in np.ndenumerate(files):
-            if file.exists():
+            if file.is_file():
                 found[place] = self._read_case(file, part)
         return found
 

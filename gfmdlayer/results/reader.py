@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.files.locks import open_for_writing
 from gfmdlayer.files.seals import is_intact
+from gfmdlayer.files.shared_folders import regular
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 SWEEP_FILE = "sweep.h5"
 _ROWS_READ = 4096  # at a time
-_VERIFIED = 1 << 28  # bytes of a file that is verified as it is opened, which takes a quarter of a second
+VERIFIED = 1 << 28  # bytes of a file that is verified as it is opened, which takes a quarter of a second
 
 # Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
 # fail. (A file that another program has open for writing is found by `files.locks`.)
@@ -171,6 +172,7 @@ def attributes(path: str | Path) -> dict[str, object]:
         If the file is missing or is not HDF5.
     """
     try:
+        open(path, "rb", opener=regular).close()
         with h5py.File(path, locking=False) as h5:
             return dict(h5.attrs)
     except OSError as error:
@@ -197,7 +199,7 @@ def open_case(path: str | Path) -> xarray.Dataset:
     >>> gfmdlayer.open_case("one/cases/0000.h5").time.values
     array([0. , 0.5, 1. ])
     """
-    if not _is_whole(Path(path), _VERIFIED):
+    if not _is_whole(Path(path), VERIFIED):
         raise ResultsError(f"{path}: {_reason(Path(path))}")
     return _open(Path(path))
 
@@ -238,7 +240,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
             return _with_snapshots(collected, directory)
         with collected:  # of the only case, beside which earlier ones may lie
             files = [case_path(directory, int(collected["case"]))]
-    complete = [path for path in files if _is_whole(path, _VERIFIED)]
+    complete = [path for path in files if _is_whole(path, VERIFIED)]
     if len(complete) == 1:
         return _open(complete[0])
     if complete:
@@ -252,7 +254,7 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     from gfmdlayer.results.lazy_snapshots import with_snapshots
 
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    first = next((path for path in files.flat if _is_whole(path, _VERIFIED)), None)
+    first = next((path for path in files.flat if _is_whole(path, VERIFIED)), None)
     if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
         return sweep
     with _open(first) as example:
@@ -264,7 +266,7 @@ def _open(path: Path) -> xarray.Dataset:
     import xarray
 
     try:
-        if is_intact(path, _VERIFIED) is not False:
+        if is_intact(path, VERIFIED) is not False:
             return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultsError(f"{path}: {_reason(path)}") from error
@@ -274,12 +276,12 @@ def _open(path: Path) -> xarray.Dataset:
 def _reason(path: Path) -> str:
     if not path.exists():
         return "no such file"
-    if path.is_dir():
-        return "is a folder, not a result file"
+    if not path.is_file():
+        return "is a folder, not a result file" if path.is_dir() else "is no regular file"
     if path.suffix in {".yaml", ".yml"}:
         return "is a configuration; must be results, such as the folder results/NAME after its run"
     with suppress(OSError):
-        if is_intact(path, _VERIFIED) is False:
+        if is_intact(path, VERIFIED) is False:
             return "is damaged: it holds other bytes than were written; run the configuration again"
     if not h5py.is_hdf5(path):
         return "not a result file (no HDF5)"

@@ -189,6 +189,14 @@ def test_a_checkpoint_with_other_arrays_than_were_written_is_refused(tmp_path: P
         read_checkpoint(tmp_path / "c", MADE_BY)
 
 
+@pytest.mark.parametrize("about", ["[]", "{}", '{"made_by": null}'])
+def test_what_no_run_wrote_is_no_checkpoint(tmp_path: Path, about: str) -> None:
+    np.savez((tmp_path / "c").open("wb"), about=np.array(about))
+    assert read_about(tmp_path / "c") is None
+    with pytest.raises(CheckpointError):
+        read_checkpoint(tmp_path / "c", MADE_BY)
+
+
 def run(folder: Folder, every: float = 0.0) -> str:
     return cases.run_case(CASE, folder, checkpoint_every=every).state
 

@@ -7,13 +7,16 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import xarray
 
 from gfmdlayer.config import load
+from gfmdlayer.execution.groups.agreement import ending_together
+from gfmdlayer.execution.groups.pool import _Group
 from gfmdlayer.execution.groups.refusals import input_errors_together
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
@@ -162,3 +165,25 @@ def test_ranks_that_make_no_groups_are_refused_once() -> None:
     assert process.returncode == 2
     assert process.stderr.count("got 3 ranks; must be a multiple of 2") == 1
     assert not Path("results").exists()
+
+
+def test_an_interrupt_of_the_first_rank_ends_the_job(capsys: pytest.CaptureFixture[str]) -> None:
+    """The other ranks wait for it in the midst of the task: without an end they do so for ever."""
+
+    class Control:
+        def send(self, message: object, rank: int) -> None:
+            assert (message, rank) == ((interrupted, (5,)), 1)
+
+        def Abort(self, status: int) -> None:
+            raise SystemExit(status)
+
+    def interrupted(ranks: Any, number: int) -> None:
+        with ending_together(ranks):
+            assert number == 5
+            raise KeyboardInterrupt
+
+    group = _Group.__new__(_Group)
+    group._ranks = cast(Any, SimpleNamespace(count=2, control=Control()))
+    with pytest.raises(SystemExit, match="75"):
+        group.run(interrupted, 5)
+    assert capsys.readouterr().err == "gfmdlayer: stopped before the first case\n"

@@ -55,7 +55,7 @@ def test_impossible_numbers_of_processes_are_refused(
     assert one_line(capsys.readouterr().err) == f"gfmdlayer: {message}\n"
 
 
-@pytest.mark.parametrize("threads", ["0", "-2"])
+@pytest.mark.parametrize("threads", ["0", "-2", "abc", "1.5", ""])
 def test_threads_that_numba_does_not_take_are_refused(
     threads: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -70,6 +70,10 @@ def test_threads_that_numba_does_not_take_are_refused(
     ("error", "message"),
     [
         (MemoryError("no room"), "memory does not suffice (MemoryError: no room)"),
+        (
+            ImportError("libhdf5.so: failed to map segment from shared object"),
+            "memory does not suffice (ImportError: libhdf5.so: failed to map segment from shared object)",
+        ),
         (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.yaml"), "a.yaml: Too many open files"),
         (OSError("libllvmlite.so"), "OSError: libllvmlite.so"),
         (RuntimeError("can't start new thread"), "processes or threads cannot be started (RuntimeError: "),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from gfmdlayer.execution.workers import alone
 from gfmdlayer.files.shared_folders import no_link, printable
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.reader import is_complete
 from gfmdlayer.results.recording import Recording
 
 Run = Callable[..., tuple[Any, str]]
@@ -122,6 +124,42 @@ def test_forged_records_neither_end_nor_steer_a_command(
     assert shown.startswith("2 cases: 0 complete")
     assert all(line.isprintable() for line in shown.splitlines())
     assert "\\x1b]0;forged" in shown or forged != "escapes"
+
+
+@pytest.mark.parametrize("name", ["cases/0000.h5", "cases/0000.checkpoint", "config.yaml", "sweep.h5"])
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(name: str, run_here: Run) -> None:
+    run_here(SMALL)
+    if name == "cases/0000.checkpoint":
+        Path("out/cases/0000.h5").unlink()
+    Path(f"out/{name}").unlink(missing_ok=True)
+    os.mkfifo(f"out/{name}")
+    signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits"))
+    signal.alarm(20)
+    try:
+        for command in (["report"], ["plot", "--kind", "body"], ["status"]):
+            assert main([command[0], "out", *command[1:]]) in (0, 2)
+        if name == "config.yaml":
+            with pytest.raises(FolderError):
+                run_here(SMALL)
+        else:
+            run_here(SMALL)
+            assert is_complete("out/cases/0000.h5")
+    finally:
+        signal.alarm(0)
+
+
+def test_a_pipe_in_place_of_the_copy_of_an_input_is_replaced() -> None:
+    folder = Folder(Path("out"))
+    folder.path.mkdir()
+    kept = folder.keep_input(Path("precious").absolute(), changed=False)
+    kept.unlink()
+    os.mkfifo(kept)
+    signal.signal(signal.SIGALRM, lambda *_: pytest.fail("waits"))
+    signal.alarm(20)
+    try:
+        assert folder.keep_input(Path("precious").absolute(), changed=False).read_text() == "precious"
+    finally:
+        signal.alarm(0)
 
 
 def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here: Run) -> None:

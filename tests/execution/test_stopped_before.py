@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -101,6 +105,32 @@ def test_no_workers_are_started_after_a_request_to_stop() -> None:
     assert states == ["stopped", "stopped"]
 
 
+def test_an_interrupt_that_a_library_wraps_in_an_error_is_one() -> None:
+    def build() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt as interrupt:
+            raise ValueError("no schema") from interrupt
+
+    with pytest.raises(KeyboardInterrupt), at_once():
+        build()
+
+
+@pytest.mark.parametrize(("module", "told"), [("llvmlite.binding.ffi", False), ("h5py", True)])
+def test_an_interrupt_leaves_objects_of_llvm_half_closed_in_silence(
+    module: str, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def close(_: object) -> None:
+        raise AttributeError
+
+    close.__module__ = module
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    with suppress(KeyboardInterrupt), at_once():
+        signal.raise_signal(signal.SIGTERM)
+    type("Half", (), {"__del__": close})()
+    assert ("AttributeError" in capsys.readouterr().err) == told
+
+
 @pytest.mark.parametrize("verb", ["run", "check"])
 def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
     verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -112,6 +142,23 @@ def test_an_interrupt_before_the_verb_listens_ends_it_in_a_line(
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", interrupted)
     assert main([verb, "a.yaml"]) == 75
     assert capsys.readouterr().err == "gfmdlayer: stopped\n"
+
+
+def test_a_rank_that_is_interrupted_before_mpi_starts_dies_by_the_signal() -> None:
+    """An exit would leave the other ranks waiting for it: the launcher ends them after a signal alone."""
+    script = (
+        "import signal\n"
+        "from gfmdlayer import cli\n"
+        "cli.command_line = lambda: signal.raise_signal(signal.SIGINT)\n"
+        "raise SystemExit(cli.main())"
+    )
+    command = [sys.executable, "-c", script]
+    ended = [
+        subprocess.run(command, env=os.environ | rank, capture_output=True, text=True, timeout=PATIENCE)
+        for rank in ({}, {"PMI_SIZE": "2", "PMI_RANK": "1"})
+    ]
+    assert [each.stderr for each in ended] == ["gfmdlayer: stopped\n"] * 2
+    assert [each.returncode for each in ended] == [75, -signal.SIGINT]
 
 
 def test_a_rank_that_is_asked_to_stop_begins_its_case_and_stops_with_the_others(tmp_path: Path) -> None:

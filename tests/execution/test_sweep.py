@@ -184,6 +184,25 @@ def test_a_folder_of_something_else_is_refused(
     assert [path.read_text() for path in (tmp_path / "mine").iterdir()] == ["name: mine\n"]
 
 
+def test_a_damaged_configuration_of_results_is_named(configure: Configure, tmp_path: Path) -> None:
+    run(configure(TINY), tmp_path / "out")
+    path = tmp_path / "out/config.yaml"
+    path.write_bytes(path.read_bytes().replace(b"# Cases", b"# Cases\xba", 1))
+    with pytest.raises(FolderError, match=r"config\.yaml.*UTF-8"):
+        run(configure(TINY), tmp_path / "out")
+    assert list(Folder(tmp_path / "out").case_numbers()) == [0]
+
+
+def test_a_configuration_of_results_that_lost_cases_is_named(configure: Configure, tmp_path: Path) -> None:
+    swept = TINY + "sweep: {layer.thickness: [0.02, 0.1]}\n"
+    run(configure(swept), tmp_path / "out")
+    path = tmp_path / "out/config.yaml"
+    text = path.read_text()
+    path.write_text(text[: text.index("sweep:")])
+    with pytest.raises(FolderError, match=r"config\.yaml: names 2 cases, and its sweep has 1; .*--restart"):
+        run(configure(swept), tmp_path / "out")
+
+
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/gfmdlayer"])
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
     configure: Configure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str

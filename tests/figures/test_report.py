@@ -108,6 +108,28 @@ def test_a_page_holds_every_case_with_its_state_and_the_curves_of_the_files(
         assert data["provenance"]["numpy version"] == case.attrs["numpy_version"]
 
 
+def test_a_flipped_bit_of_a_case_is_damage_wherever_it_is(run: Callable[[str], Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
+    content = case_path(folder, 0).read_bytes()
+    for place in (content.index(b"gfmdlayer_version"), len(content) // 2):
+        flipped = content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+        case_path(folder, 0).write_bytes(flipped)
+        assert main(["report", str(folder), "--out", str(tmp_path / "page.html")]) == 0
+        assert data_of(tmp_path / "page.html")["cases"][0]["state"] == "damaged"
+    (folder / "config.yaml").write_bytes((folder / "config.yaml").read_bytes() + b"# \xff\n")
+    assert main(["report", str(folder), "--out", str(tmp_path / "page.html")]) == 0
+
+
+def test_a_configuration_of_other_cases_than_it_names_is_refused(
+    run: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(run(SWEEP), tmp_path / "copy"))
+    written = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(written.replace("[20000, 1]", "[20000, 1, 2]"))
+    assert main(["report", str(folder)]) == 2
+    assert "names 4 cases, and its sweep has 6; must be as the run wrote it" in capsys.readouterr().err
+
+
 def test_a_page_is_one_file_that_may_load_nothing(run: Callable[[str], Path]) -> None:
     page = (run(SWEEP) / "report.html").read_text()
     assert "<title>out</title>" in page

@@ -135,6 +135,26 @@ def test_status_and_plot_read_a_map(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["plot", "out", "--kind", "curves"]) == 2
 
 
+def test_a_curve_whose_name_is_no_text_is_fitted_and_named() -> None:
+    depth = np.linspace(0.0, 0.2, 60)
+    force = 8 / 3 * 5.0**0.5 * depth**1.5 / 0.5
+    lines = "".join(f"{d},{d},{f}\n" for d, f in zip(depth, force, strict=True))
+    Path("raw").mkdir()
+    Path(os.fsdecode(b"raw/\xff.csv")).write_text(f"time,depth,force\n{lines}")
+    fitted("out", "raw")
+    with open_results("out") as found:
+        assert found["name"].item() == "\\xff"
+
+
+def test_a_damaged_list_of_curves_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    fitted("out")
+    written = Path("out/config.yaml").read_bytes()
+    Path("out/config.yaml").write_bytes(written.replace(b"free:", b"fr\xffe:"))
+    command = ["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]
+    assert cli.main(command) == 2
+    assert "holds results of another model or other curves" in capsys.readouterr().err
+
+
 def test_curves_without_places_are_in_a_row() -> None:
     with h5py.File("map.h5", "r+") as h5:
         del h5["x"]

@@ -27,10 +27,10 @@ def ending_together(ranks: Ranks) -> Iterator[None]:
     Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
     the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
     """
-    error: BaseException | None = None
+    error: Exception | None = None
     try:
         yield
-    except BaseException as caught:
+    except Exception as caught:
         error = caught
     if ranks.count > 1:
         said = "" if error is None else f"{type(error).__name__}: {error}"
@@ -41,7 +41,7 @@ def ending_together(ranks: Ranks) -> Iterator[None]:
         raise error
 
 
-def _first(ranks: Any, said: str, error: BaseException | None) -> str:
+def _first(ranks: Any, said: str, error: Exception | None) -> str:
     """Return what the first rank with an error says, when all have come here."""
     request, begun = ranks.control.Ibarrier(), time.monotonic()
     while not request.Test():

@@ -8,6 +8,7 @@ wait for that, asleep.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -42,10 +43,19 @@ class _Group:
         self._ranks = MpiRanks(communicator)
 
     def run(self, task: Callable[..., Result], *arguments: Any) -> Result:
-        """Run a task on all ranks of the group; called on the first of them, whose result is returned."""
-        for rank in range(1, self._ranks.count):
-            self._ranks.control.send((task, arguments), rank)
-        return task(self._ranks, *arguments)
+        """Run a task on all ranks of the group; called on the first of them, whose result is returned.
+
+        An interrupt ends the job: it comes before the first case alone (`interrupts.at_once`), and the other
+        ranks would wait for this one in the midst of the task.
+        """
+        try:
+            for rank in range(1, self._ranks.count):
+                self._ranks.control.send((task, arguments), rank)
+            return task(self._ranks, *arguments)
+        except KeyboardInterrupt:
+            sys.stderr.write("gfmdlayer: stopped before the first case\n")
+            self._ranks.control.Abort(os.EX_TEMPFAIL)
+            raise
 
     def serve(self) -> None:
         """Run tasks with the first rank until it dismisses the group."""

@@ -16,6 +16,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.figures.plot_style import spread
+from gfmdlayer.files.seals import is_intact
+from gfmdlayer.results.reader import VERIFIED
 from gfmdlayer.results.schema import FIELDS
 
 CURVE_NUMBERS = SURFACE_NUMBERS = 1_200_000  # on a page; 6.4 MB each
@@ -134,6 +136,8 @@ class Reader:
     def read(self, case: Listed) -> Contents | None:
         """Return the contents of a case's file; None if it is damaged, or no complete file of a case."""
         try:
+            if is_intact(case.path, VERIFIED) is False:
+                return None
             with h5py.File(case.path, locking=False) as h5:
                 return self._contents(case.number, h5) if h5.attrs.get("complete") == 1 else None
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception

@@ -16,6 +16,7 @@ A file of many curves is opened once, and a curve is read when it is used.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -80,10 +81,12 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
     names: dict[str, int] = {}
     for entry in found:
         names[entry.name] = names.get(entry.name, 0) + 1
-    return [
+    every = [
         entry if names[entry.name] == 1 else replace(entry, name=f"{entry.path}:{entry.key}".rstrip(":"))
         for entry in found
     ]
+    # Bytes of a file's name that are not UTF-8 are written out by their codes.
+    return [replace(each, name=os.fsencode(each.name).decode(errors="backslashreplace")) for each in every]
 
 
 def read_curve(entry: Entry, units: Units | None = None, into: Sizes = (1.0, 1.0, 1.0)) -> ForceCurve:
