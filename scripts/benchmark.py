@@ -25,7 +25,7 @@ from benchmarks.tables import Effort, Table
 
 from gfmdlayer.results.provenance import provenance
 
-# A section is a module of scripts/benchmarks with `measure(effort)`, which returns tables, and the efforts
+# A section is a module of scripts/benchmarks with `measure(effort)`, which yields tables, and the efforts
 # `EFFORT` and `QUICK`. The first line of its docstring is its help. To add one, name it here.
 NAMES = (
     "iteration",
@@ -50,11 +50,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tables: list[Table] = []
     machine = _machine()
     print("\n".join(f"- {key}: {value}" for key, value in machine.items()), end="\n\n")
-    for name in options.only or [name for name in SECTIONS if not (options.quick and name in OPTIONAL)]:
-        print(f"measuring {name} ...", file=sys.stderr, flush=True)
-        for table in SECTIONS[name].measure(_effort(name, options)):
-            print(table.markdown(), flush=True)
-            tables.append(table)
+    try:
+        for name in options.only or [name for name in SECTIONS if not (options.quick and name in OPTIONAL)]:
+            print(f"measuring {name} ...", file=sys.stderr, flush=True)
+            for table in SECTIONS[name].measure(_effort(name, options)):
+                print(table.markdown(), flush=True)
+                tables.append(table)
+    finally:  # a section that fails takes no table along
+        _write(tables, machine, options)
+
+
+def _write(tables: Sequence[Table], machine: dict[str, str], options: argparse.Namespace) -> None:
     if options.markdown:
         options.markdown.write_text("\n".join(table.markdown() for table in tables), encoding="utf-8")
     if options.json:

@@ -39,6 +39,8 @@ from trials.configurations import DEFAULT, draw
 from trials.outcomes import GOOD, Outcome
 
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.execution.preflight import THREAD_VARIABLES
+from gfmdlayer.execution.workers import threads_each
 
 KINDS: Mapping[str, Any] = {
     "extremes": extremes.trial,
@@ -185,5 +187,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if not os.environ.keys() >= set(THREAD_VARIABLES):  # which count where they are set before numpy's import
+        threads_each(os.environ)
+        os.execv(sys.executable, [sys.executable, *sys.argv])
     sys.exit(main())

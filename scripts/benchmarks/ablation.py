@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +54,7 @@ Workloads = Mapping[str, Sequence[Config]]
 Patches = list[tuple[object, str, object]]
 
 
-def measure(effort: Effort) -> list[Table]:
+def measure(effort: Effort) -> Iterator[Table]:
     """Take the ingredients out of the active set, nested gradients, FIRE, and the adaptive steps."""
     points, repetitions = max(effort.points), effort.repetitions
     active_set = {**_workloads(points, effort.steps), **_hard(points // 4)}
@@ -62,15 +62,15 @@ def measure(effort: Effort) -> list[Table]:
         file = Path(folder) / "withdrawn.txt"
         file.write_text("\n".join(f"{time} {depth}" for time, depth in _WITHDRAWN), encoding="utf-8")
         withdrawn = {"trajectory": {"control": "depth", "kind": "table", "file": str(file)}}
-        return [
-            *_compare("ablation", "Active set", active_set, ACTIVE_SET, repetitions),
-            *_compare("ablation-nested", "Nested gradients", _rough_surfaces(points), NESTED, repetitions),
-            *_compare("ablation-fire", "FIRE", _fire(points), FIRE, repetitions),
-            *_compare(
-                "ablation-adaptive", "Adaptive steps", _adaptive(points, withdrawn), ADAPTIVE, repetitions,
-                reference=True,
-            ),
-        ]  # fmt: skip
+        yield from _compare("ablation", "Active set", active_set, ACTIVE_SET, repetitions)
+        yield from _compare(
+            "ablation-nested", "Nested gradients", _rough_surfaces(points), NESTED, repetitions
+        )
+        yield from _compare("ablation-fire", "FIRE", _fire(points), FIRE, repetitions)
+        yield from _compare(
+            "ablation-adaptive", "Adaptive steps", _adaptive(points, withdrawn), ADAPTIVE, repetitions,
+            reference=True,
+        )  # fmt: skip
 
 
 class _Outcome(NamedTuple):

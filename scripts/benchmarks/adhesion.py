@@ -68,7 +68,7 @@ class _Outcome(NamedTuple):
     seconds: float
 
 
-def measure(effort: Effort) -> list[Table]:
+def measure(effort: Effort) -> Iterator[Table]:
     """Follow each course by both solvers; then take the ingredients out of Newton's method."""
     courses = [_line(n, reach, effort.steps) for n in effort.points for reach in _RANGES.get(n, (1e-3,))]
     large = max(effort.points) >= 1 << 14
@@ -86,10 +86,8 @@ def measure(effort: Effort) -> list[Table]:
     title = (
         f"Adhesive contact on a halfspace, {effort.steps} depths or a third of them, residual {_RESIDUAL:g}"
     )
-    return [
-        Table("adhesion", title, rows, note),
-        _ablations([course for course in courses if course.grid.size <= 1 << 12]),
-    ]
+    yield Table("adhesion", title, rows, note)
+    yield _ablations([course for course in courses if course.grid.size <= 1 << 12])
 
 
 def _line(n: int, reach: float, steps: int) -> _Course:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 
 from benchmarks.common import METHODS, STEP, default_case, run
 from benchmarks.tables import Cell, Effort, Table
@@ -23,7 +24,7 @@ _INGREDIENTS_AT = 1 << 14
 _STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps used
 
 
-def measure(effort: Effort) -> list[Table]:
+def measure(effort: Effort) -> Iterator[Table]:
     """Count over the steps after the first, at t = 0."""
     rows = [
         _row(method, points, effort.steps)
@@ -36,16 +37,14 @@ def measure(effort: Effort) -> list[Table]:
         "Targets at n = 16384: active_set ≤ 8 in the ramp and ≤ 5 in the hold; "
         "fire ≤ 120 in all, at n = 65536 no more than 1.5 times that.  FIRE is mass-weighted here."
     )
+    yield Table("pairs", title, rows, note)
     at = max((points for points in effort.points if points <= _INGREDIENTS_AT), default=effort.points[0])
     ingredients: list[dict[str, Cell]] = [
         {"inertia": inertia, "start": start, **_counts(_fire(at, effort.steps, inertia, past))}
         for inertia in ("uniform", "mass_weighted")
         for past, start in _STARTS.items()
     ]
-    return [
-        Table("pairs", title, rows, note),
-        Table("ingredients", f"FIRE by inertia and first guess: FFT pairs per step, n = {at}", ingredients),
-    ]
+    yield Table("ingredients", f"FIRE by inertia and first guess: FFT pairs per step, n = {at}", ingredients)
 
 
 def _row(method: str, points: int, steps: int) -> dict[str, Cell]:

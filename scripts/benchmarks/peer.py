@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import numpy as np
@@ -36,12 +37,13 @@ _TRIAL_STEPS = 40
 _BARE = 500  # pairs in one measurement
 
 
-def measure(effort: Effort) -> list[Table]:
+def measure(effort: Effort) -> Iterator[Table]:
     """Run both on each grid; no table without Tamaas."""
     if find_spec("tamaas") is None:
         print("Tamaas is not installed; the extra bench installs it", file=sys.stderr)
-        return []
-    return [_compare(points, effort) for points in effort.points]
+        return
+    for points in effort.points:
+        yield _compare(points, effort)
 
 
 def _compare(points: int, effort: Effort) -> Table:

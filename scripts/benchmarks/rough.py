@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -41,14 +42,15 @@ _BODIES: dict[str, dict[str, object]] = {
 }
 
 
-def measure(effort: Effort) -> list[Table]:
+def measure(effort: Effort) -> Iterator[Table]:
     """Run the layer on each grid, solve from nothing, compare with other codes, and on threads and ranks."""
-    found = [_layer(effort)]
+    yield _layer(effort)
     for points in effort.points:
-        found += [_cold(points), *compare(points, effort.repetitions)]
+        yield _cold(points)
+        yield from compare(points, effort.repetitions)
     if (largest := max(effort.points)) >= _FEWEST:
-        found += [_accuracy(largest), *slabs.measure(replace(effort, points=(largest,)))]
-    return found
+        yield _accuracy(largest)
+        yield from slabs.measure(replace(effort, points=(largest,)))
 
 
 def _cold(points: int) -> Table:

@@ -146,6 +146,13 @@ def descendants(pid: int) -> list[int]:
     return found[1:]
 
 
+def command(pid: int) -> str:
+    """Return the command line of a process; nothing where it has ended."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8", errors="replace")
+    return ""
+
+
 def waited(pid: int) -> float:
     """Return the seconds that a process was ready to run while the processors served others."""
     with suppress(OSError, IndexError):

@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from trials.configurations import Draw, choose
-from trials.launches import Launch, Limits, alive, waited
+from trials.launches import Launch, Limits, alive, command, waited
 from trials.outcomes import Outcome, Patience, Wrong
 from trials.studies import Study, study
 
@@ -33,6 +33,8 @@ PATIENCE = 180.0  # seconds after which a run counts as one that hangs
 ATTEMPTS = 12  # disturbed runs of a trial
 ENDS = (0, 1, 75)  # exit status of a run that could do its work
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+KEEPER = "resource_tracker"  # of Python's semaphores, whose death Python answers with a traceback of its own
+DEAF = "hydra_pmi_proxy"  # of MPICH, which does nothing at SIGINT
 LEFT = (".aside", ".xdmf")
 Bits = dict[str, bytes]
 
@@ -50,8 +52,9 @@ class Trial:
     def launch(self, way: str, out: str = "out", limits: Limits | None = None) -> Launch:
         """Start a run."""
         limits = limits or Limits()
-        if way == "grids" and out == "out" and not self.out.exists():  # plans that alone give the same bits
-            shutil.copytree(self.folder / "whole/wisdom", self.out / "wisdom")
+        plans = self.folder / "whole/wisdom"  # that alone give the same bits; none where every case fails
+        if way == "grids" and out == "out" and not self.out.exists() and plans.exists():
+            shutil.copytree(plans, self.out / "wisdom")
         limits.environment |= self.environment
         return Launch(way, (*self._arguments, out), self.folder, limits)
 
@@ -98,13 +101,14 @@ class Trial:
             self._complete(run, status)
             return
         number, whom = choose(self.rng, *SIGNALS), choose(self.rng, "all", "one", "launcher")
-        victims = {"all": family, "one": [choose(self.rng, *family)], "launcher": [run.pid]}[whom]
-        for victim in victims:
-            with suppress(ProcessLookupError):
-                os.kill(victim, number)
+        one = choose(self.rng, *(each for each in family if KEEPER not in command(each)))
+        victims = {"all": family, "one": [one], "launcher": [run.pid]}[whom]
+        goes_on = number == signal.SIGINT and all(DEAF in command(victim) for victim in victims)
+        struck = [_struck(victim, number) for victim in victims]
+        goes_on |= not any(struck)
         self.events.update(("kills", f"kills: {way}", f"kills: {number.name} to {whom}"))
         self._check_readable()
-        goes_on = way == "processes" and run.pid not in victims  # another worker takes its place
+        goes_on |= way == "processes" and run.pid not in victims  # another worker takes its place
         self._await(run, family, f"{way}, {number.name} to {whom}", PATIENCE if goes_on else GRACE)
         self._check_readable()
         if run.status == status and (self.out / "sweep.h5").exists():
@@ -144,7 +148,8 @@ class Trial:
         patience, delays = Patience(PATIENCE), {process: waited(process) for process in family}
         late = spent = 0.0
         while (living := [process for process in family if alive(process)]) and patience:
-            late = max(waited(process) - delays[process] for process in living)
+            # Of all: those that end last, as the launcher, may have waited for those that had no processor.
+            late = max(late, *(waited(process) - delays[process] for process in living))
             spent = patience.spent - late
             run.poll()
         for process in living:
@@ -174,6 +179,14 @@ class Trial:
                 whole = False
             if not whole:
                 raise Wrong("unreadable", f"{path.name} under its final name")
+
+
+def _struck(process: int, number: int) -> bool:
+    """Send a signal; return whether the process had not ended before."""
+    with suppress(ProcessLookupError):
+        os.kill(process, number)
+        return True
+    return False
 
 
 def killed(seed: int, index: int, folder: Path, ways: tuple[str, ...] = ()) -> Outcome:

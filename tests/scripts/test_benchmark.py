@@ -140,3 +140,16 @@ def test_help_lists_every_section(
     for section in (SCRIPTS / "benchmarks").glob("*.py"):
         if "def measure(" in section.read_text(encoding="utf-8"):
             assert f"    {section.stem} " in shown
+
+
+def test_tables_that_are_done_are_printed_and_written_when_a_later_one_fails(
+    benchmark: Callable[[str], None],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("benchmarks.rough._cold", lambda _points: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        benchmark(f"--only rough --points 32 --steps 1 --repetitions 1 --json {tmp_path}/found.json")
+    assert "### " in capsys.readouterr().out
+    assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["tables"]

@@ -71,7 +71,7 @@ def test_studies_are_configurations(
     together: bool, trials: Callable[[str], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    found = [trials("studies").study(np.random.default_rng(seed), together) for seed in range(40)]
+    found = [trials("studies").study(np.random.default_rng(seed), together) for seed in range(60)]
     for study in found:
         study.write(tmp_path)
         Config.model_validate(study.config)
