@@ -64,7 +64,10 @@ def open_for_writing(path: Path) -> bool:
 
 
 def born(process: int | None = None) -> str:
-    """Return when a process began, which tells it from a later one of the same number; empty if unknown.
+    """Return when a process began, which tells it from a later one of the same number.
+
+    Empty where that is unknown, and of a process that has ended and is still listed, because the one that
+    started it has not asked how: in a container that may be for ever.
 
     Parameters
     ----------
@@ -74,7 +77,8 @@ def born(process: int | None = None) -> str:
     with suppress(OSError, IndexError):  # not on every system
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         state = Path(f"/proc/{process or os.getpid()}/stat").read_bytes().rpartition(b")")[2].split()
-        return f"{boot} {state[19].decode()}"  # clock ticks from the start of the machine
+        if state[0] not in (b"Z", b"X"):
+            return f"{boot} {state[19].decode()}"  # clock ticks from the start of the machine
     return ""
 
 

@@ -6,6 +6,8 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,8 +19,9 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.status import running
+from gfmdlayer.execution.status import Running, running
 from gfmdlayer.execution.workers import alone
+from gfmdlayer.files.locks import born
 from gfmdlayer.files.shared_folders import no_link, printable
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.journal import Journal, Position
@@ -171,6 +174,17 @@ def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here: R
     assert running(folder) == []
     assert main(["clean", "out", "--yes"]) == 0
     assert not folder.case(0, "running").exists()
+
+
+def test_a_process_that_has_ended_and_is_still_listed_does_not_run() -> None:
+    process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    record = {"host": socket.gethostname(), "pid": process.pid, "simulated_time": 1.0, "end": 2.0}
+    status = Running.from_record(0, record | {"started": 0.0, "updated": 0.0, "born": born(process.pid)})
+    assert status.alive
+    process.kill()
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # leaves it in the list
+    assert not status.alive
+    process.communicate()
 
 
 def test_text_is_shown_without_what_steers_a_terminal() -> None:

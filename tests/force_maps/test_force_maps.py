@@ -207,10 +207,11 @@ def kill_after(command: list[str], reached: Callable[[], bool]) -> None:
     while not reached() and run.poll() is None:
         time.sleep(0.01)
     assert run.poll() is None
+    at_work = processes_here()
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     deadline = time.monotonic() + 120
-    while processes_here():  # ranks that the launcher started in sessions of their own end when it has died
+    while not all(map(has_ended, at_work)):  # ranks have sessions of their own; they end after the launcher
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -223,3 +224,12 @@ def processes_here() -> list[int]:
             if entry.readlink() == Path.cwd() and int(entry.parent.name) != os.getpid():
                 found.append(int(entry.parent.name))
     return found
+
+
+def has_ended(process: int) -> bool:
+    """Tell whether all threads of a process have ended: only then are its locks free."""
+    for thread in Path(f"/proc/{process}/task").glob("*/stat"):
+        with suppress(OSError):
+            if thread.read_text().rpartition(")")[2].split()[0] not in "ZX":
+                return False
+    return True
