@@ -30,12 +30,16 @@ class Nothing:
     def note(self, **_): ...
     def snapshot(self, *_): ...
 
-def compiled():
+def kernels():
     modules = [module for name, module in sys.modules.items() if name.startswith("gfmdlayer")]
-    kernels = {id(kernel): kernel for module in modules for kernel in vars(module).values()
-               if isinstance(kernel, Dispatcher)}
-    return {kernel.py_func.__module__ + "." + kernel.py_func.__qualname__: len(kernel.overloads)
-            for kernel in kernels.values()}
+    return {id(kernel): kernel for module in modules for kernel in vars(module).values()
+            if isinstance(kernel, Dispatcher)}.values()
+
+def name(kernel):
+    return kernel.py_func.__module__ + "." + kernel.py_func.__qualname__
+
+def compiled():
+    return {name(kernel): len(kernel.overloads) for kernel in kernels()}
 
 RARE = tuple("gfmdlayer.contact." + name for name in (
     "conjugate_gradient.", "active_set.safeguard.", "active_set.loop.set_guess",
@@ -70,6 +74,8 @@ for values in CASES:
     if config.contact_solver.method == "nested_gradient":  # as are short kernels of a hand-over
         late -= {"gfmdlayer.grid.periodic_extent.periodic_extent"}
     assert not late, (values, late)
+# What stands inside other kernels has no cache: called from Python, each process would compile it anew.
+assert not [name(kernel) for kernel in kernels() if kernel.targetoptions.get("inline") and kernel.overloads]
 """
 
 

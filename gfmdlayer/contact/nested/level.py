@@ -132,7 +132,7 @@ class Level:
     def scales(self, extent: Extent, level: float) -> tuple[float, float]:
         """Scales of pressure and depth, where the gap counts from a level."""
         depth = max(extent.mean + level, 0.0) + extent.depth - level
-        return scales(extent.pressure, depth, self.floor)
+        return scales.py_func(extent.pressure, depth, self.floor)
 
     def set_load(self, at: Fields) -> bool:
         """Scale the pressure to the given load; return whether there is any pressure."""
