@@ -35,7 +35,6 @@ from gfmdlayer.cli.terminal import (
     RESUMABLE,
     STATUSES,
     input_problems,
-    machine_problem,
     refuse,
 )
 
@@ -60,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
     if not (threads.isdecimal() and int(threads) >= 1):  # Numba raises an error, or prints one, when imported
         return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset")
+    # More threads of the linear algebra bring nothing here; where they cannot be started it sends a SIGINT.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         options = command_line().parse_args(arguments)
         status: int = options.verb(options)
@@ -75,6 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if problems := input_problems(error):
             return refuse(*problems)
+        from gfmdlayer.execution.preflight import machine_problem
+
         if not (problem := machine_problem(error)):
             raise
         print(f"gfmdlayer: {problem}", file=sys.stderr)
@@ -88,7 +91,7 @@ def _end_ranks() -> None:
     An exit does not tell it: the others would wait for this rank in the start of MPI for ever.
     """
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
-    from gfmdlayer.execution.workers import launched_size
+    from gfmdlayer.execution.preflight import launched_size
 
     if launched_size(os.environ):
         os.kill(os.getpid(), signal.SIGINT)

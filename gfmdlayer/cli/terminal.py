@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
-from concurrent.futures import BrokenExecutor
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,20 +82,9 @@ def input_problems(error: Exception) -> Sequence[str]:
 
     if isinstance(error, ConfigError):
         return error.problems
+    if isinstance(error, PermissionError):
+        return [f"{error}; this user must be allowed to read it, or to write there"]
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
-
-
-def machine_problem(error: Exception) -> str:
-    """Return the message of an error of the machine: of memory, files, processes; else nothing."""
-    cause = f"{type(error).__name__}: {error}"
-    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "failed to map" in str(error)):
-        return f"memory does not suffice ({cause})"
-    if isinstance(error, OSError):
-        named = f"{printable(str(error.filename))}: " if error.filename else ""
-        return f"{named}{printable(error.strerror or cause)}"
-    if isinstance(error, BrokenExecutor) or "can't start new thread" in str(error):
-        return f"processes or threads cannot be started ({cause})"
-    return ""
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:

@@ -219,10 +219,17 @@ def refuse_open_files(folder: Folder, todo: Iterable[int]) -> None:
             raise FolderError(f"{path}: is open for writing in another program; close it there first")
 
 
+def refuse_unreadable(path: Path) -> None:
+    """Refuse a file that is there and that this user may not read; it is neither missing nor damaged."""
+    if path.exists() and not os.access(path, os.R_OK):
+        raise FolderError(f"{path}: cannot be read; this user must be allowed to")
+
+
 def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
     """Rename files of complete cases that cannot be read, among those to be run; return a line on each."""
     damaged = [index for index in todo if folder.case(index).exists()]
     for index in damaged:
+        refuse_unreadable(folder.case(index))
         folder.set_aside(folder.case(index))
     return [
         f"case {index:04d} is damaged: set aside as {index:04d}.h5{ASIDE}, computed again"

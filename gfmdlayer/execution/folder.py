@@ -43,9 +43,7 @@ from gfmdlayer.files.whole import unfinished, write_text
 from gfmdlayer.validation.named_files import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
-FOREIGN = (
-    "is not empty and not a results folder of gfmdlayer: no config.yaml of one; choose another with --out"
-)
+FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
 _CASES, _FILES = "# Cases: ", "# Files: "  # in the head of the configuration
 _CASES_OF_RUN = re.compile(r"[0-9]{1,9}")
@@ -110,10 +108,12 @@ class Folder:
             path.replace(path.with_name(path.name + ASIDE))
 
     def is_results(self) -> bool:
-        """Whether the folder was made by gfmdlayer."""
+        """Whether the folder was made by gfmdlayer; FolderError where this user may not read that."""
         try:
             with open(self.config, "rb", opener=regular) as file:
                 return file.readline() == MARK.encode()
+        except PermissionError:
+            raise FolderError(f"{self.config}: cannot be read; this user must be allowed to") from None
         except OSError:
             return False
 

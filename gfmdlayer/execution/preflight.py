@@ -1,17 +1,25 @@
-"""Checks of the machine before a run: cores, MPI libraries, disk and memory; each returns warnings."""
+"""Checks of the machine before a run: cores, MPI, disk and memory; words on its errors."""
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from gfmdlayer.files.shared_folders import printable
+
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+# Set by launchers to the number of processes: MPICH and Slurm's pmi2, Open MPI, srun.
+SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
+# Set by launchers that may not set a number.
+RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 MPI_PACKAGES = ("mpich", "openmpi", "impi-rt")
 
 ESTIMATED = 1.5  # the estimate of the memory of a case over what it takes, at most
@@ -63,6 +71,26 @@ def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
         f"{processes[worst]} processes with {each} each on {len(usable[worst])} cores of {worst}{others}: "
         "they wait for each other; start fewer, set OMP_NUM_THREADS=1, or give them more cores"
     ]
+
+
+def launched_size(environment: Mapping[str, str]) -> int | None:
+    """Return the number of processes that an MPI launcher started.
+
+    Parameters
+    ----------
+    environment : mapping of str to str
+        Environment variables, such as `os.environ`.
+
+    Returns
+    -------
+    int or None
+        The number; 0 where a launcher does not tell it; None without a launcher.
+    """
+    for variable in SIZE_VARIABLES:
+        value = environment.get(variable, "")
+        if value.isdecimal():
+            return int(value)
+    return 0 if any(variable in environment for variable in RANK_VARIABLES) else None
 
 
 def several_mpi_libraries() -> list[str]:
@@ -170,3 +198,21 @@ def in_bytes(number: float) -> str:
         if number >= size:
             return f"{number / size:.3g} {unit}"
     return f"{number:.0f} B"
+
+
+def machine_problem(error: BaseException) -> str:
+    """Return the message of an error of the machine: of memory, files, processes; else nothing."""
+    cause = f"{type(error).__name__}: {error}"
+    words = f"{error} {error.__context__}"  # where a library cannot be mapped, others say it is not found
+    unmapped = isinstance(error, ImportError | OSError) and "failed to map" in words
+    if unmapped or isinstance(error, MemoryError):
+        return f"memory does not suffice ({cause})"
+    if isinstance(error, OSError) and error.errno == errno.EMFILE and not error.filename:
+        return f"too many files are open at a time; `ulimit -n` must allow more ({cause})"
+    unstarted = isinstance(error, BlockingIOError) and not error.filename
+    if unstarted or isinstance(error, BrokenExecutor) or "can't start new thread" in str(error):
+        return f"processes or threads cannot be started; `ulimit -u` must allow more ({cause})"
+    if isinstance(error, OSError):
+        named = f"{printable(str(error.filename))}: " if error.filename else ""
+        return f"{named}{printable(error.strerror or cause)}"
+    return ""

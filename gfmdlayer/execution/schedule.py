@@ -195,6 +195,7 @@ class Schedule:
                 outcome = self._outcomes.get(timeout=POLL)
                 self._submit(1)
                 return outcome
+            self._pool.check()
 
     def _when_done(self, item: Numbered, future: Future[Outcome]) -> None:
         if future.cancelled():

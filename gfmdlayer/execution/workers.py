@@ -14,20 +14,16 @@ import socket
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from typing import Any, NoReturn
 
 from gfmdlayer.execution import interrupts, preflight
 
-# Set by launchers to the number of processes: MPICH and Slurm's pmi2, Open MPI, srun.
-SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
-# Set by launchers that may not set a number.
-RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 MOST = 1 << 14  # processes, and threads of one
 RENEWALS = 100  # of a pool of processes whose workers were killed, at most
 SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of the time where cases are tiny
@@ -55,6 +51,8 @@ class WorkerPool:
         Context in which cases are submitted.
     warnings : tuple of str
         Warnings on the way in which the workers were started.
+    check : callable
+        Raises the error that has ended the pool, if any.
     """
 
     executor: Executor
@@ -63,6 +61,7 @@ class WorkerPool:
     joins: bool
     starting: Callable[[], AbstractContextManager[None]] = nullcontext
     warnings: tuple[str, ...] = ()
+    check: Callable[[], None] = lambda: None
 
     @property
     def alone(self) -> bool:
@@ -75,26 +74,6 @@ class _NoWorkers(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ARG002
         return Future()
-
-
-def launched_size(environment: Mapping[str, str]) -> int | None:
-    """Return the number of processes that an MPI launcher started.
-
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Environment variables, such as `os.environ`.
-
-    Returns
-    -------
-    int or None
-        The number; 0 where a launcher does not tell it; None without a launcher.
-    """
-    for variable in SIZE_VARIABLES:
-        value = environment.get(variable, "")
-        if value.isdecimal():
-            return int(value)
-    return 0 if any(variable in environment for variable in RANK_VARIABLES) else None
 
 
 def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
@@ -150,7 +129,7 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     """
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")
-    size = launched_size(os.environ)
+    size = preflight.launched_size(os.environ)
     comm = None if size in (None, 1) else world(size or 0)
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
@@ -185,6 +164,7 @@ class _Processes(Executor):
     def __init__(self, jobs: int) -> None:
         self._jobs, self._renewals = jobs, RENEWALS
         self._pool = self._new_pool()
+        self._failure: BaseException | None = None
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         try:
@@ -197,7 +177,19 @@ class _Processes(Executor):
             return self._pool.submit(fn, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+        with suppress(RuntimeError) if self._failure else nullcontext():  # of a thread that did not start
+            self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def fail(self, error: BaseException | None) -> None:
+        """End the workers; those of a pool that lacks its threads would wait for ever."""
+        self._failure = self._failure or error
+        for process in active_children():
+            process.kill()
+
+    def check(self) -> None:
+        """Raise the error that has ended a thread of the pool, which answers no more."""
+        if self._failure:
+            raise self._failure
 
     def _new_pool(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self._jobs, get_context("spawn"), initializer=_begin_worker)
@@ -207,15 +199,31 @@ class _Processes(Executor):
 def processes(jobs: int) -> Iterator[WorkerPool]:
     """Start a pool of processes on this host."""
     warnings = _warnings([_host_and_cores()] * jobs)
-    with _Processes(jobs) as executor:
-        yield WorkerPool(executor, jobs, "processes", False, interrupts.signals_blocked, warnings)
+    try:
+        executor = _Processes(jobs)
+    except OSError as error:  # names no file
+        need = "room in /dev/shm, files (ulimit -n, -f) and processes (ulimit -u)"
+        raise LauncherError(f"--jobs {jobs}: cannot be prepared ({error.strerror}); needs {need}") from None
+    before, threading.excepthook = threading.excepthook, lambda args: executor.fail(args.exc_value)
+    with executor:
+        try:
+            starting, check = interrupts.signals_blocked, executor.check
+            yield WorkerPool(executor, jobs, "processes", False, starting, warnings, check)
+        except Exception as error:
+            executor.fail(error)
+            raise
+        finally:
+            threading.excepthook = before
 
 
 def _begin_worker() -> None:
     interrupts.listen_and_unblock()
     parent = parent_process()
     if parent is not None:
-        interrupts.end_after(parent.join)
+        try:
+            interrupts.end_after(parent.join)
+        except RuntimeError:  # no thread can be started, as the pool will notice
+            os._exit(1)
 
 
 def world(size: int) -> Any:
@@ -244,7 +252,10 @@ def guarded(comm: Any) -> Iterator[Callable[..., NoReturn]]:
     """End all ranks with any of them; give the function that ends them after an exception."""
 
     def abort(*details: Any) -> NoReturn:
-        traceback.print_exception(*details)
+        if problem := preflight.machine_problem(details[1]):
+            sys.stderr.write(f"gfmdlayer: {problem}\n")
+        else:
+            traceback.print_exception(*details)
         sys.stderr.flush()
         comm.Abort(1)  # the other ranks would wait for this one for ever
         raise AssertionError("unreachable")

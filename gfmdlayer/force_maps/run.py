@@ -8,14 +8,14 @@ of their files, and the map of all of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import text
-from gfmdlayer.execution.claim import held, leftovers, remove_results
+from gfmdlayer.execution.claim import held, leftovers, refuse_unreadable, remove_results
 from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.run import Summary
@@ -135,6 +135,7 @@ class ForceMap:
 
     def _is_done(self, case: MapCase) -> bool:
         path = self.folder.case(case.index)
+        refuse_unreadable(path)
         if not path.exists() or read_estimates(path) is None:
             self.folder.set_aside(path)
             return False
@@ -146,30 +147,32 @@ class ForceMap:
     def _claimed(self, restart: bool) -> Iterator[None]:
         """Hold the folder for this run, without the files that killed runs left."""
         folder = self.folder
-        try:
-            folder.path.mkdir(parents=True, exist_ok=True)
-            known = folder.is_results()
-            if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
-                raise FolderError(f"{folder.path}: {FOREIGN}")
-            if known and not restart:
-                self._refuse_other()
-            folder.cases.mkdir(exist_ok=True)
-            if known:
-                with leftovers(folder) as left:
-                    for path in left:
-                        path.unlink(missing_ok=True)
-            with held(folder):
+        with ExitStack() as claim:
+            try:
+                folder.path.mkdir(parents=True, exist_ok=True)
+                known = folder.is_results()
+                if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
+                    raise FolderError(f"{folder.path}: {FOREIGN}")
+                if known and not restart:
+                    self._refuse_other()
+                folder.cases.mkdir(exist_ok=True)
+                if known:
+                    with leftovers(folder) as left:
+                        for path in left:
+                            path.unlink(missing_ok=True)
+                claim.enter_context(held(folder))
                 if restart:
                     remove_results(folder)
                 if restart or not known:
                     write_text(folder.config, self.document)
-                try:
-                    yield
-                finally:
+            except OSError as error:
+                reason = cannot_be_written(error)
+                raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
+            try:
+                yield
+            finally:
+                with suppress(OSError):
                     folder.stop.unlink(missing_ok=True)
-        except OSError as error:
-            reason = cannot_be_written(error)
-            raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
 
     def _refuse_other(self) -> None:
         """Refuse a folder of another model, other curves or other options."""

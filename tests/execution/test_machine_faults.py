@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing.queues
+import multiprocessing.synchronize
 import os
 import shutil
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import process
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from gfmdlayer.cli import main
+from gfmdlayer.execution.preflight import machine_problem
 from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
@@ -76,7 +83,9 @@ def test_threads_that_numba_does_not_take_are_refused(
         ),
         (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.yaml"), "a.yaml: Too many open files"),
         (OSError("libllvmlite.so"), "OSError: libllvmlite.so"),
-        (RuntimeError("can't start new thread"), "processes or threads cannot be started (RuntimeError: "),
+        (RuntimeError("can't start new thread"), "processes or threads cannot be started; `ulimit -u` m"),
+        (BlockingIOError(errno.EAGAIN, "again"), "processes or threads cannot be started; `ulimit -u` m"),
+        (OSError(errno.EMFILE, "many"), "too many files are open at a time; `ulimit -n` must allow more"),
     ],
     ids=repr,
 )
@@ -89,6 +98,83 @@ def test_what_the_machine_lacks_is_said_in_a_line(
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
     assert main(["check", "tiny.yaml"]) == 1
     assert one_line(capsys.readouterr().err).startswith(f"gfmdlayer: {message}")
+
+
+def test_a_library_that_is_not_found_because_it_cannot_be_mapped_lacks_memory() -> None:
+    error = OSError("could not find libllvmlite.so")
+    error.__context__ = OSError("libllvmlite.so: failed to map segment from shared object")
+    assert machine_problem(error).startswith("memory does not suffice")
+
+
+def test_what_this_user_may_not_read_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", "hidden/a.yaml")
+
+    monkeypatch.setattr("gfmdlayer.execution.folder.read_config", fail)
+    assert main(["run", "tiny.yaml"]) == main(["check", "tiny.yaml"]) == 2
+    assert capsys.readouterr().err.count("Permission denied: 'hidden/a.yaml'; this user must") == 2
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "cases/0001.h5"])
+def test_results_that_this_user_may_not_read_are_neither_foreign_nor_damaged(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "tiny.yaml"]) == 0
+    hidden, access, really = Path("results/tiny") / name, os.access, open
+
+    def opened(path: Any, *arguments: Any, **named: Any) -> Any:
+        if Path(path) == hidden:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return really(path, *arguments, **named)
+
+    monkeypatch.setattr("builtins.open", opened)
+    monkeypatch.setattr(
+        "gfmdlayer.execution.run._is_done", lambda case, folder: folder.case(case.index) != hidden
+    )
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != hidden and access(path, mode))
+    assert main(["run", "tiny.yaml"]) == 2
+    assert f"{hidden}: cannot be read; this user must be allowed to" in capsys.readouterr().err
+    assert hidden.exists()
+    assert not list(hidden.parent.glob("*.aside"))
+
+
+@pytest.mark.parametrize("at", ["the thread of the pool", "a thread of its queue", "/dev/shm"])
+def test_processes_that_cannot_be_started_end_a_run_in_a_line(
+    at: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        if at == "/dev/shm":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        raise RuntimeError("can't start new thread")
+
+    owner, method = {
+        "the thread of the pool": (process._ExecutorManagerThread, "start"),
+        "a thread of its queue": (multiprocessing.queues.Queue, "_start_thread"),
+        "/dev/shm": (multiprocessing.synchronize.SemLock, "__init__"),
+    }[at]
+    monkeypatch.setattr(owner, method, fail)
+    assert main(["run", "tiny.yaml", "--jobs", "2"]) == (2 if at == "/dev/shm" else 1)
+    err = capfd.readouterr().err
+    assert "Traceback" not in err
+    assert ("--jobs 2: cannot be prepared" if at == "/dev/shm" else "`ulimit -u` must allow more") in err
+    for worker in multiprocessing.active_children():  # they are killed, and would wait for ever otherwise
+        worker.join()
+
+
+def test_linear_algebra_has_one_thread_in_every_verb() -> None:
+    told = "import os, sys; from gfmdlayer.cli import main; main(['check', 'tiny.yaml'])"
+    shown = "print(os.environ['OPENBLAS_NUM_THREADS'], file=sys.stderr)"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", f"{told}; {shown}"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr.endswith("1\n")
 
 
 def test_an_error_of_the_program_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:

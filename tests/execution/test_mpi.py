@@ -17,7 +17,8 @@ import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
-from gfmdlayer.execution.workers import LauncherError, launched_size, threads_each
+from gfmdlayer.execution.preflight import launched_size
+from gfmdlayer.execution.workers import LauncherError, threads_each
 
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 CORES = len(os.sched_getaffinity(0))

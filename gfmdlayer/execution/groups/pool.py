@@ -16,9 +16,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case
-from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, launched_size, ranks, world
+from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, ranks, world
 
 if TYPE_CHECKING:
     from gfmdlayer.grid.ranks import Ranks
