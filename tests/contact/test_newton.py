@@ -323,6 +323,21 @@ def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
     assert uneven.released_energy > 0
 
 
+@pytest.mark.parametrize("uneven", [0.0, 1e-10, 1e-8, 1e-6])
+@pytest.mark.parametrize("past", [1e-4, 1e-3, 1e-2])
+def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_moves(
+    uneven: float, past: float
+) -> None:
+    # Even gaps are in balance at any mean, so that balance does not tell whether the surface has moved.
+    kappa, law, gap = film()
+    softest = np.cos(2 * np.pi * int(np.argmin(kappa[1:]) + 1) * np.arange(N) / N)
+    before, after = (1 - past) * gap, (1 - 2 * past) * gap
+    newton = Newton(Transforms((N,)), 1e-6)
+    found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * softest)
+    assert found.converged
+    assert abs(found.displacement.mean()) < 1e-12 * law.range
+
+
 def test_full_contact_does_not_end_the_search_for_instabilities() -> None:
     # In full contact there is no deformation to follow; the film as above has to be found uneven after it.
     kappa, law, gap = film()

@@ -38,6 +38,7 @@ _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
+_OF_SUMS = 1e-12  # likewise over the largest displacement: what rounding leaves of a mean
 _ROUNDING = 1e-13  # of energies, over their parts
 IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
 
@@ -94,7 +95,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
         pairs, _,
     ) = given  # fmt: skip
-    iterations, n, settled, evaluated = 0, at.u.size, False, np.isnan(energy)
+    iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
         energy = set_interaction(system, at)
@@ -102,18 +103,17 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
-        if (done == 1.0 and residual <= tolerance) or iterations == limit or pulled_off:
+        mean = (1.0 - target) * mean0
+        lack = _lack(at.u, mean, mean0) if mean0 != 0.0 else 0.0
+        # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
+        if (done == 1.0 and residual <= tolerance and lack == 0.0) or iterations == limit or pulled_off:
             break
         aim = tolerance * max(system.strength, step.pressure.max())
-        if descends and done < 1.0 and (largest <= aim or settled):
+        if descends and done < 1.0 and lack == 0.0 and (largest <= aim or settled):
             released += drop if is_lost(system, drop, unstable) else 0.0
             descends, unstable, drop, damping = False, False, 0.0, 0.0
             continue
         iterations += 1
-        mean, lack = (1.0 - target) * mean0, 0.0
-        if mean0 != 0.0:
-            lack = mean * n - at.u.sum()
-            lack = lack if abs(lack) > _LIFTED * abs(mean0) * n else 0.0
         inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
         spent, least = _find_step(single, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
         pairs += IN_SINGLE * spent
@@ -165,6 +165,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     if swapped:
         _copy(at, to)
     iterations += given.iterations
+    residual = np.inf if lack != 0.0 else residual
     return Progress(
         done,
         mean0,
@@ -180,6 +181,17 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         pairs,
         iterations,
     )
+
+
+@kernel(reorder=True, inner=True)
+def _lack(u: FloatArray, mean: float, mean0: float) -> float:
+    """Find what the mean has yet to make up of its change in the step, as a sum over the points."""
+    total, largest = 0.0, 0.0
+    for i in range(u.size):
+        total += u[i]
+        largest = max(largest, abs(u[i]))
+    lack = mean * u.size - total
+    return lack if abs(lack) > (_LIFTED * abs(mean0) + _OF_SUMS * largest) * u.size else 0.0
 
 
 @kernel(reorder=True, inner=True)
