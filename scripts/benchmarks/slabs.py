@@ -23,7 +23,8 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.execution.workers import launched_size, world
+from gfmdlayer.execution.preflight import launched_size
+from gfmdlayer.execution.workers import world
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
 
 EFFORT = Effort(points=(2048, 4096), repetitions=3)
