@@ -10,11 +10,10 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-import pyfftw
 from llvmlite.binding import get_host_cpu_name
 
 from gfmdlayer.files.seals import read_sealed, write_sealed
-from gfmdlayer.grid.fftw import forget_wisdom
+from gfmdlayer.grid.fftw import VERSION, forget_wisdom
 from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.transforms import Transforms
@@ -45,7 +44,7 @@ def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Pat
         Wisdom for `Transforms`.
     """
     with_threads = f"-{threads}threads" if threads > 1 else ""
-    made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
+    made_by = f"fftw-{VERSION}-{get_host_cpu_name()}"
     others = "parts" if len(shape) == 1 else "coarser"
     name = f"{made_by}-{'x'.join(map(str, shape))}{with_threads}-and-{others}.wisdom"
     places = [place / name for place in (results, folder) if place is not None]
@@ -133,7 +132,7 @@ class RankWisdom:
     def __init__(self, ranks: Ranks, points: tuple[int, ...], folder: Path, threads: int) -> None:
         self._alone = ranks.count == 1
         share = f"{'x'.join(map(str, points))}-rank{ranks.number}of{ranks.count}-{threads}threads"
-        made_by = f"fftw-{pyfftw.fftw_version}-{get_host_cpu_name()}"
+        made_by = f"fftw-{VERSION}-{get_host_cpu_name()}"
         self._path = folder / f"{made_by}-{share}-and-parts.wisdom"
 
     def read(self) -> str | None:
