@@ -138,13 +138,12 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
         if (number := count(config.sweep)) > MANY_CASES:
             print(f"{number} cases are made first, some thousands a second", file=sys.stderr)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
-    except (ConfigError, FolderError, PermissionError) as error:
-        # Here, because an exception that leaves the pool aborts the ranks.
+    except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
         return refuse(*input_problems(error))
     except KeyboardInterrupt:
         print("stopped before the first case")
         return RESUMABLE
-    except ResultsError as error:
+    except (ResultsError, PermissionError) as error:  # one that was lost during the run
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED
     return _conclude(summary, directory, options.shard)

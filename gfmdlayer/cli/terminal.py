@@ -102,14 +102,18 @@ def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
     ConfigError
         With every error in it.
     """
+    from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
 
-    if ranks_per_case == 1:
-        return folder.read_config(options.config, options.set)
-    from gfmdlayer.execution.groups.refusals import input_errors_together
+    try:
+        if ranks_per_case == 1:
+            return folder.read_config(options.config, options.set)
+        from gfmdlayer.execution.groups.refusals import input_errors_together
 
-    inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
-    return folder.read_config(options.config, options.set, inspect)
+        inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
+        return folder.read_config(options.config, options.set, inspect)
+    except PermissionError as error:
+        raise ConfigError(list(input_problems(error))) from None
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:
