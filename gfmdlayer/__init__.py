@@ -12,11 +12,10 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import ViscoelasticLayer, bonded_layer, halfspace
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.layer import LayeredHalfspace
-    from gfmdlayer.body.maxwell import Elastic, Prony, Zener
+    from gfmdlayer.body.materials import Elastic, Prony, Zener
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
-    from gfmdlayer.case import Case
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
@@ -25,12 +24,11 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
     from gfmdlayer.interface.electrostatic import Electrostatic
-    from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
+    from gfmdlayer.periodic import Case, ConvergenceError, simulate
     from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
-    from gfmdlayer.punch.simple_shapes import Cylinder, Flat, Parabola, Sinusoid, Sphere
+    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
     from gfmdlayer.results.reader import open_case, open_results
-    from gfmdlayer.simulation import ConvergenceError, simulate
 
 __all__ = [
     "WLF",
@@ -87,18 +85,25 @@ _MODULES = {
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
-    "gfmdlayer.simulation": ("ConvergenceError", "simulate"),
+    "gfmdlayer.periodic": ("Case", "ConvergenceError", "simulate"),
     "gfmdlayer.interactive.solve": ("solve",),
-    "gfmdlayer.case": ("Case",),
     "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
     "gfmdlayer.interface.electrostatic": ("Electrostatic",),
-    "gfmdlayer.punch.flanked_shapes": ("Cone", "Pyramid", "Wedge"),
-    "gfmdlayer.punch.simple_shapes": ("Cylinder", "Flat", "Parabola", "Sinusoid", "Sphere"),
+    "gfmdlayer.punch.simple_shapes": (
+        "Cone",
+        "Cylinder",
+        "Flat",
+        "Parabola",
+        "Pyramid",
+        "Sinusoid",
+        "Sphere",
+        "Wedge",
+    ),
     "gfmdlayer.punch.indenters": ("BluntedCone", "FlatPunch", "RadialProfile"),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),
-    "gfmdlayer.body.maxwell": ("Elastic", "Prony", "Zener"),
+    "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),

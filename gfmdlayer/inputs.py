@@ -23,8 +23,8 @@ from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.law import Interaction, InterfaceLaw, total
 from gfmdlayer.punch.height_files import fitting
-from gfmdlayer.punch.trajectory import Constant, RampHold, Table, Trajectory
-from gfmdlayer.validation.named_files import files_named
+from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
+from gfmdlayer.validation.sections import files_named
 
 
 def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:

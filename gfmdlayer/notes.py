@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.choice import contrast, finer
+from gfmdlayer.contact.solvers import contrast, finer
 from gfmdlayer.interface.interface import Interface
-from gfmdlayer.validation.named_files import files_named
 from gfmdlayer.validation.problems import Location, dotted
-from gfmdlayer.validation.sections import Section, sections_in
+from gfmdlayer.validation.sections import Section, files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
 _DIMENSIONS = {
@@ -60,7 +59,7 @@ def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     TableError
         If a table cannot be used.
     """
-    from gfmdlayer.punch.trajectory import Table
+    from gfmdlayer.time_functions import Table
 
     every = [(config.trajectory, config.time.end) for config in configs]
     depths = [(given.file, given.control, end) for given, end in every]

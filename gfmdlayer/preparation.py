@@ -7,12 +7,11 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.files.cache import user_cache
-from gfmdlayer.grid.pair_time import keep_pair_seconds
+from gfmdlayer.grid.transforms import keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
-from gfmdlayer.simulation import ConvergenceError, simulate
+from gfmdlayer.periodic import Case, ConvergenceError, simulate
 
 
 def warm_up(

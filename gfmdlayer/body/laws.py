@@ -8,9 +8,9 @@ from gfmdlayer.body.materials import Law
 from gfmdlayer.validation.sections import load_table
 
 LAWS: Mapping[str, type[Law]] = load_table(
-    "gfmdlayer.body.maxwell:Zener",
-    "gfmdlayer.body.maxwell:Prony",
-    "gfmdlayer.body.maxwell:Elastic",
+    "gfmdlayer.body.materials:Zener",
+    "gfmdlayer.body.materials:Prony",
+    "gfmdlayer.body.materials:Elastic",
     "gfmdlayer.body.continuous:FractionalZener",
     "gfmdlayer.body.continuous:PowerLaw",
     "gfmdlayer.body.continuous:Kohlrausch",

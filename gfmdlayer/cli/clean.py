@@ -19,8 +19,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def clean(options: argparse.Namespace) -> int:
     """Remove the unfinished files of killed runs."""
-    from gfmdlayer.execution.claim import leftovers
     from gfmdlayer.execution.folder import Folder
+    from gfmdlayer.execution.growth import leftovers
 
     folder = Folder(Path(options.directory))
     try:

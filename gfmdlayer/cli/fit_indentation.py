@@ -113,10 +113,10 @@ def _free(keys: list[str] | None) -> dict[str, list[float] | None] | str | None:
 
 def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int:
     from gfmdlayer.fitting.indentation import report
+    from gfmdlayer.fitting.indentation.curve import in_si
     from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
     from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
     from gfmdlayer.fitting.indentation.parameters import Model
-    from gfmdlayer.fitting.indentation.units import in_si
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
@@ -145,14 +145,14 @@ def _fit_each(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int
 
 def _prepare() -> None:
     """Import what a fit needs, on MPI's other ranks."""
-    import gfmdlayer.force_maps.case_file  # noqa: F401
+    import gfmdlayer.fitting.force_map  # noqa: F401
 
 
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
     from gfmdlayer.cli.terminal import input_problems
     from gfmdlayer.execution.progress import make_display
+    from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.indentation.fit import read_model
-    from gfmdlayer.force_maps.run import ForceMap
     from gfmdlayer.results.schema import ResultsError
 
     paths = [Path(each) for each in options.data]

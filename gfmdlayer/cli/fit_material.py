@@ -36,8 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a law to a measured curve."""
     from gfmdlayer.fitting import report
-    from gfmdlayer.fitting.measurement import FitError
-    from gfmdlayer.fitting.wlf import WLF
+    from gfmdlayer.fitting.measurement import WLF, FitError
 
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import COMPLETE, LISTED, count_cases, cut_short
-from gfmdlayer.files.shared_folders import printable
+from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
-from gfmdlayer.validation.meanings import meanings
+from gfmdlayer.validation.fields import meanings
 from gfmdlayer.validation.sections import OneOf, Section, held_by
 
 _COLUMN = 36  # where the words begin

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.files.shared_folders import printable
+from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -108,7 +108,7 @@ def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
     try:
         if ranks_per_case == 1:
             return folder.read_config(options.config, options.set)
-        from gfmdlayer.execution.groups.refusals import input_errors_together
+        from gfmdlayer.execution.groups.pool import input_errors_together
 
         inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
         return folder.read_config(options.config, options.set, inspect)

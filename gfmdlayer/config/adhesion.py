@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from gfmdlayer.contact.choice import AUTO
-from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Problem

@@ -17,10 +17,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from gfmdlayer.config import sweep_checks, sweeps
+from gfmdlayer.config import sweeps
 from gfmdlayer.config.model import Config
-from gfmdlayer.validation.fields import sequence, two
-from gfmdlayer.validation.meanings import meanings
+from gfmdlayer.validation.fields import meanings, sequence, two
 from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -144,7 +143,7 @@ def _sweep(schema: Mapping[str, Any]) -> None:
             "minProperties": required + 1,
         }
     samples["dependentSchemas"] = {"seed": {"minProperties": len(samples["required"]) + 2}}
-    powers = {"enum": [1 << k for k in range(sweep_checks.MAX_CASES.bit_length())]}
+    powers = {"enum": [1 << k for k in range(sweeps.MAX_CASES.bit_length())]}
     sweep["properties"]["sobol"]["properties"] = {"samples": powers}
     sweep["allOf"] = [{"not": {"required": list(pair)}} for pair in combinations(sweeps.LISTS, 2)]
 

@@ -8,8 +8,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gfmdlayer.body.materials import Law
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Law, Zener
 from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.validation.fields import Extended, MustBe, given, strict
 from gfmdlayer.validation.problems import Location, Problem

@@ -18,13 +18,13 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
-from gfmdlayer.config import sections, sweep_checks, sweeps, text
+from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.choice import Choice, choose
+from gfmdlayer.contact.solvers import Choice, choose
 from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
@@ -33,8 +33,15 @@ from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.validation.fields import MustBe, given
 from gfmdlayer.validation.problems import ConfigError, InconsistentError, Problem
-from gfmdlayer.validation.sections import OneOf, Section, contradictions, explained, plain, sections_in
-from gfmdlayer.validation.several import OneOrMore
+from gfmdlayer.validation.sections import (
+    OneOf,
+    OneOrMore,
+    Section,
+    contradictions,
+    explained,
+    plain,
+    sections_in,
+)
 from gfmdlayer.validation.units import Units
 
 Name = Annotated[
@@ -110,7 +117,7 @@ class Config(Section):
         if self.sweep:
             given = self._given()
             keys = sweeps.sweepable(self)
-            found = sweep_checks.conflicts(
+            found = sweeps.conflicts(
                 self.sweep, keys, list(found), lambda values: problems(sweeps.assigned(given, values))
             )
         if listed := list(found):

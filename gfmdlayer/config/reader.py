@@ -15,7 +15,6 @@ from gfmdlayer.config import text
 from gfmdlayer.config.model import Config
 from gfmdlayer.config.sweeps import LISTS, location_of, unswept
 from gfmdlayer.config.text import Document, Place
-from gfmdlayer.validation.named_files import keys_of_files
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -25,7 +24,7 @@ from gfmdlayer.validation.problems import (
     location_of_key,
     not_in_list,
 )
-from gfmdlayer.validation.sections import plain
+from gfmdlayer.validation.sections import keys_of_files, plain
 
 _FILES = frozenset(keys_of_files(Config))
 _PYTHON = Place("")  # objects of Python have no place but their key

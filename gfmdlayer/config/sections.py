@@ -20,8 +20,7 @@ from pydantic import (
     field_validator,
 )
 
-from gfmdlayer.contact.choice import AUTO
-from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,

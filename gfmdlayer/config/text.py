@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from gfmdlayer.files.number_lists import NumberList, shortened
+from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
 _TOO_DEEP = "nested too deeply to be a configuration"

@@ -25,8 +25,8 @@ from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import mean
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
-from gfmdlayer.punch.trajectory import Trajectory
 from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.time_functions import Trajectory
 
 Values = TypeVar("Values", FloatArray, ComplexArray)
 

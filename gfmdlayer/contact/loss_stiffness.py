@@ -19,14 +19,225 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.contact.pivoting import Pivoting
-from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, surface_at
+from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, project, surface_at
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
+
+# Contact with a large loss stiffness, by guessing the contact set; see `loss_stiffness`.
+#
+# With the compliance C = 1/(kappa + i mu) of each mode, the gap of a pressure p is g = h - u_free + C p,
+# less a rise of the surface where the mean pressure is given. In contact g = 0: linear equations for p
+# there. GMRES solves them after a product with the stiffness, restricted to the contact as they are, so
+# that their residual is a pressure. Then the points that contradict the guess change sides: those under
+# tension, and those that overlap. If that does not make them fewer for a while, only one of them does,
+# which must end as C is positive definite (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994)
+# 587-596).
+#
+# Where GMRES fails, as under a stiff film on a soft base, and the contact is small, the equations are solved
+# by elimination. Without contact there is nothing to solve. Where guesses do not end, the contact of a small
+# grid is followed from first touch while the punch is pressed in, one point after the other (C. E. Lemke,
+# Manage. Sci. 11 (1965) 681, with the depth of the punch as his parameter). This ends, as C is positive
+# definite.
+
+Spectral = npt.NDArray[np.complexfloating[Any, Any]]
+
+_MOST_ROUNDS, _PATIENCE = 200, 8
+_LINEAR = 1e-5  # of the tolerance: how well the linear equations are solved
+_KRYLOV, _RESTARTS = 60, 10
+_DENSE = 1500  # points in contact up to which elimination takes less than some tenths of a second
+_MOST_FOLLOWED = 512  # points of a grid whose contact is followed from first touch
+_ROUNDING = 1e-15  # of the deepest point: gaps below it are rounding
+
+
+class PivotedState(NamedTuple):
+    """Displacement, its spectrum, the pressure that follows from it, and where there is contact."""
+
+    displacement: FloatArray
+    spectrum: ComplexArray
+    pressure: FloatArray
+    contact: BoolArray
+
+
+class Pivoting:
+    """The linear algebra of one problem.
+
+    Attributes
+    ----------
+    transforms : int
+        Pairs of Fourier transforms so far.
+    rounds : int
+        Contact sets tried.
+    """
+
+    def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
+        self._problem, self._plans, self._tolerance = problem, transforms, tolerance
+        self.transforms = self.rounds = 0
+        loss = problem.loss_stiffness if problem.loss_stiffness is not None else 0.0
+        self._stiffness = problem.stiffness + 1j * loss
+        self._stiffest = float(np.abs(self._stiffness).max())
+        stiff = problem.stiffness > 0
+        self._compliance = (stiff / np.where(stiff, self._stiffness, 1)).astype(np.complex128)
+        self._free_gap = problem.obstacle - self._field(self._compliance * problem.intercept)
+        self._influence: FloatArray | None = (
+            None  # gap at each point of a pressure at the first, for elimination
+        )
+
+    def solve(self, contact: BoolArray) -> tuple[PivotedState, PivotedState]:
+        """Return the state of the contact set without contradiction, or of the last one tried, in two forms.
+
+        One has the pressure of its displacement, the other that of the linear equations, which is the better
+        where the stiffness of the modes spans so many decades that rounding of u shows in the force.
+        """
+        fewest, patience = contact.size + 1, _PATIENCE
+        for _ in range(_MOST_ROUNDS):
+            self.rounds += 1
+            if self._problem.mean_pressure == 0.0:
+                contact = np.zeros_like(contact)
+            pressure, gap = self._balanced(contact)
+            # A gap weighs as much as the pressure that the stiffest wave would make of it.
+            slack = _LINEAR * self._tolerance * pressure.max() / self._stiffest
+            deepest = np.abs(self._problem.obstacle - gap).max()
+            wrong = np.where(contact, pressure < 0, gap < -max(slack, _ROUNDING * deepest))
+            count = int(wrong.sum())
+            if count == 0:
+                break
+            patience = patience - 1 if count >= fewest else _PATIENCE
+            fewest = min(fewest, count)
+            if patience < 0:
+                wrong[: np.flatnonzero(wrong)[-1]] = False
+            contact = contact ^ wrong
+        recomputed = self._state(gap, pressure, contact)
+        solved = -gap.min() <= _LINEAR * self._tolerance * deepest
+        return recomputed, self._pair(gap, pressure, contact) if solved else recomputed
+
+    @property
+    def follows(self) -> bool:
+        """Whether the grid is small enough for `pressed_in`."""
+        return self._free_gap.size <= _MOST_FOLLOWED
+
+    def pressed_in(self) -> BoolArray:
+        """Contact set at the given depth or load, followed from first touch.
+
+        With the punch lowered by z its pressure is linear in z until a point joins or leaves.
+        """
+        load, size = self._problem.mean_pressure, self._free_gap.size
+        self._influence = self._field(self._compliance.copy())
+        lowered, last = float(self._free_gap.min()), int(self._free_gap.argmin())
+        contact = np.arange(size) == last
+        for _ in range(20 * size):
+            self.rounds += 1
+            fixed, rate = np.zeros(size), np.zeros(size)
+            fixed[contact] = self._eliminated(contact, -self._free_gap[contact])
+            rate[contact] = self._eliminated(contact, np.ones(int(contact.sum())))
+            gap, opening = self._free_gap + self._response(fixed), self._response(rate) - 1.0
+            end, rise = 0.0, float(rate.sum())
+            if load is not None:
+                end = (load * size - float(fixed.sum())) / rise if rise > 0 else np.inf
+            # Where a pressure or a gap vanishes; of the point that has changed sides both still do.
+            zero, slope = np.where(contact, fixed, gap), np.where(contact, rate, opening)
+            falls = slope < 0
+            falls[last] = False
+            at = np.full(size, np.inf)
+            at[falls] = np.maximum(-zero[falls] / slope[falls], lowered)
+            last = int(at.argmin())
+            if at[last] >= end:
+                break
+            lowered, contact = float(at[last]), contact ^ (np.arange(size) == last)
+            if not contact.any():
+                break
+        return np.asarray(contact)
+
+    def _balanced(self, contact: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Pressure on a contact set, and the gap everywhere."""
+        load, rise = self._problem.mean_pressure, 0.0
+        if not contact.any():
+            rise = 0.0 if load is None else float(self._free_gap.min())
+            return np.zeros(contact.size), self._free_gap - rise
+        if load is not None and contact.all():  # a shift of the punch alone takes no pressure
+            pressure = load + self._field(self._stiffness * self._plans.forward(-self._free_gap))
+            gap = self._free_gap + self._response(pressure)
+            return pressure, gap - float(gap.mean())
+        pressure = self._closing(contact, -self._free_gap[contact])
+        if load is not None:
+            lifted = self._closing(contact, np.ones(int(contact.sum())))
+            rise = (load - float(pressure.mean())) / float(lifted.mean())
+            pressure += rise * lifted
+        return pressure, self._free_gap + self._response(pressure) - rise
+
+    def _closing(self, contact: BoolArray, gap: FloatArray) -> FloatArray:
+        """Pressure on the contact that opens it by a gap; zero elsewhere."""
+        from scipy.sparse.linalg import LinearOperator, gmres  # a long import for what few runs need
+
+        pressure = np.zeros(contact.size)
+        if self._influence is not None and gap.size <= _DENSE:
+            pressure[contact] = self._eliminated(contact, gap)
+            return pressure
+
+        def restricted(spectral: Spectral, values: FloatArray) -> FloatArray:
+            field = np.zeros(contact.size)
+            field[contact] = values
+            return self._field(spectral * self._plans.forward(field))[contact]
+
+        operator = LinearOperator(
+            (gap.size, gap.size),
+            matvec=lambda p: restricted(self._stiffness, restricted(self._compliance, np.ravel(p))),
+            dtype=np.float64,
+        )
+        right = restricted(self._stiffness, gap)
+        rtol = _LINEAR * self._tolerance
+        found, failed = gmres(operator, right, rtol=rtol, restart=_KRYLOV, maxiter=_RESTARTS)
+        if failed and gap.size <= _DENSE:
+            self._influence = self._field(self._compliance.copy())
+            return self._closing(contact, gap)
+        pressure[contact] = found
+        return pressure
+
+    def _eliminated(self, contact: BoolArray, gap: FloatArray) -> FloatArray:
+        """Pressure on the points of the contact that opens them by a gap."""
+        assert self._influence is not None
+        shape = self._plans.shape
+        places = np.array(np.unravel_index(np.flatnonzero(contact), shape))
+        apart = (places[:, :, None] - places[:, None, :]) % np.reshape(shape, (-1, 1, 1))
+        matrix = self._influence.reshape(shape)[tuple(apart)]
+        # Far below what the tolerance shows, and enough for a matrix that is singular to rounding.
+        matrix[np.diag_indices(gap.size)] *= 1.0 + 1e-13
+        try:
+            return np.linalg.solve(matrix, gap)
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(matrix, gap, rcond=None)[0])
+
+    def _response(self, pressure: FloatArray) -> FloatArray:
+        return self._field(self._compliance * self._plans.forward(pressure))
+
+    def _field(self, spectrum: ComplexArray) -> FloatArray:
+        self.transforms += 1
+        return self._plans.backward(spectrum) / self._problem.obstacle.size
+
+    def _state(self, gap: FloatArray, pressure: FloatArray, contact: BoolArray) -> PivotedState:
+        """Displacement that satisfies the constraints, and its own pressure."""
+        problem = self._problem
+        u = np.where(contact, problem.obstacle, problem.obstacle - gap)
+        project(u, problem.obstacle, problem.mean_is_fixed)
+        spectrum = self._plans.forward(u)
+        force = self._field(problem.intercept - self._stiffness * spectrum)
+        multiplier = problem.applied_pressure
+        if problem.mean_is_fixed and contact.any():
+            multiplier = float(np.mean((pressure - force)[contact]))
+        return PivotedState(u, spectrum, force + multiplier, contact)
+
+    def _pair(self, gap: FloatArray, pressure: FloatArray, contact: BoolArray) -> PivotedState:
+        """Pressure of the linear equations and the displacement that it makes, no point of which overlaps."""
+        h = self._problem.obstacle
+        u = np.minimum(h, h - gap)
+        spectrum = self._plans.forward(u)
+        return PivotedState(u, spectrum, pressure, contact)
+
 
 SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.contact.residual import ResidualFloor, assess, residual_scales, violation
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.grid.sums import mean

@@ -18,7 +18,7 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.groups.agreement import ending_together
+from gfmdlayer.execution.groups.share import ending_together
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
@@ -27,9 +27,9 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
-    from gfmdlayer.case import Case as Simulation
-    from gfmdlayer.execution.groups.part_writer import PartWriter
+    from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
+    from gfmdlayer.periodic import Case as Simulation
     from gfmdlayer.results.writer import CaseWriter
 
 Wisdom = dict[tuple[int, ...], str]
@@ -37,10 +37,6 @@ Wisdom = dict[tuple[int, ...], str]
 
 def prepare() -> None:
     """Import the modules that a case needs; compiles nothing."""
-    import gfmdlayer.results.checkpoint
-    import gfmdlayer.results.journal
-    import gfmdlayer.results.writer
-    import gfmdlayer.simulation  # noqa: F401
 
 
 def run_case(
@@ -134,8 +130,8 @@ class _Run:
 
     def simulate(self, checkpoint_every: float) -> str:
         """Run the case; return the warnings of its observables."""
+        from gfmdlayer.periodic import ConvergenceError
         from gfmdlayer.results.checkpoint import CheckpointError
-        from gfmdlayer.simulation import ConvergenceError
 
         case, folder, config = self.case, self.folder, self.case.config
         hashed, kept = digest(config), stem(config) if config.output.keep_state else ""
@@ -187,9 +183,9 @@ class _Run:
         )
 
     def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:
-        from gfmdlayer.case import Case as Simulation
         from gfmdlayer.grid.wisdom import RankWisdom
-        from gfmdlayer.simulation import simulate
+        from gfmdlayer.periodic import Case as Simulation
+        from gfmdlayer.periodic import simulate
 
         plans = RankWisdom(self.ranks, self.case.config.grid.points, self.folder.wisdom, self.threads)
         simulation = Simulation(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
@@ -204,7 +200,7 @@ class _Run:
     def _writer(
         self, simulation: Simulation, checkpoints: Checkpoints, hashed: str
     ) -> CaseWriter | PartWriter:
-        from gfmdlayer.execution.groups.part_writer import PartWriter
+        from gfmdlayer.execution.groups.share import PartWriter
         from gfmdlayer.observables import columns
         from gfmdlayer.results.writer import CaseWriter
 

@@ -31,7 +31,7 @@ from gfmdlayer.execution.sweep import Earlier
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gfmdlayer.execution.groups.part_writer import PartWriter
+    from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.results.checkpoint import Checkpoint
     from gfmdlayer.results.journal import Journal

@@ -2,7 +2,7 @@
 
 The unit of work is the FFT pair, one forward and one backward transform of the grid, since nearly all of
 the time goes there. The solver declares the pairs of a step and the fields in memory (`contact.solvers`).
-Seconds follow from those of a pair on this machine (`grid.pair_time`) and the time of a step beside its
+Seconds follow from those of a pair on this machine (`grid.transforms`) and the time of a step beside its
 pairs, times the median of actual over expected seconds of the finished cases of the same kind.
 """
 
@@ -151,7 +151,7 @@ def on_this_machine(config: Config) -> float:
 @lru_cache(maxsize=64)
 def _pair_seconds(shape: tuple[int, ...]) -> float:
     from gfmdlayer.files.cache import user_cache
-    from gfmdlayer.grid.pair_time import pair_seconds
+    from gfmdlayer.grid.transforms import pair_seconds
 
     return pair_seconds(shape, user_cache())
 
@@ -271,7 +271,7 @@ def _kinks(file: Path | None, quantity: str) -> tuple[float, ...]:
 
 @lru_cache(maxsize=8)
 def _kinks_of(file: Path, quantity: str, _changed: int) -> tuple[float, ...]:
-    from gfmdlayer.punch.trajectory import Table
+    from gfmdlayer.time_functions import Table
 
     return Table.read(file, quantity).kinks
 

@@ -37,10 +37,9 @@ from typing import Any
 from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
-from gfmdlayer.files.seals import is_intact
-from gfmdlayer.files.shared_folders import regular, write_new
-from gfmdlayer.files.whole import unfinished, write_text
-from gfmdlayer.validation.named_files import files_named
+from gfmdlayer.files.locks import regular, write_new
+from gfmdlayer.files.whole import is_intact, unfinished, write_text
+from gfmdlayer.validation.sections import files_named
 
 MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"

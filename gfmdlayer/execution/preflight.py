@@ -13,7 +13,7 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from gfmdlayer.files.shared_folders import printable
+from gfmdlayer.files.locks import printable
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 # Set by launchers to the number of processes: MPICH and Slurm's pmi2, Open MPI, srun.

@@ -14,7 +14,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import stop_requested
 from gfmdlayer.execution.schedule import Outcome, Progress
 from gfmdlayer.execution.status import Running, duration, running
-from gfmdlayer.files.shared_folders import printable
+from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -17,17 +17,15 @@ from gfmdlayer.config import Config, ConfigError, digest
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
-from gfmdlayer.execution.claim import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
-from gfmdlayer.execution.groups.pool import run_case_together
-from gfmdlayer.execution.groups.refusals import refuse_other_ranks
+from gfmdlayer.execution.groups.pool import refuse_other_ranks, run_case_together
+from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Case, Cases, Shard, own_cases
 from gfmdlayer.execution.workers import WorkerPool
-from gfmdlayer.files.locks import exclusive
-from gfmdlayer.files.shared_folders import read_json
+from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
 
 

@@ -21,7 +21,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import request_stop, stop_requested
 from gfmdlayer.execution.status import Running, duration
 from gfmdlayer.execution.workers import WorkerPool
-from gfmdlayer.files.shared_folders import write_new
+from gfmdlayer.files.locks import write_new
 
 POLL = 0.2  # seconds between two checks for a request to stop while workers compute
 AHEAD = 4  # cases a worker submitted ahead, where the submitting process only waits

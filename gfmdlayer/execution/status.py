@@ -20,8 +20,7 @@ from typing import Any, Self
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped, stop_requested
-from gfmdlayer.files.locks import born
-from gfmdlayer.files.shared_folders import read_json
+from gfmdlayer.files.locks import born, read_json
 from gfmdlayer.files.whole import write_text
 
 WRITE_INTERVAL = 1.0  # seconds between two status files of a case

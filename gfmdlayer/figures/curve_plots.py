@@ -24,7 +24,7 @@ from gfmdlayer.figures.selection import (
     notes,
     swept,
 )
-from gfmdlayer.figures.snapshots.inset import Inset
+from gfmdlayer.figures.snapshots.plots import Inset
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:

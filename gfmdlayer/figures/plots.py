@@ -14,10 +14,8 @@ from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
 from gfmdlayer.figures.snapshots.fields import cases_with_snapshots
-from gfmdlayer.figures.snapshots.inset import Inset
 from gfmdlayer.figures.snapshots.movie import default_suffix, write_movie
-from gfmdlayer.figures.snapshots.plots import MOST_CASES, snapshots_figure
-from gfmdlayer.figures.snapshots.waterfall import waterfall_figure
+from gfmdlayer.figures.snapshots.plots import MOST_CASES, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 

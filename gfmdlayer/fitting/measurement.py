@@ -9,10 +9,11 @@ adds, Eqs. (4) and (5) of Petrenko et al., Materials Physics and Mechanics 52 (2
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self, TypedDict
 
@@ -22,7 +23,6 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Law
 from gfmdlayer.files.tables import TableError, is_number, read_columns, read_lines
-from gfmdlayer.fitting import columns
 
 FEWEST_ROWS = 8  # enough to choose between one branch and two with numbers left over
 
@@ -168,7 +168,7 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
         increase.
     """
     quantities = _quantities(path, names)
-    symbols = columns.symbols(quantities)
+    symbols = symbols_of(quantities)
 
     def row_error(row: Sequence[float]) -> str | None:
         wrong = (f"{name} = {value:g}" for name, value in zip(symbols, row, strict=True) if value <= 0)
@@ -177,7 +177,7 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
 
     increasing = quantities[0] in {"omega", "frequency", "time"}
     rows = read_columns(path, symbols, increasing=increasing, at_least=FEWEST_ROWS, row_error=row_error)
-    abscissa, *moduli = columns.converted(quantities, rows, poisson).T
+    abscissa, *moduli = converted(quantities, rows, poisson).T
     if not (np.diff(abscissa) > 0).all():
         raise TableError(f"{path}: frequencies or times do not increase from row to row; they must")
     kind = MasterCurve if len(moduli) == 2 else RelaxationCurve
@@ -186,7 +186,7 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
 
 def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
     """Find the quantities of the columns, by their names or their number."""
-    by_width = {len(each): each for each in (columns.MASTER, columns.RELAXATION)}
+    by_width = {len(each): each for each in (MASTER, RELAXATION)}
     expected = " or ".join(f"{len(kind.columns)} ({', '.join(kind.columns)})" for kind in KINDS)
     lines = read_lines(path)
     if not lines:
@@ -198,9 +198,9 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
     number, text, words = next((line for line in lines if any(map(is_number, line[2]))), lines[-1])
     header = names if names is not None else lines[0][1] if number > lines[0][0] else None
     place = "--columns" if names is not None else f"{path}:{lines[0][0]}"
-    if header is not None and (found := columns.recognised(header)) is not None:
-        if not columns.names_one_curve(found):
-            raise TableError(f"{place}: {header!r} is no curve; must be {columns.WAYS}")
+    if header is not None and (found := recognised(header)) is not None:
+        if not names_one_curve(found):
+            raise TableError(f"{place}: {header!r} is no curve; must be {WAYS}")
         if len(found) != len(words):
             raise TableError(
                 f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(found)}"
@@ -208,7 +208,7 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
         return found
     if names is not None or len(words) not in by_width:
         if names is not None:
-            raise TableError(f"{place}: {names!r} is not understood; must be {columns.WAYS}")
+            raise TableError(f"{place}: {names!r} is not understood; must be {WAYS}")
         raise TableError(f"{path}:{number}: {text!r} is {len(words)} words; must be numbers, {expected}")
     if header is not None:
         _check_name(place, header, len(words))
@@ -218,16 +218,16 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
 def _check_name(place: str, header: str, width: int) -> None:
     """Refuse relaxation times, and a first column of another quantity than the number of columns says."""
     names = re.split(r"[,;\t]", header) if re.search(r"[,;\t]", header) else header.split()
-    if any(map(columns.is_relaxation_time, names)):
+    if any(map(is_relaxation_time, names)):
         raise TableError(
             f"{place}: {header!r} names the relaxation times of a Prony series, which is no curve; write it "
             "as material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
         )
     name = names[0]
     kind = MasterCurve if width == 3 else RelaxationCurve
-    quantity = columns.quantity(name)
+    quantity = quantity_named(name)
     if quantity == "frequency":
-        raise TableError(f"{place}: {header!r} is not understood beside a frequency; must be {columns.WAYS}")
+        raise TableError(f"{place}: {header!r} is not understood beside a frequency; must be {WAYS}")
     if quantity in {"time", "omega"} and (quantity == "omega") is not (kind is MasterCurve):
         raise TableError(
             f"{place}: the first column is {name.strip()!r}, but {width} columns make a {kind.name}; "
@@ -240,3 +240,178 @@ KINDS: tuple[type[Measurement], ...] = (MasterCurve, RelaxationCurve)
 
 def _parts(values: NDArray[np.complex128]) -> FloatArray:
     return np.concatenate([values.real, values.imag])
+
+
+# Time-temperature superposition after Williams, Landel & Ferry, J. Am. Chem. Soc. 77 (1955) 3701-3707.
+#
+#     log10 aT = -C1 (T - T0)/(C2 + T - T0)
+#
+# All relaxation times at the temperature T are aT times those at the reference temperature T0. Moduli do not
+# change: the factor rho T/(rho0 T0), close to one, is neglected. Temperatures enter by their difference
+# alone, in kelvin or degrees Celsius.
+
+
+@dataclass(frozen=True)
+class WLF:
+    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry.
+
+    Parameters
+    ----------
+    temperature, reference : float
+        T, and T0 at which the material was measured or to which its master curve was reduced.
+    C1, C2 : float
+        The material's constants at T0, both positive; C2 is a difference of temperatures.
+
+    Raises
+    ------
+    FitError
+        A number is not finite, a constant is not positive, T - T0 <= -C2, where the equation has its pole,
+        or aT leaves the range of a double.
+    """
+
+    temperature: float
+    reference: float
+    C1: float
+    C2: float
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, astuple(self))):
+            raise FitError(f"{self}: must be finite numbers")
+        if self.C1 <= 0 or self.C2 <= 0:
+            raise FitError(f"WLF constants C1 = {self.C1:g} and C2 = {self.C2:g}: must both be > 0")
+        if self.temperature - self.reference <= -self.C2:
+            raise FitError(
+                f"temperature {self.temperature:g} is {self.reference - self.temperature:g} below the "
+                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, where the WLF "
+                "equation ends"
+            )
+        if abs(self.decades) > 100:
+            raise FitError(
+                f"the WLF equation shifts by {self.decades:.3g} decades at temperature {self.temperature:g}; "
+                "must be at most 100"
+            )
+
+    @property
+    def decades(self) -> float:
+        """log10 aT, negative above the reference temperature."""
+        above = self.temperature - self.reference
+        return -self.C1 * above / (self.C2 + above)
+
+    @property
+    def factor(self) -> float:
+        """The factor aT by which relaxation times are multiplied."""
+        return float(10.0**self.decades)
+
+
+# Columns of measured data by their names: frequency in Hz, moduli in tension, tan delta.
+#
+#     omega = 2 pi f,      G = E/(2 (1 + nu)),      G'' = G' tan delta
+#
+# with Poisson's ratio nu, which is taken as constant over frequency and time.
+
+# Patterns of a name without its unit, in small letters.
+_NAMES = {
+    "omega": r"omega|w|ω|angular[ _]frequency",
+    "frequency": r"f|nu|freq|frequency|hz",
+    "time": r"t|time",
+    "storage": r"([ge])('|′|_?prime|_?storage)|storage([ _]modulus)?",
+    "loss": r"([ge])(''|\"|″|′′|_?(double|dbl)_?prime|_?loss)|loss([ _]modulus)?",
+    "tan": r"tan[ _]?\(?(d|delta|δ)\)?|tand|loss[ _](factor|tangent)",
+    "relaxation": r"([ge])(\(t\))?|modulus",
+}
+_UNIT = re.compile(r"\s*(\[[^\]]*\]|\((?!t\)|d\)|delta\)|δ\))[^)]*\)|/\s*(?!tan).*)\s*$")
+
+MASTER, RELAXATION = ("omega", "storage", "loss"), ("time", "relaxation")
+WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
+
+
+def recognised(header: str) -> tuple[str, ...] | None:
+    """Return the quantities of the columns that a line names, E in front of moduli in tension.
+
+    Parameters
+    ----------
+    header : str
+        The line, with commas, semicolons, tabs or at least two spaces between names, or one.
+
+    Returns
+    -------
+    tuple of str, optional
+        None where a name is not that of a quantity.
+    """
+    apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
+    separated = re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
+    found = [quantity_named(name) for name in separated]
+    return None if None in found else tuple(map(str, found))
+
+
+def quantity_named(name: str) -> str | None:
+    """Return the quantity of a column by its name, or None; E in front of a modulus in tension."""
+    plain = name.strip().strip('"') if name.strip().startswith('"') else name.strip()
+    in_hertz = re.search(r"\bhz\b", plain.lower()) is not None
+    plain = _UNIT.sub("", plain.lower()).strip()
+    for found, pattern in _NAMES.items():
+        if match := re.fullmatch(pattern, plain):
+            tension = "E " if match.re.groups and match[1] == "e" else ""
+            return tension + ("frequency" if in_hertz and found == "omega" else found)
+    return None
+
+
+def is_relaxation_time(name: str) -> bool:
+    """Whether a column is named as the relaxation times of a series: tau, tau_k [s], τ."""
+    plain = _UNIT.sub("", name.strip().strip('"').lower()).strip()
+    return re.fullmatch(r"(tau|τ)([ _]?[ikn]|_relax)?|relaxation[ _]times?", plain) is not None
+
+
+def symbols_of(quantities: Sequence[str]) -> tuple[str, ...]:
+    """Return the quantities as messages write them: omega, E', tan delta."""
+    plain = {
+        "frequency": "f",
+        "time": "t",
+        "storage": "G'",
+        "loss": "G''",
+        "tan": "tan delta",
+        "relaxation": "G",
+    }
+    written = (plain.get(each.removeprefix("E "), each) for each in quantities)
+    tension = (each.startswith("E ") for each in quantities)
+    return tuple(
+        text.replace("G", "E") if is_E else text for text, is_E in zip(written, tension, strict=True)
+    )
+
+
+def names_one_curve(quantities: Sequence[str]) -> bool:
+    """Whether columns are those of one master curve or relaxation curve."""
+    plain = {each.removeprefix("E ") for each in quantities}
+    master = len(plain & {"omega", "frequency"}) == 1 and len(plain & {"storage", "loss", "tan"}) == 2
+    return len(quantities) == len(plain) and ((master and len(plain) == 3) or plain == {*RELAXATION})
+
+
+def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> FloatArray:
+    """Return angular frequency, storage and loss modulus in shear, or time and relaxation modulus.
+
+    Parameters
+    ----------
+    quantities : sequence of str
+        Of the columns, which name one curve.
+    rows : ndarray, shape (rows, columns)
+        The data.
+    poisson : float
+        Poisson's ratio, for moduli in tension.
+
+    Returns
+    -------
+    ndarray, shape (rows, 3) or (rows, 2)
+    """
+    known = {}
+    for each, values in zip(quantities, rows.T, strict=True):
+        tension = each.startswith("E ")
+        known[each.removeprefix("E ")] = values / (2 * (1 + poisson)) if tension else values
+    if "time" in known:
+        return np.column_stack([known["time"], known["relaxation"]])
+    if "frequency" in known:
+        known["omega"] = 2 * math.pi * known["frequency"]
+    if "storage" not in known:
+        known["storage"] = known["loss"] / known["tan"]
+    if "loss" not in known:
+        known["loss"] = known["storage"] * known["tan"]
+    return np.column_stack([known[each] for each in MASTER])

@@ -31,8 +31,7 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Law
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.fitting.measurement import FitError, Measurement
 
 MARGIN = 1.05

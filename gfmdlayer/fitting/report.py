@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from gfmdlayer.body.materials import Law
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.continuous import fit_law
-from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
+from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Reading, read
 from gfmdlayer.fitting.prony import Fit, fit
-from gfmdlayer.fitting.wlf import WLF
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from llvmlite.binding import get_host_cpu_name
 
-from gfmdlayer.files.seals import read_sealed, write_sealed
+from gfmdlayer.files.whole import read_sealed, write_sealed
 from gfmdlayer.grid.fftw import VERSION, forget_wisdom
 from gfmdlayer.grid.grid import Grid, parts
 from gfmdlayer.grid.ranks import Ranks

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gfmdlayer.body.shifts import Shift
-from gfmdlayer.punch.trajectory import Constant, Table
+from gfmdlayer.time_functions import Constant, Table
 
 # Gauss-Legendre rule for exp(x) over a range of 4 in x: its error is 1e-17 of the integral.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)

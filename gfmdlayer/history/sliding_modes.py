@@ -43,8 +43,8 @@ from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.modes import Modes, Scheme
 from gfmdlayer.kernels import kernel
-from gfmdlayer.punch.trajectory import Trajectory
 from gfmdlayer.resumable import State
+from gfmdlayer.time_functions import Trajectory
 
 # Smallest scale of a tangential force, as a part of the product of the norms of slopes and stresses.
 _SMALLEST_FORCE = 1e-4

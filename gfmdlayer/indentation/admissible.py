@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.named_files import files_named
 from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section

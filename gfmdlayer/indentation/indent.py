@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.stack import LayerStack
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.isolated import IsolatedIndentation
+from gfmdlayer.indentation.space import History
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
 
 if TYPE_CHECKING:

@@ -13,11 +13,16 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.indentation.balance import work_done
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.profiles import Profiles, profiles
-from gfmdlayer.indentation.solve import Indentation, follow, in_growing_space, on_halved_steps, on_steps
-from gfmdlayer.indentation.space import Space, find_space
+from gfmdlayer.indentation.solve import (
+    Indentation,
+    follow,
+    in_growing_space,
+    on_halved_steps,
+    on_steps,
+    work_done,
+)
+from gfmdlayer.indentation.space import History, Space, find_space
 from gfmdlayer.punch.revolution import Revolution
 
 DEFAULT_TOLERANCE = 1e-4

@@ -19,10 +19,28 @@ from gfmdlayer.indentation.compliance import (
     gauss_rule,
     panels,
 )
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nodes, march
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
+
+# What is prescribed in an indentation.
+
+
+class History(NamedTuple):
+    """What is prescribed over time, linear between the times; before the first the body is at rest.
+
+    Attributes
+    ----------
+    time, value : ndarray, shape (nt,)
+        Ascending times, and depths or forces.
+    by_force : bool
+        Whether the force is prescribed.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    by_force: bool = False
+
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
 _EDGE = 1e-10

@@ -15,11 +15,11 @@ from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.config.sweeps import swept_keys
 from gfmdlayer.config.trajectory import Trajectory
-from gfmdlayer.files.memory import MemoryFile
+from gfmdlayer.files.cache import MemoryFile
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.outward import numbers, outward_heights
-from gfmdlayer.validation.named_files import files_named
+from gfmdlayer.punch.topography import numbers, outward_heights
+from gfmdlayer.validation.sections import files_named
 
 History = ArrayLike | tuple[ArrayLike, ArrayLike]
 

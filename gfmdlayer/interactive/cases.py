@@ -8,7 +8,6 @@ from concurrent.futures import BrokenExecutor, Future, as_completed
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import digest
 from gfmdlayer.execution import case_run, interrupts, workers
 from gfmdlayer.execution.schedule import Outcome
@@ -18,8 +17,8 @@ from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.progress import Watch
 from gfmdlayer.observables import columns
-from gfmdlayer.results.recording import Recording
-from gfmdlayer.simulation import ConvergenceError, simulate
+from gfmdlayer.periodic import Case, ConvergenceError, simulate
+from gfmdlayer.results.journal import Recording
 
 if TYPE_CHECKING:
     import xarray

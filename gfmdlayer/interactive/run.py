@@ -19,8 +19,8 @@ from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.execution import interrupts
-from gfmdlayer.execution.claim import refuse_foreign_folder
 from gfmdlayer.execution.folder import Folder, read_config
+from gfmdlayer.execution.growth import refuse_foreign_folder
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case as SweptCase
@@ -31,10 +31,10 @@ from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_pu
 from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
 from gfmdlayer.notes import notes
+from gfmdlayer.periodic import ConvergenceError
 from gfmdlayer.punch.shape import Shape
-from gfmdlayer.results.labelled import labelled
 from gfmdlayer.results.reader import open_results
-from gfmdlayer.simulation import ConvergenceError
+from gfmdlayer.results.sweep_file import labelled
 
 if TYPE_CHECKING:
     import xarray

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.body.body import Body
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
@@ -21,14 +20,14 @@ from gfmdlayer.inputs import make_interface, too_deep
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.observables.contact_edges import interpolated_area
-from gfmdlayer.observables.distributions import closed_gap, in_contact
+from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
+from gfmdlayer.periodic import Case, ConvergenceError
 from gfmdlayer.punch.height_files import fitting
-from gfmdlayer.punch.outward import numbers, outward_heights
 from gfmdlayer.punch.shape import Cell, Shape
-from gfmdlayer.punch.trajectory import Constant
+from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import VARIABLES
-from gfmdlayer.simulation import ConvergenceError
+from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import shown
 
 if TYPE_CHECKING:

@@ -55,11 +55,11 @@ class Exponential(Interface):
 
     def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
         """Return the law as solvers take it."""
-        from gfmdlayer.interface import terms
+        from gfmdlayer.interface import forms
         from gfmdlayer.interface.law import of_terms
 
         stress = self.work / self.range
-        return of_terms((terms.EXPONENTIAL, stress, self.range, 0.0), work=self.work, strength=stress)
+        return of_terms((forms.EXPONENTIAL, stress, self.range, 0.0), work=self.work, strength=stress)
 
 
 class Dugdale(Interface):
@@ -88,11 +88,11 @@ class Dugdale(Interface):
 
     def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
         """Return the law as solvers take it."""
-        from gfmdlayer.interface import terms
+        from gfmdlayer.interface import forms
         from gfmdlayer.interface.law import of_terms
 
         reach = self.work / self.stress
-        term = (terms.COHESIVE_ZONE, self.stress, reach, self.smoothing * reach)
+        term = (forms.COHESIVE_ZONE, self.stress, reach, self.smoothing * reach)
         return of_terms(term, work=self.work, strength=self.stress)
 
 
@@ -118,12 +118,12 @@ class LennardJones(Interface):
 
     def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
         """Return the law as solvers take it."""
-        from gfmdlayer.interface import terms
+        from gfmdlayer.interface import forms
         from gfmdlayer.interface.law import of_terms
 
         stress = 8 / 3 * self.work / self.separation
         # x^3 - x^9 is largest at x^6 = 1/3.
         strength = stress * 2 / 3 / math.sqrt(3)
         return of_terms(
-            (terms.LENNARD_JONES, stress, self.separation, 0.0), work=self.work, strength=strength
+            (forms.LENNARD_JONES, stress, self.separation, 0.0), work=self.work, strength=strength
         )

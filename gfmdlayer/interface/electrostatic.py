@@ -94,15 +94,15 @@ class Electrostatic(Interface):
 
     def interaction(self, units: Units | None = None) -> Interaction:
         """Return the law as solvers take it, driven by the voltage over time where it is a table."""
-        from gfmdlayer.interface import terms
+        from gfmdlayer.interface import forms
         from gfmdlayer.interface.law import Driven, of_terms
-        from gfmdlayer.punch.trajectory import Table
+        from gfmdlayer.time_functions import Table
 
         permittivity = self.permittivity_of_vacuum(units)
         if permittivity is None:
             raise ConfigError([f"permittivity: {NO_PERMITTIVITY}"])
         stress = 0.5 * permittivity / self.h0**2
-        one = of_terms((terms.INVERSE_SQUARE, stress, self.h0, 0.0), work=stress * self.h0, strength=stress)
+        one = of_terms((forms.INVERSE_SQUARE, stress, self.h0, 0.0), work=stress * self.h0, strength=stress)
         if isinstance(self.voltage, Path):
             return Driven.by(one, Table.read(self.voltage, "voltage"))
         return one.times(self.voltage**2)

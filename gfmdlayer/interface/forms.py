@@ -18,12 +18,35 @@ and a line in `term`.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.interface.terms import EXPONENTIAL, INVERSE_SQUARE, LENNARD_JONES, Terms
+from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.kernels import kernel
+
+# The terms of an interface law, as compiled code takes them; `forms` evaluates them.
+
+EXPONENTIAL, LENNARD_JONES, INVERSE_SQUARE, COHESIVE_ZONE = range(4)
+
+
+class Terms(NamedTuple):
+    """The terms of a law.
+
+    Attributes
+    ----------
+    form : ndarray of int, one value a term
+        `EXPONENTIAL`, `LENNARD_JONES`, `INVERSE_SQUARE` or `COHESIVE_ZONE`.
+    stress, length, width : ndarray, one value a term
+        Of the form; the width of a cohesive zone's ramp, else without meaning.
+    """
+
+    form: IntArray
+    stress: FloatArray
+    length: FloatArray
+    width: FloatArray
+
 
 # The exponential is zero from here on: 2e-28 of its value in contact.
 _FARTHEST = 64.0

@@ -18,8 +18,8 @@ from typing import Protocol
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.interface.terms import Terms
-from gfmdlayer.punch.trajectory import Table
+from gfmdlayer.interface.forms import Terms
+from gfmdlayer.time_functions import Table
 
 
 class InterfaceLaw(Protocol):

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Adhesion
-from gfmdlayer.observables.contact_means import ContactMeans, Force
-from gfmdlayer.observables.contact_statistics import ContactStatistics
+from gfmdlayer.observables.contact_edges import Resolution
+from gfmdlayer.observables.contact_statistics import ContactMeans, ContactStatistics, Force
 from gfmdlayer.observables.effort import Effort
-from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.observables.energy_balance import EnergyBalance, SeriesError, SpectrumError, Temperature
 from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.observables.relaxation import SeriesError, SpectrumError, Temperature
-from gfmdlayer.observables.resolution import Resolution
 from gfmdlayer.observables.steady_state import SteadyState
 
 if TYPE_CHECKING:

@@ -71,7 +71,7 @@ class Adhesion(Observable):
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns, and take note of the pull."""
-        from gfmdlayer.observables.distributions import in_contact
+        from gfmdlayer.observables.contact_statistics import in_contact
 
         solution, law = step.solution, step.problem.interface
         traction = law.traction(solution.gap)

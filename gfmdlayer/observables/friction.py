@@ -54,7 +54,7 @@ class Friction(Observable):
     def __init__(self, case: Parts) -> None:
         import numpy as np
 
-        from gfmdlayer.punch.trajectory import distance
+        from gfmdlayer.time_functions import distance
 
         grid = case.grid
         assert case.velocity is not None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gfmdlayer.grid.transforms import Transforms
     from gfmdlayer.history.reduced_time import ReducedTime
     from gfmdlayer.interface.law import InterfaceLaw
-    from gfmdlayer.punch.trajectory import Constant, Table
+    from gfmdlayer.time_functions import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
 
@@ -134,7 +134,7 @@ class AcceptedStep:
 
 
 class Parts(Protocol):
-    """Parts of a simulation that an observable may need (`gfmdlayer.case.Case`)."""
+    """Parts of a simulation that an observable may need (`gfmdlayer.periodic.Case`)."""
 
     config: Config
 

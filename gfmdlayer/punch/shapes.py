@@ -21,9 +21,9 @@ ELEMENTS: Mapping[str, type[Analytic]] = load_table(
     "gfmdlayer.punch.simple_shapes:Parabola",
     "gfmdlayer.punch.simple_shapes:Sphere",
     "gfmdlayer.punch.simple_shapes:Cylinder",
-    "gfmdlayer.punch.flanked_shapes:Cone",
-    "gfmdlayer.punch.flanked_shapes:Wedge",
-    "gfmdlayer.punch.flanked_shapes:Pyramid",
+    "gfmdlayer.punch.simple_shapes:Cone",
+    "gfmdlayer.punch.simple_shapes:Wedge",
+    "gfmdlayer.punch.simple_shapes:Pyramid",
     "gfmdlayer.punch.simple_shapes:Flat",
     "gfmdlayer.punch.indenters:BluntedCone",
 )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gfmdlayer.files.shared_folders import no_link, regular
+from gfmdlayer.files.locks import no_link, regular
 from gfmdlayer.files.whole import unfinished
 
 _ABOUT = "about"

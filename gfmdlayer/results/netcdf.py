@@ -23,8 +23,7 @@ from h5py import h5a, h5d, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
-from gfmdlayer.files.seals import seal
-from gfmdlayer.files.whole import publish, unfinished_path
+from gfmdlayer.files.whole import publish, seal, unfinished_path
 from gfmdlayer.results.schema import ResultsError, variable
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from gfmdlayer.files.shared_folders import write_new
+from gfmdlayer.files.locks import write_new
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.netcdf import naming
 from gfmdlayer.results.schema import FIELDS

@@ -6,20 +6,21 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
-from gfmdlayer.files.memory import MemoryFile
-from gfmdlayer.validation.fields import MustBe, Word
-from gfmdlayer.validation.meanings import meanings
+from gfmdlayer.files.cache import MemoryFile
+from gfmdlayer.validation.fields import MustBe, Word, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
     Problem,
     colon_without_space,
+    dotted,
     dotted_key,
     nearest,
     shown,
@@ -292,3 +293,43 @@ def _allowed(section: type[Section], key: str) -> str:
     notes: Iterable[Any] = section.fields()[key].metadata
     allowed = [note.allowed for note in notes if isinstance(note, MustBe)]
     return allowed[0] if allowed else meanings(section).get(key, "given")
+
+
+# The choice between several sections, one or a list of them.
+
+
+class OneOrMore(OneOf[Member]):
+    """Annotation of a field that holds one of several sections, or a list of such."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate one by the section that is chosen, or each of a list."""
+        one = super().__get_pydantic_core_schema__(source, handler)
+        at_least_one = {"pydantic_js_updates": {"minItems": 1}}
+        several = core_schema.tuple_schema([one], variadic_item_index=0, metadata=at_least_one)
+        forms: dict[Any, Any] = {"<one>": one, "<list>": several}
+        return core_schema.tagged_union_schema(
+            forms, lambda value: "<list>" if isinstance(value, list | tuple) else "<one>"
+        )
+
+
+# The files that a configuration names.
+
+
+def files_named(section: Section) -> dict[str, Path]:
+    """Return the files that a configuration names, by dotted key."""
+    return {
+        dotted((*at, key)): value
+        for at, part in sections_in(section)
+        for key, value in vars(part).items()
+        if isinstance(value, Path)
+    }
+
+
+def keys_of_files(section: type[Section], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted keys below a section that may name a file."""
+    for key, field in section.fields().items():
+        held = held_by(field)
+        for member in held.members.values() if isinstance(held, OneOf) else filter(None, [held]):
+            yield from keys_of_files(member, f"{prefix}{key}.")
+        if Path in types_in(field.annotation):
+            yield prefix + key

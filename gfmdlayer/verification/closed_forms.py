@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, run

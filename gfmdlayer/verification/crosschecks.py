@@ -13,12 +13,12 @@ from scipy.special import erfcx
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.body.shifts import WLF
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.punch.trajectory import Table
+from gfmdlayer.time_functions import Table
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, difference, run
 from gfmdlayer.verification.theory import parabola_grid_error, solver_error

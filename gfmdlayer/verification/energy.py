@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gfmdlayer.punch.trajectory import Table
+from gfmdlayer.time_functions import Table
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import ALONE, ELASTIC, Recording, run
 from gfmdlayer.verification.theory import (

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ALONE, HALFSPACE, RIGID, difference, run

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import Case, Parts
 from gfmdlayer.config import Config
+from gfmdlayer.periodic import Case, Parts, simulate
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.punch.trajectory import Trajectory
-from gfmdlayer.results import recording
-from gfmdlayer.simulation import simulate
+from gfmdlayer.results import journal
+from gfmdlayer.time_functions import Trajectory
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4
 ALONE: dict[str, object] = {"layer.thickness": float("inf")}
@@ -21,7 +20,7 @@ ELASTIC: dict[str, object] = {"layer.material.Ginf": 1.0}
 ONE_STEP: dict[str, object] = {"time.end": 1.0, "time.step": 1.0}
 
 
-class Recording(recording.Recording):
+class Recording(journal.Recording):
     """A recorder in memory; `recording["contact_area"]` is a column of its rows."""
 
     @property

@@ -8,13 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.maxwell import Elastic, Prony
+from gfmdlayer.body.materials import Elastic, Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import Recording, difference, run
 from gfmdlayer.verification.theory import solver_error

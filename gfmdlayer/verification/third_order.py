@@ -22,7 +22,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 
 
 class Coefficients(NamedTuple):

@@ -23,10 +23,9 @@ import numpy as np
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact import fire
-from gfmdlayer.contact.active_set import loop, solver, window, windows
+from gfmdlayer.contact.active_set import loop, solver, windows
 from gfmdlayer.contact.nested import iteration, level
 from gfmdlayer.contact.nested import solver as nested_solver
 from gfmdlayer.contact.nested.nesting import nest
@@ -35,8 +34,8 @@ from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePredict
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.periodic import Case, ConvergenceError, simulate
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.simulation import ConvergenceError, simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
@@ -337,7 +336,7 @@ def _without_coarser_grids(*arguments: Any) -> float:
 
 
 def _in_windows(iterate: object) -> Patches:
-    return [(windows, "solve", with_globals(window.solve, {"iterate": iterate}))]
+    return [(windows, "solve", with_globals(windows.solve, {"iterate": iterate}))]
 
 
 def with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:

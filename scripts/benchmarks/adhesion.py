@@ -31,8 +31,8 @@ from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential, LennardJones
+from gfmdlayer.interface.forms import EXPONENTIAL
 from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.interface.terms import EXPONENTIAL
 from gfmdlayer.punch.self_affine import SelfAffine
 
 EFFORT = Effort(points=(1 << 10, 1 << 12, 1 << 14, 1 << 16), steps=60, repetitions=3)

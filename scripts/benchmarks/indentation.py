@@ -17,14 +17,13 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
-from gfmdlayer.case import Case
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.config import Config
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.solve import follow
+from gfmdlayer.indentation.space import History
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.revolution import sphere
-from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(128,), steps=50, repetitions=15)

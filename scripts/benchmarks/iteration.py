@@ -6,9 +6,9 @@ import numpy as np
 from benchmarks.common import STEP, bare_pairs, default_case, ratio
 from benchmarks.tables import Effort, Table
 
-from gfmdlayer.case import Case
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
+from gfmdlayer.periodic import Case
 from gfmdlayer.preparation import warm_up
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)

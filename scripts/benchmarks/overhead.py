@@ -127,8 +127,8 @@ class Clock:
 
 def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
-    from gfmdlayer.case import Case
     from gfmdlayer.cli import main
+    from gfmdlayer.periodic import Case
     from gfmdlayer.results.writer import CaseWriter
 
     clock = Clock()

@@ -9,11 +9,10 @@ from benchmarks.common import METHODS, STEP, default_case, run
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import Case
 from gfmdlayer.contact.prediction import DisplacementPrediction
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import warm_up
 from gfmdlayer.resumable import Stateless
-from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))

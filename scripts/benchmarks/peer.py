@@ -17,13 +17,12 @@ from benchmarks.common import STEP, bare_pairs, default_case, run, seconds
 from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.peers import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 

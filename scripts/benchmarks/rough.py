@@ -19,10 +19,10 @@ from benchmarks.rough_peers import E_STAR, PART, RESIDUAL, SLOPE, compare, rough
 from benchmarks.tables import Cell, Effort, Table
 from benchmarks.whole_run import effort_of_run
 
-from gfmdlayer.case import Case
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.periodic import Case
 from gfmdlayer.preparation import warm_up
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)

@@ -21,11 +21,11 @@ import numpy.typing as npt
 from benchmarks.common import METHODS
 from benchmarks.tables import Cell, Table
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
+from gfmdlayer.periodic import Case
 from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
 

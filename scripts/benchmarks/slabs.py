@@ -21,11 +21,11 @@ from typing import Any
 from benchmarks.mpi import over_ranks
 from benchmarks.tables import Cell, Effort, Table
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import world
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
+from gfmdlayer.periodic import Case
 
 EFFORT = Effort(points=(2048, 4096), repetitions=3)
 QUICK = Effort(points=(512,), repetitions=1)

@@ -13,8 +13,7 @@ from scipy.integrate import quad
 from scipy.special import erfcx
 
 from gfmdlayer.body.continuous import ContinuousLaw, FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
-from gfmdlayer.body.materials import Law
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Law, Zener
 
 # The contour integral reaches this part of Ginf, here ten times G0.
 CONTOUR = 1e-12

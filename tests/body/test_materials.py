@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from gfmdlayer.body.materials import Material
-from gfmdlayer.body.maxwell import Prony, Zener
+from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.config import Config
 
 # A handful of operations of half an ulp each.

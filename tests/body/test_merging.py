@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gfmdlayer.body.maxwell import Prony
-from gfmdlayer.body.merging import merged
-from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.materials import Prony
+from gfmdlayer.body.stack import Layer, LayerStack, merged
 
 S = np.concatenate([np.logspace(-8, 8, 65) * factor for factor in (1, 1j, 1 + 0.1j)])
 

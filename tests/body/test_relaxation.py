@@ -13,8 +13,7 @@ from mpmath import mp, mpc, mpf
 from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material
-from gfmdlayer.body.maxwell import Prony, Zener
+from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, relaxation_spectrum, retardation_spectrum
 
 # K(q, s) is a sum of terms in the right half-plane, each good to some tens of roundings of 2^-53.

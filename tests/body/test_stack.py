@@ -13,7 +13,7 @@ from mpmath import matrix, mp, mpc, mpf
 
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Elastic, Prony, Zener
+from gfmdlayer.body.materials import Elastic, Prony, Zener
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.history.modes import SCHEMES, Modes
 

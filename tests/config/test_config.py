@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer.body.maxwell import Prony, Zener
+from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.config import Config, ConfigError, digest, load, text
 from gfmdlayer.execution.sweep import input_errors
 

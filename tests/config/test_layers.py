@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.stack import LayerStack
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.execution.sweep import cases
+from gfmdlayer.periodic import Case
 from gfmdlayer.results.schema import parameter
 
 STACK = """\

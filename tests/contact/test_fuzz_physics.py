@@ -14,10 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gfmdlayer import inputs
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import Case, simulate
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
@@ -21,6 +20,7 @@ from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.periodic import Case
 
 TOLERANCE = 1e-6
 MPIRUN = Path(sys.executable).parent / "mpirun"
@@ -253,7 +253,7 @@ def test_the_stiffness_may_change_on_one_rank_alone() -> None:
 
 
 def test_more_threads_give_the_same_solution(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gfmdlayer.contact.nested.sweep.WORTH_THREADS", 1)
+    monkeypatch.setattr("gfmdlayer.contact.nested.passes.WORTH_THREADS", 1)
     case, problem = problem_of(1, sizes=(90,))
     one = solved(case, problem)
     solver = NestedGradient(Transforms(case.grid.shape, threads=2), TOLERANCE, grid=case.grid)

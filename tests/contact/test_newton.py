@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.newton.solver import Newton
-from gfmdlayer.contact.problem import Problem, Solution, Solver
-from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.problem import Problem, Solution, Solver, project
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones

@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import make_solution, why_not_converged
+from gfmdlayer.periodic import Case
 
 
 def test_a_state_within_the_tolerance_is_refused_for_its_true_reason() -> None:

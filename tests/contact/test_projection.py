@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.problem import project
 
 EPS = np.finfo(float).eps
 Floats = NDArray[np.float64]

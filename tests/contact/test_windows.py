@@ -18,8 +18,7 @@ from gfmdlayer.contact.active_set.loop import evaluate
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.active_set.windows import Windows
 from gfmdlayer.contact.problem import Problem, Solution
-from gfmdlayer.grid.grid import Grid, parts
-from gfmdlayer.grid.periodic_extent import NOWHERE, periodic_extent
+from gfmdlayer.grid.grid import NOWHERE, Grid, parts, periodic_extent
 from gfmdlayer.grid.transforms import Transforms
 
 Floats = NDArray[np.float64]
@@ -246,13 +245,13 @@ def test_warming_up_comes_to_a_window(control: str) -> None:
     program = f"""
 from pathlib import Path
 from gfmdlayer.config import load
-from gfmdlayer.contact.active_set import window
+from gfmdlayer.contact.active_set import windows
 from gfmdlayer.preparation import warm_up
 config = load(Path("configs/indentation.yaml"))
 trajectory = {{"control": "{control}", "{control}": 0.01, "ramp_time": 1.0}}
-assert not window.solve.overloads
+assert not windows.solve.overloads
 warm_up(config.with_values({{"solver": {{"method": "active_set"}}, "trajectory": trajectory}}))
-assert window.solve.overloads
+assert windows.solve.overloads
 """
     subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[2], check=True)
 

@@ -16,8 +16,8 @@ from gfmdlayer import observables
 from gfmdlayer.config import Config
 from gfmdlayer.execution import case_run as cases
 from gfmdlayer.execution import checkpoints, interrupts, status
-from gfmdlayer.execution.claim import claimed
 from gfmdlayer.execution.folder import Folder
+from gfmdlayer.execution.growth import claimed
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.observables import OBSERVABLES

@@ -18,9 +18,9 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
 from gfmdlayer.execution.sweep import cases
-from gfmdlayer.grid.pair_time import pair_seconds
+from gfmdlayer.grid.transforms import pair_seconds
+from gfmdlayer.periodic import simulate
 from gfmdlayer.results.writer import CaseWriter
-from gfmdlayer.simulation import simulate
 
 SWEEP: dict[str, list[Any]] = {
     "solver.method": ["fire", "conjugate_gradient", "active_set"],
@@ -204,7 +204,7 @@ PEAK = """
 import json, re, sys
 from pathlib import Path
 from gfmdlayer.config import Config
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import simulate
 class Nothing:
     def row(self, **_): ...
     def snapshot(self, *_): ...

@@ -15,9 +15,8 @@ import pytest
 import xarray
 
 from gfmdlayer.config import load
-from gfmdlayer.execution.groups.agreement import ending_together
-from gfmdlayer.execution.groups.pool import _Group
-from gfmdlayer.execution.groups.refusals import input_errors_together
+from gfmdlayer.execution.groups.pool import _Group, input_errors_together
+from gfmdlayer.execution.groups.share import ending_together
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
 SURFACE = """\

@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution.claim import claimed, held
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.growth import claimed, held
 from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
 from gfmdlayer.execution.sweep import Case, Shard, cases
 from gfmdlayer.execution.workers import assemble

@@ -21,12 +21,10 @@ from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.status import Running, running
 from gfmdlayer.execution.workers import alone
-from gfmdlayer.files.locks import born
-from gfmdlayer.files.shared_folders import no_link, printable
+from gfmdlayer.files.locks import born, no_link, printable
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.results.journal import Journal, Position
+from gfmdlayer.results.journal import Journal, Position, Recording
 from gfmdlayer.results.reader import is_complete
-from gfmdlayer.results.recording import Recording
 
 Run = Callable[..., tuple[Any, str]]
 SMALL = Config(name="small").with_values({"grid.points": 32, "time.end": 0.3, "time.step": 0.1})

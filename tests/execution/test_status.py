@@ -22,8 +22,8 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, load
-from gfmdlayer.execution.claim import claimed, leftovers
 from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.growth import claimed, leftovers
 from gfmdlayer.execution.status import RECORDS_READ, StatusFile, overview, running
 
 Make = Callable[..., Folder]

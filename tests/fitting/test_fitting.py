@@ -14,16 +14,14 @@ from scipy.integrate import quad
 
 from gfmdlayer import cli
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.materials import Material
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Material, Prony
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
+from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Measurement, RelaxationCurve, read
 from gfmdlayer.fitting.prony import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.report import fit_figure, fit_material
-from gfmdlayer.fitting.wlf import WLF
+from gfmdlayer.periodic import simulate
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.simulation import simulate
 
 Kind = type[Measurement]
 

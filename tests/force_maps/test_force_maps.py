@@ -17,9 +17,8 @@ import pytest
 
 from gfmdlayer import cli, open_results
 from gfmdlayer.execution.workers import assemble
+from gfmdlayer.fitting.force_map import ForceMap, parameter_names
 from gfmdlayer.fitting.indentation.estimates import FitOptions
-from gfmdlayer.force_maps.map_file import parameter_names
-from gfmdlayer.force_maps.run import ForceMap
 
 MPIRUN = Path(sys.executable).parent / "mpirun"
 MODEL = {

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControlledModes
 from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes
-from gfmdlayer.punch.trajectory import Constant
+from gfmdlayer.time_functions import Constant
 
 EPS = np.finfo(float).eps
 

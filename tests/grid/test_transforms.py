@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer.files.seals import read_sealed, write_sealed
+from gfmdlayer.files.whole import read_sealed, write_sealed
 from gfmdlayer.grid import wisdom
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms

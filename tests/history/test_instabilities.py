@@ -16,12 +16,11 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import gfmdlayer
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
 from gfmdlayer.observables.folds import Row, work_over_fold
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.verification.runs import Recording
 
 K = 2 * 0.7 / (0.4 * 0.1)

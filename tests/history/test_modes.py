@@ -14,8 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.materials import Material
-from gfmdlayer.body.maxwell import Prony, Zener
+from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControlledModes

@@ -12,14 +12,13 @@ import pytest
 from scipy.special import exp1
 
 from gfmdlayer import Config, ConfigError, load
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.shifts import WLF, Arrhenius, Shift
-from gfmdlayer.case import Case
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.punch.trajectory import Constant, Table
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import Case, simulate
+from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 
 ROUNDING = 1e-14

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
@@ -26,7 +26,7 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import Modes
 from gfmdlayer.history.sliding_modes import SlidingModes, phi_functions
-from gfmdlayer.punch.trajectory import Constant, Table, distance
+from gfmdlayer.time_functions import Constant, Table, distance
 
 Floats = NDArray[np.float64]
 

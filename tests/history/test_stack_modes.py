@@ -12,17 +12,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gfmdlayer import Config
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
-from gfmdlayer.case import Case
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.stack_modes import stack_modes
-from gfmdlayer.punch.trajectory import Constant, Table
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.resumable import CompositeState
-from gfmdlayer.simulation import simulate
+from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 
 SHIFTS = (

@@ -17,8 +17,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.sections import whole_steps
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.time_points import Instant, equal_steps, landing_steps
+from gfmdlayer.periodic import ConvergenceError, simulate
 from gfmdlayer.punch.simple_shapes import Parabola
-from gfmdlayer.simulation import ConvergenceError, simulate
 
 times = st.floats(1e-3, 10.0)
 

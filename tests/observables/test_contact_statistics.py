@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.observables import distributions
-from gfmdlayer.observables.distributions import histogram
+from gfmdlayer.observables import contact_statistics
+from gfmdlayer.observables.contact_statistics import histogram
 
 Run = Callable[[dict[str, object]], Any]
 
@@ -31,7 +31,7 @@ BUMPS: dict[str, object] = {
 
 
 def count_patches(touching: NDArray[np.bool_]) -> int:
-    return distributions.count_patches(touching, Grid(touching.shape, (1.0,) * touching.ndim))
+    return contact_statistics.count_patches(touching, Grid(touching.shape, (1.0,) * touching.ndim))
 
 
 def flooded(touching: NDArray[np.bool_]) -> int:

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
+from gfmdlayer.periodic import Case
 
 Run = Callable[[dict[str, object]], Any]
 

@@ -11,10 +11,10 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import Case
+from gfmdlayer.periodic import simulate
 from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.sweep_file import collect
-from gfmdlayer.simulation import simulate
 from gfmdlayer.verification.runs import Recording
 
 UNITS = {"length": "mm", "stress": "MPa", "time": "s"}

@@ -13,13 +13,12 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.flanked_shapes import Cone, Pyramid, Wedge
 from gfmdlayer.punch.indenters import FlatPunch, RadialProfile
 from gfmdlayer.punch.measured import Profile
 from gfmdlayer.punch.revolution import heights
 from gfmdlayer.punch.shape import Analytic, Shape
 from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
-from gfmdlayer.punch.simple_shapes import Cylinder, Flat, Parabola, Sinusoid, Sphere
+from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
 
 LINE = Grid((16,), (1.0,))
 ISOLATED = {FlatPunch, RadialProfile}

@@ -12,7 +12,7 @@ from gfmdlayer import inputs
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.files.tables import TableError, read_columns
-from gfmdlayer.punch.trajectory import RampHold, Table
+from gfmdlayer.time_functions import RampHold, Table
 
 
 def written(tmp_path: Path, text: str) -> Path:

@@ -17,7 +17,7 @@ import xarray as xr
 
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.observable import Bins
-from gfmdlayer.results import case_template, writer
+from gfmdlayer.results import writer
 from gfmdlayer.results.case_metadata import CaseRecord
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
@@ -99,8 +99,8 @@ def test_histograms_stand_along_their_bins(tmp_path: Path) -> None:
 
 
 def test_snapshots_are_compressed_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(case_template, "BLOCK", 24)
-    monkeypatch.setattr(writer, "case_template", case_template.case_template.__wrapped__)  # not a cached one
+    monkeypatch.setattr(writer, "BLOCK", 24)
+    monkeypatch.setattr(writer, "case_template", writer.case_template.__wrapped__)  # not a cached one
     field = np.arange(16.0 * 10).reshape(16, 10)
     with CaseWriter(tmp_path / "0000.h5", {"x": X, "y": X[:10]}) as case:
         case.snapshot(0.5, field, -field, 2 * field)

@@ -12,10 +12,9 @@ from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
 from gfmdlayer.results.case_metadata import CaseRecord
-from gfmdlayer.results.case_template import case_template
 from gfmdlayer.results.reader import case_path, open_results
 from gfmdlayer.results.sweep_file import collect
-from gfmdlayer.results.writer import CaseWriter
+from gfmdlayer.results.writer import CaseWriter, case_template
 
 TIMES = (0.0, 1.0, 3.0)
 PLAIN = (Column("time", "time", "time"), Column("depth", "indentation depth", "length"))

@@ -12,7 +12,7 @@ import pytest
 
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.results.schema import PARAMETERS
-from gfmdlayer.validation.meanings import dimension
+from gfmdlayer.validation.fields import dimension
 
 PAGES = runpy.run_path(str(Path(__file__).parents[2] / "docs/extensions/reference_pages.py"))
 SCHEMA = json_schema()

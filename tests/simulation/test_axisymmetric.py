@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer.case import Case
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution.cost import estimate
+from gfmdlayer.periodic import Case
 from gfmdlayer.verification.runs import Recording
 
 AFM: dict[str, Any] = {

@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.body.relaxation import Spectrum
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import Case, simulate
 
 N, DEPTH, STEP, TOLERANCE = 256, 0.01, 0.05, 1e-9
 

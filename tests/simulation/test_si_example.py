@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from gfmdlayer import indent
-from gfmdlayer.case import Case
 from gfmdlayer.config import load
-from gfmdlayer.simulation import simulate
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.verification.runs import Recording
 
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"

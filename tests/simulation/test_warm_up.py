@@ -9,21 +9,20 @@ from pathlib import Path
 import pytest
 
 from gfmdlayer import preparation
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
+from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import _in_small
-from gfmdlayer.simulation import simulate
 
 PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from gfmdlayer import preparation
-from gfmdlayer.case import Case
+from gfmdlayer.periodic import Case
 from gfmdlayer.config import Config
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.simulation import ConvergenceError, simulate
+from gfmdlayer.periodic import ConvergenceError, simulate
 
 class Nothing:
     def row(self, **_): ...
@@ -72,7 +71,7 @@ for values in CASES:
     if config.contact_solver.method in {"active_set", "nested_gradient"}:
         late = {name for name in late if not name.startswith(RARE)}
     if config.contact_solver.method == "nested_gradient":  # as are short kernels of a hand-over
-        late -= {"gfmdlayer.grid.periodic_extent.periodic_extent"}
+        late -= {"gfmdlayer.grid.grid.periodic_extent"}
     assert not late, (values, late)
 # What stands inside other kernels has no cache: called from Python, each process would compile it anew.
 assert not [name(kernel) for kernel in kernels() if kernel.targetoptions.get("inline") and kernel.overloads]

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.body.maxwell import Zener
+from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.crosschecks import stress_difference

@@ -37,9 +37,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.active_set.loop import begin, evaluate, iterate, set_guess
+from gfmdlayer.contact.active_set.loop import begin, evaluate, iterate, make_contact, make_work, set_guess
 from gfmdlayer.contact.active_set.safeguard import safeguard
-from gfmdlayer.contact.active_set.state import make_contact, make_work
 from gfmdlayer.contact.active_set.windows import Windows
 from gfmdlayer.contact.pressure_form import (
     AIM,

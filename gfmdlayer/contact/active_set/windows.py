@@ -19,18 +19,345 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.active_set.state import Work, make_contact, make_work
-from gfmdlayer.contact.active_set.window import overlaps, respond, restrict, solve
-from gfmdlayer.contact.active_set.window_state import Pair, Surface, Window
-from gfmdlayer.contact.pressure_form import CLAMPED, Iterate, State, System
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.active_set.loop import ContactSet, Work, iterate, list_runs, make_contact, make_work
+from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, State, System
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.residual import ResidualFloor
-from gfmdlayer.grid.grid import parts
-from gfmdlayer.grid.periodic_extent import NOWHERE, Stretch, periodic_extent
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.contact.residual import ResidualFloor, scales, violation
+from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
+from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
+from gfmdlayer.kernels import LANES, kernel
 
-_MARGIN = 16  # points at least on either side of the contact that belong to the window
+# Extension of the pressure in a window to the state of the whole surface, with its assessment.
+
+
+@kernel(inner=True)
+def extend_to_surface(
+    window: Window, origin: Pair, surface: Surface, state: State
+) -> tuple[float, tuple[float, float, float, float]]:
+    """Write the state of the whole surface; two transforms.
+
+    Returns
+    -------
+    Overlap that was cut off, as part of the depth, and what `assess` would return.
+    """
+    largest, total = _scatter(window, origin, state.p)
+    forward(surface.plans, state.p, surface.spectrum)
+    _deform(surface, state.spectrum)
+    backward(surface.plans, surface.spectrum, surface.z)
+    overlap, lowest, gaps = _clamp(surface, window.work.now[0].rigid_shift, state)
+    size, load, runs = state.u.size, window.system.load_given, window.contact.runs
+    if load:
+        state.spectrum[0] = _sum(surface.h) - gaps
+    mean = state.spectrum[0].real / size
+    pressure_scale, depth = scales(largest, max(mean, 0.0) - lowest, window.system.floor)
+    per_pressure, per_gap, worst, touching = 1.0 / pressure_scale, 1.0 / depth, 0.0, 0.0
+    for k in range(window.contact.counts[0].runs):
+        for part in range(2):
+            _, there, count = stretch(window, origin, runs[k, 0], runs[k, 1] - runs[k, 0], part)
+            for i in range(there, there + count):
+                worst = max(worst, violation(state.p[i], state.gap[i], per_pressure, per_gap))
+                touching += 1.0 if state.p[i] * per_pressure > state.gap[i] * per_gap else 0.0
+    finite = np.isfinite(total) and np.isfinite(gaps)
+    return overlap / depth, (worst if finite else np.nan, touching / size, total / size, gaps / size)
+
+
+@kernel(inner=True)
+def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]:
+    """Write the pressure, where it is not zero; return its maximum and its sum."""
+    largest, total = 0.0, 0.0
+    for k in range(window.contact.counts[0].runs):
+        first, end = window.contact.runs[k, 0], window.contact.runs[k, 1]
+        for part in range(2):
+            here, there, count = stretch(window, origin, first, end - first, part)
+            for i in range(count):
+                pressure = window.at.p[here + i]
+                p[there + i] = pressure
+                total += pressure
+                largest = max(largest, pressure)
+    return largest, total
+
+
+@kernel(reorder=True, inner=True)
+def _deform(surface: Surface, spectrum: ComplexArray) -> None:
+    """From the transform of the pressure to that of the displacement, per point and unnormalised."""
+    size = surface.z.size
+    for k in range(spectrum.size):
+        u = surface.compliance[k] * (surface.b[k] - surface.spectrum[k])
+        surface.spectrum[k] = u
+        spectrum[k] = size * u
+
+
+@kernel(reorder=True, inner=True)
+def _clamp(surface: Surface, rigid_shift: float, state: State) -> tuple[float, float, float]:
+    """Write displacement and gap without overlap; return the overlap, the lowest u, and the sum of gaps."""
+    overlap, lowest, gaps = np.zeros(LANES), np.full(LANES, np.inf), 0.0
+    for first in range(0, surface.z.size, LANES):
+        z, h = surface.z[first : first + LANES], surface.h[first : first + LANES]
+        us, apart = state.u[first : first + LANES], state.gap[first : first + LANES]
+        # In several loops: for one loop over all of these arrays the compiler assumes that they may overlap,
+        # and does not vectorise it.
+        for i in range(z.size):
+            apart[i] = h[i] - (z[i] + rigid_shift)
+        for i in range(z.size):
+            us[i] = min(h[i], z[i] + rigid_shift)
+        for i in range(z.size):
+            overlap[i] = apart[i] if apart[i] < overlap[i] else overlap[i]
+            lowest[i] = us[i] if us[i] < lowest[i] else lowest[i]
+            apart[i] = 0.0 if apart[i] < 0.0 else apart[i]
+            gaps += apart[i]
+    return -overlap.min(), lowest.min(), gaps
+
+
+@kernel(reorder=True, inner=True)
+def _sum(x: FloatArray) -> float:
+    total = 0.0
+    for i in range(x.size):
+        total += x[i]
+    return total
+
+
+# What a window around the contact works on; see `windows`.
+
+Pair = tuple[int, int]
+
+
+class Window(NamedTuple):
+    """A window and the problem in it.
+
+    Axes are two, the first of one point where the surface is a line. The window is the first points of its
+    transforms, along each axis.
+    """
+
+    plans: Plans
+    system: System
+    at: Iterate
+    contact: ContactSet
+    work: Work
+    length: Pair  # of the transforms
+    width: Pair  # of the window
+    surface: Pair  # points of the surface
+
+
+class Surface(NamedTuple):
+    """The surface that the window is part of, and its work arrays."""
+
+    plans: Plans
+    compliance: FloatArray  # as in `System`
+    h: FloatArray
+    b: ComplexArray  # as in `Problem`
+    spectrum: ComplexArray  # work array
+    z: FloatArray  # work array
+
+
+@kernel(inner=True)
+def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
+    """Locate a stretch of a line of the window on the surface, which is periodic.
+
+    Parameters
+    ----------
+    window : Window
+        The window.
+    origin : tuple of int
+        Line and point of the surface where the window begins.
+    first, count : int
+        First point of the stretch in the window, and its number of points.
+    part : int
+        0 for the points before the end of the surface's line, 1 for those after it.
+
+    Returns
+    -------
+    First point of that part in the window, first on the surface, and their number.
+    """
+    (rows, line), length = window.surface, window.length[1]
+    start = (origin[0] + first // length) % rows * line
+    column = origin[1] + first % length
+    before = min(max(line - column, 0), count)
+    if part == 0:
+        return first, start + column, before
+    return first + before, start + column + before - line, count - before
+
+
+# A step of the active-set solver in a window around the contact, compiled; see `windows`.
+
+_APART = 1e150  # gap of the points that the window's transforms have beyond the window
+_WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
+_MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
+
+
+@kernel
+def solve(
+    window: Window,
+    origin: Pair,
+    surface: Surface,
+    guess: FloatArray,
+    load: float,
+    tolerance: float,
+    rounds: int,
+    limit: int,
+) -> tuple[bool, int, int, int, float, tuple[float, float, float, float], State]:
+    """Solve in a window.
+
+    Parameters
+    ----------
+    window : Window
+        Its arrays.
+    origin : tuple of int
+        Line and point of the surface where it begins.
+    surface : Surface
+        The problem on the whole surface.
+    guess : ndarray, one value a point
+        Of the pressure; the window holds what is positive.
+    load : float
+        Mean pressure where it is given.
+    tolerance : float
+        Of the residual.
+    rounds, limit : int
+        Most changes of the contact set, and iterations.
+
+    Returns
+    -------
+    done, whole, shorter, iterations, overlap, assessment, state
+        Whether contact and pressure were found; transforms of the whole surface and of the window;
+        iterations; overlap of the whole surface that was cut off, as part of the depth; what `assess` would
+        return; the state.
+    """
+    _free_surface(surface)
+    at, contact, work, system = window.at, window.contact, window.work, window.system
+    carried = _gather(window, origin, surface, guess)
+    found = 0.0 < carried < np.inf
+    if system.load_given:
+        share = load * surface.h.size / carried
+        for i in range(at.p.size):
+            at.p[i] *= share
+    now = work.now[0]
+    now.exact, now.depth_scale, now.mean, now.rigid_shift = False, 0.0, 0.0, 0.0
+    now.free_mean = surface.compliance[0] * surface.b[0].real
+    list_runs(contact)
+    shift, within, transforms, iterations, clear = 0.0, CLOSE * tolerance, 0, 0, False
+    for attempt in range(2):
+        if not found or clear:
+            break
+        found, more, done = iterate(
+            window.plans, system, at, contact, work, shift, within, rounds, limit, attempt == 0
+        )
+        transforms, iterations = transforms + more, iterations + done
+        found = found and (attempt > 0 or contact.counts[0].points > 0)
+        clear = found and _raise_clear(window, tolerance)
+        # Else aim at a gap in the contact that is larger than the differences of the gaps.
+        within = AIM * tolerance
+        shift = within * now.depth_scale
+    if not clear:
+        nothing = np.empty(0)
+        state = State(nothing, nothing, nothing, np.empty(0, dtype=np.complex128))
+        return False, 1, transforms, iterations, 0.0, (np.nan, 0.0, 0.0, 0.0), state
+    size = surface.z.size
+    spectrum = np.empty(surface.b.size, dtype=np.complex128)
+    state = State(np.empty(size), np.zeros(size), np.empty(size), spectrum)
+    overlap, assessment = extend_to_surface(window, origin, surface, state)
+    return True, 3, transforms, iterations, overlap, assessment, state
+
+
+@kernel(reorder=True)
+def overlaps(surface: Surface) -> FloatArray:
+    """Overlap of the surface without pressure; a transform of the whole surface."""
+    _free_surface(surface)
+    overlap = np.empty(surface.z.size)
+    for i in range(overlap.size):
+        overlap[i] = max(surface.z[i] - surface.h[i], 0.0)
+    return overlap
+
+
+@kernel
+def respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
+    """Write the displacement of all points by a pressure at the first; its sign is that of a gap."""
+    for k in range(spectrum.size):
+        spectrum[k] = compliance[k]
+    backward(plans, spectrum, kernel)
+
+
+@kernel
+def restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
+    """Write compliance and stiffness of the window's transforms, from kernel and stiffness of the surface."""
+    (rows, line), (window_rows, length) = window.surface, window.length
+    z, system, spectrum = window.work.z, window.system, window.work.spectrum
+    half, part = (length + 1) // 2, line // length
+    for row in range(window_rows):
+        # The second half of each axis stands for the differences below zero.
+        first = (row if row < (window_rows + 1) // 2 else row + rows - window_rows) * line
+        for i in range(length):
+            z[row * length + i] = kernel[first + (i if i < half else i + line - length)]
+    forward(window.plans, z, spectrum)
+    for k in range(spectrum.size):
+        system.compliance[k] = spectrum[k].real / z.size
+    modes, of_surface, share = length // 2 + 1, line // 2 + 1, part * (rows // window_rows)
+    for row in range(window_rows):
+        first = row * (rows // window_rows) * of_surface
+        for k in range(modes):
+            system.stiffness[row * modes + k] = share * stiffness[first + k * part]
+
+
+@kernel(reorder=True, inner=True)
+def _free_surface(surface: Surface) -> None:
+    """Write the surface without pressure."""
+    for k in range(surface.b.size):
+        surface.spectrum[k] = surface.compliance[k] * surface.b[k]
+    backward(surface.plans, surface.spectrum, surface.z)
+
+
+@kernel(reorder=True, inner=True)
+def _gather(window: Window, origin: Pair, surface: Surface, guess: FloatArray) -> float:
+    """Copy problem and guess into the window; return the sum of the guess."""
+    gap0, h, p, member = window.system.gap0, window.system.h, window.at.p, window.contact.member
+    gap0[:], h[:], p[:], member[:] = _APART, 2.0 * _APART, 0.0, 0.0
+    carried = 0.0
+    for row in range(window.width[0]):
+        for part in range(2):
+            here, there, count = stretch(window, origin, row * window.length[1], window.width[1], part)
+            for i in range(count):
+                height, pressure = surface.h[there + i], guess[there + i]
+                gap0[here + i], h[here + i] = height - surface.z[there + i], height
+                if pressure > 0.0:
+                    p[here + i], member[here + i] = pressure, 1.0
+            # In a loop that writes nothing: the order of a sum in one that does depends on where arrays lie.
+            for i in range(count):
+                carried += guess[there + i] if guess[there + i] > 0.0 else 0.0
+    return carried
+
+
+@kernel(reorder=True, inner=True)
+def _raise_clear(window: Window, tolerance: float) -> bool:
+    """Raise the pressure until nothing in the window overlaps, by a little more than rounding.
+
+    Under a given load the punch is shifted instead. Return whether the contact stays within the tolerance;
+    else nothing is changed.
+    """
+    at, gap0, contact, now = window.at, window.system.gap0, window.contact, window.work.now[0]
+    depth, lift, lowest, widest = now.depth_scale, 0.0, 0.0, 0.0
+    margin = min(_MARGIN, _MARGIN_OF_TOLERANCE * tolerance) * depth
+    for k in range(contact.counts[0].near):
+        for i in range(contact.near[k, 0], contact.near[k, 1]):
+            effect, gap = at.gap[i] - gap0[i], at.gap[i]
+            lowest = min(lowest, gap)
+            if effect > 0.0 and gap < margin:
+                lift = max(lift, (margin - gap) / effect)
+            elif gap < 0.0:
+                lift = np.inf
+    if window.system.load_given:
+        now.rigid_shift += lowest - margin
+        return True
+    for k in range(contact.counts[0].runs):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            widest = max(widest, at.gap[i] + lift * (at.gap[i] - gap0[i]))
+    if not widest <= _WELL_WITHIN * tolerance * depth:
+        return False
+    for k in range(contact.counts[0].runs):
+        for i in range(contact.runs[k, 0], contact.runs[k, 1]):
+            at.p[i] *= 1.0 + lift
+    return True
+
+
+_WINDOW_MARGIN = 16  # points at least on either side of the contact that belong to the window
 
 
 class WindowResult(NamedTuple):
@@ -162,7 +489,7 @@ class Windows:
         (_, rows), (_, points) = extent
         if not points:
             return 0
-        high, wide = (2 * (length + 2 * max(_MARGIN, length // 8)) for length in (rows, points))
+        high, wide = (2 * (length + 2 * max(_WINDOW_MARGIN, length // 8)) for length in (rows, points))
         lines, line = _two(self._shape)
         for part in reversed(self._parts):
             if wide * part <= line and (lines == 1 or high * part <= lines) and not 0 < below <= part:

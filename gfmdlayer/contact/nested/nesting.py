@@ -5,16 +5,170 @@ Problems come from truncated Fourier series of the gap and of the stiffness, pre
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from gfmdlayer.arrays import ComplexArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.coarser import prolong
 from gfmdlayer.contact.nested.iteration import Search
 from gfmdlayer.contact.nested.level import Fields, Level
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.kernels import kernel
+
+# From one grid to the next: problems by truncated Fourier series, pressures by interpolation.
+#
+# Near the edge of the contact the pressure falls like xi^(1/2) and the gap opens like xi^(3/2) with the
+# distance xi (see `prediction`), so s = p^2 inside and s = -mu gap^(2/3) outside is smooth there and
+# interpolated linearly; where all points around are in contact, the pressure itself is, by cubic polynomials.
+
+_BEFORE, _AFTER = 3, 4  # rows of the coarse grid that rows of the fine one may need beside their own
+
+
+def prolong(coarse: Level, at: Fields, fine: Level, target: FloatArray) -> None:
+    """Write the pressure of a finer grid.
+
+    Parameters
+    ----------
+    coarse, fine : Level
+        The grids.
+    at : Fields
+        State on the coarse one.
+    target : ndarray
+        Pressure on the fine one.
+    """
+    shape = (-1, coarse.grid.shape[-1])
+    p, gap = at.p.reshape(shape), np.maximum(at.gap - at.level, 0.0).reshape(shape)
+    (inside, pressed, outside, apart), _ = coarse.sweep(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
+    squares, openings = inside / max(pressed, 1.0), apart / max(outside, 1.0)
+    mu = squares / openings if openings > 0 else 0.0
+    smooth, deep = np.empty_like(p), np.empty_like(p)
+    coarse.sweep.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
+    fields = [_extended(coarse.grid, field) for field in (p, smooth, deep)]
+    place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
+    rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
+    fine.sweep.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
+
+
+def _extended(grid: Grid, field: FloatArray) -> FloatArray:
+    """The rows of a field and those beside it."""
+    before, after = grid.halo(field, _BEFORE, _AFTER)
+    return np.vstack((before, field, after))
+
+
+@kernel(reorder=True)
+def _at_edges(
+    first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray
+) -> tuple[tuple[float, float, float, float], tuple[float]]:
+    """Return sums over the two sides of the edge: p^2 and points inside, points and gap^(2/3) outside."""
+    rows, n = p.shape
+    squares, pressed, outside, apart = 0.0, 0.0, 0.0, 0.0
+    for i in range(first // n, end // n):
+        up = p[i - 1] if i > 0 else before[0]
+        down = p[i + 1] if i < rows - 1 else after[0]
+        for j in range(n):
+            left, right = p[i, j - 1], p[i, j + 1 if j < n - 1 else 0]
+            if p[i, j] > 0.0:
+                if min(min(up[j], down[j]), min(left, right)) <= 0.0:
+                    squares += p[i, j] ** 2
+                    pressed += 1.0
+            elif max(max(up[j], down[j]), max(left, right)) > 0.0:
+                apart += np.cbrt(gap[i, j] ** 2)
+                outside += 1.0
+    return (squares, pressed, outside, apart), (0.0,)
+
+
+@kernel
+def _smooth(
+    first: int, end: int, p: FloatArray, before: FloatArray, after: FloatArray, gap: FloatArray, mu: float,
+    smooth: FloatArray, deep: FloatArray,
+) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+    """Write the field that is smooth across the edge, and 1 where all neighbours are in contact too.
+
+    Far from the contact any negative value does.
+    """
+    rows, n = p.shape
+    for i in range(first // n, end // n):
+        up = p[i - 1] if i > 0 else before[0]
+        down = p[i + 1] if i < rows - 1 else after[0]
+        here = p[i]
+        for j in range(n):
+            east = j + 1 if j < n - 1 else 0
+            west = j - 1 if j > 0 else n - 1
+            deep[i, j] = 0.0
+            if here[j] > 0.0:
+                smooth[i, j] = here[j] ** 2
+                if up[j] > 0.0 and down[j] > 0.0 and here[east] > 0.0 and here[west] > 0.0:
+                    deep[i, j] = 1.0
+                continue
+            around = here[east] + here[west] + up[west] + up[j] + up[east] + down[west] + down[j] + down[east]
+            smooth[i, j] = -mu * np.cbrt(gap[i, j] ** 2) if around > 0.0 else -1.0
+    return (0.0,), (0.0,)
+
+
+@kernel(inner=True)
+def _weights(part: float) -> Any:
+    """Lagrange's weights of the cubic polynomial through -1, 0, 1, 2 at a point between 0 and 1."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0,
+        (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0,
+        (part + 1.0) * part * (part - 1.0) / 6.0,
+    )
+
+
+@kernel(reorder=True)
+def _interpolate(
+    first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
+    smooth: FloatArray, deep: FloatArray, target: FloatArray,
+) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
+    """Interpolate rows of the fine grid.
+
+    Parameters
+    ----------
+    columns : int
+        Of the fine grid.
+    place : tuple of int
+        Row of the whole fine grid that is the first here; row of the coarse fields that is the first of the
+        grid.
+    whole : tuple of int
+        Rows of the whole grids, fine and coarse.
+    p, smooth, deep : ndarray
+        Coarse fields, with rows beside those of this process.
+    target : ndarray
+        The pressure on the fine grid.
+    """
+    n = p.shape[1]
+    for i in range(first // columns, end // columns):
+        y = (i + place[0]) * whole[1] / whole[0]
+        row = int(y)
+        y -= row
+        row, wy = row + place[1], _weights(y)
+        for j in range(columns):
+            x = j * n / columns
+            m = int(x)
+            x -= m
+            right = m + 1 if m + 1 < n else 0
+            if max(max(p[row, m], p[row, right]), max(p[row + 1, m], p[row + 1, right])) <= 0.0:
+                target[i * columns + j] = 0.0
+                continue
+            inner = deep[row, m] + deep[row, right] + deep[row + 1, m] + deep[row + 1, right]
+            if inner == 4.0:
+                wx, found = _weights(x), 0.0
+                for a in range(4):
+                    line = 0.0
+                    for b in range(4):
+                        line += wx[b] * p[row + a - 1, (m + b - 1) % n]
+                    found += wy[a] * line
+                target[i * columns + j] = max(found, 0.0)
+            else:
+                s = (1.0 - y) * ((1.0 - x) * smooth[row, m] + x * smooth[row, right])
+                s += y * ((1.0 - x) * smooth[row + 1, m] + x * smooth[row + 1, right])
+                target[i * columns + j] = np.sqrt(s) if s > 0.0 else 0.0
+    return (0.0,), (0.0,)
+
 
 _TOLERANCE = 1e-3
 _LIMIT = 60  # iterations on a coarser grid

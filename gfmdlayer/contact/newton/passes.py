@@ -13,8 +13,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.transforms import Plans, backward, forward
-from gfmdlayer.interface.forms import term
-from gfmdlayer.interface.terms import Terms
+from gfmdlayer.interface.forms import Terms, term
 from gfmdlayer.kernels import LANES, kernel
 
 _NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding

@@ -45,8 +45,7 @@ from gfmdlayer.contact.newton.loop import IN_SINGLE, Fields, Progress, hold, is_
 from gfmdlayer.contact.newton.passes import Step, Surface, System
 from gfmdlayer.contact.newton.soft_mode import Softest, find_margin, leave
 from gfmdlayer.contact.pressure_form import trivial_solution
-from gfmdlayer.contact.problem import Problem, Solution, make_solution
-from gfmdlayer.contact.projection import project
+from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 

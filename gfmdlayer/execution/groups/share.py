@@ -10,11 +10,23 @@ A checkpoint counts when that of the first rank has its name: it says whether th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import Attribute
 from gfmdlayer.execution.folder import Folder
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.observables import Column
+from gfmdlayer.results.writer import rows_of_block
 
 if TYPE_CHECKING:
     from gfmdlayer.grid.ranks import Ranks
@@ -118,3 +130,90 @@ class Share:
     def _checkpoint(self, slot: str) -> Path:
         own = "" if self.first else f"{self._ranks.number}{slot}"
         return self._folder.case(self._index, f"checkpoint{own}")
+
+
+# Ranks of a case fail together: an error of one of them ends the case on all.
+
+PATIENCE = 8.0  # seconds in which the other ranks come to the same error, or to the end
+_POLL = 0.002  # seconds between two looks
+
+
+class RankError(RuntimeError):
+    """Another rank of the case failed; the message says how."""
+
+
+@contextmanager
+def ending_together(ranks: Ranks) -> Iterator[None]:
+    """End a block on all ranks, or raise on all of them.
+
+    Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
+    the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
+    """
+    error: Exception | None = None
+    try:
+        yield
+    except Exception as caught:
+        error = caught
+    if ranks.count > 1:
+        said = "" if error is None else f"{type(error).__name__}: {error}"
+        other = _first(ranks, said, error)
+        if error is None and other:
+            error = RankError(f"another rank of the case failed: {other}")
+    if error is not None:
+        raise error
+
+
+def _first(ranks: Any, said: str, error: Exception | None) -> str:
+    """Return what the first rank with an error says, when all have come here."""
+    request, begun = ranks.control.Ibarrier(), time.monotonic()
+    while not request.Test():
+        if error is not None and time.monotonic() - begun > PATIENCE:
+            if isinstance(error, OSError | MemoryError):
+                sys.stderr.write(f"gfmdlayer: {type(error).__name__}: {error}; all ranks end\n")
+            else:
+                traceback.print_exception(error)
+            sys.stderr.flush()
+            ranks.control.Abort(1)
+        time.sleep(_POLL)
+    return next(filter(None, ranks.control.allgather(said)), "")
+
+
+# The recorder of a rank that does not write the case: it hands its rows of the snapshots to the first.
+
+
+class PartWriter:
+    """Stands in for `results.writer.CaseWriter`.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid over ranks.
+    columns : iterable of Column
+        Columns that rows may have.
+    """
+
+    elapsed = 0.0  # which the first rank counts
+
+    def __init__(self, grid: Grid, columns: Iterable[Column]) -> None:
+        self._grid, self.declared = grid, frozenset(column.name for column in columns)
+        self.noted: dict[str, Attribute] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing."""
+
+    def row(self, **values: float | NDArray[np.float64]) -> None:
+        """Do nothing: the first rank has the same row."""
+
+    def snapshot(self, _time: float, *fields: NDArray[np.float64] | None) -> None:
+        """Hand on the fields."""
+        for field in (each for each in fields if each is not None):
+            for _ in self._grid.blocks(field, rows_of_block(self._grid.points)):
+                pass
+
+    def note(self, **attributes: Attribute) -> None:
+        """Do nothing."""

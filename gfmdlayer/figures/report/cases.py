@@ -16,7 +16,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.figures.plot_style import spread
-from gfmdlayer.files.seals import is_intact
+from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.reader import VERIFIED
 from gfmdlayer.results.schema import FIELDS
 

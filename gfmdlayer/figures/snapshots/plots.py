@@ -7,8 +7,10 @@ read one at a time, and thinned to what a picture can show.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import product
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,12 +24,14 @@ from gfmdlayer.figures.plot_style import (
     legend_entries,
     line_style,
     new_figure,
+    spread,
     styled,
 )
 from gfmdlayer.figures.quantities import finish, quantity
 from gfmdlayer.figures.snapshots.fields import (
     Extremes,
     Window,
+    at_times,
     each_snapshot,
     limits,
     part_of,
@@ -35,8 +39,11 @@ from gfmdlayer.figures.snapshots.fields import (
     snapshot_times,
     snapshot_titles,
 )
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
@@ -44,6 +51,8 @@ if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.figures.quantities import Quantity
+
 
 MOST_CASES = 6
 MOST_PROFILES = 60  # of a line contact
@@ -281,3 +290,157 @@ def heights(ends: ArrayLike) -> tuple[float, float]:
 def _open_gap(gap: DataArray, pressure: DataArray) -> DataArray:
     """Return the gap, or NaN in contact: where the pressure, relative to its maximum, is the larger."""
     return gap.where(pressure * gap.max() <= gap * pressure.max())
+
+
+# Punch and surface at chosen times, as an inset of the curves over time.
+
+# Fractions of the panel: the inset, the ticks and labels at its left and below, a line of text above it.
+WIDTH, HEIGHT, MARGIN = 0.4, 0.3, 0.03
+LEFT, BELOW, LINE = 0.13, 0.13, 0.075
+
+
+class Inset(NamedTuple):
+    """The profile of punch and surface of a case at some times.
+
+    Attributes
+    ----------
+    profile : Dataset
+        Displacement, pressure and gap along (snapshot, x); its coordinate `case`, if any, is the number of
+        the case in a sweep.
+    """
+
+    profile: Dataset
+
+    @classmethod
+    def of(cls, case: Dataset, times: Sequence[float]) -> Inset:
+        """Cut a case at times of its snapshots.
+
+        Raises
+        ------
+        ResultsError
+            If there is no snapshot at one of the times, or the snapshots have no gap.
+        """
+        if "gap" not in case:
+            raise ResultsError(
+                "the snapshots have no gap, an earlier version wrote them: run the config again"
+            )
+        return cls(section(at_times(case, times)).load())
+
+    def mark(self, axes: Axes, curves: DataArray) -> None:
+        """Draw a dot for each time on the curve of the case."""
+        if "case" in curves.coords:
+            index = np.argwhere(curves["case"].to_numpy() == int(self.profile["case"]))[0]
+            curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
+        tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
+        for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
+            value = float(curves.sel(time=time, method="nearest"))
+            axes.plot(
+                time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
+            )
+
+    def draw(self, panel: Axes) -> None:
+        """Draw the inset where it covers the least of the panel's curves."""
+        titles = snapshot_titles(self.profile)
+        left, bottom = _emptiest_corner(panel, LEFT + WIDTH, BELOW + HEIGHT + LINE * len(titles))
+        axes = panel.inset_axes((left + LEFT, bottom + BELOW, WIDTH, HEIGHT))
+        along, up = (quantity(self.profile[name], self.profile.attrs) for name in ("x", "displacement"))
+        x = self.profile["x"].to_numpy() / along.scale
+        for i, colour in enumerate(self._colours()):
+            one = self.profile.isel(snapshot=i)
+            surface, gap = (one[name].to_numpy() / up.scale for name in ("displacement", "gap"))
+            axes.plot(x, surface, color=colour)
+            axes.plot(x, surface + gap, color=colour, linestyle=(0, (3, 1.5)), alpha=0.7)
+            above = 1.02 + (len(titles) - 1 - i) * LINE / HEIGHT
+            look: dict[str, Any] = {"color": colour, "ha": "center", "va": "bottom", "fontsize": "x-small"}
+            axes.text(0.5, above, titles[i], transform=axes.transAxes, **look)
+        ends = np.divide(Extremes.of([self.profile]).view["x"], along.scale)
+        axes.set(xlim=ends, ylim=np.divide(heights(self.profile["displacement"]), up.scale))
+        axes.set_xlabel(along.label, fontsize="x-small", labelpad=0)
+        axes.set_ylabel(up.label, fontsize="x-small", labelpad=0)
+        axes.tick_params(which="both", labelsize="x-small")
+        axes.locator_params(nbins=3)
+
+    def _colours(self) -> list[tuple[float, ...]]:
+        from matplotlib import colormaps
+
+        count = self.profile.sizes["snapshot"]
+        return [tuple(colour) for colour in colormaps["inferno"](np.linspace(0.25, 0.8, count))]
+
+
+def _emptiest_corner(panel: Axes, width: float, height: float) -> tuple[float, float]:
+    """Return the lower left corner of a box, in fractions of the panel, that covers the fewest points."""
+    to_panel = panel.transData + panel.transAxes.inverted()
+    points = [to_panel.transform(np.column_stack(line.get_data())) for line in panel.lines]
+    x, y = np.concatenate(points).T
+
+    def covered(corner: tuple[float, float]) -> int:
+        left, bottom = corner
+        in_width = np.abs(x - left - width / 2) < 0.5 * width + MARGIN
+        return int(np.count_nonzero(in_width & (np.abs(y - bottom - height / 2) < 0.5 * height + MARGIN)))
+
+    across, up = (np.linspace(MARGIN, 1 - MARGIN - size, 7).tolist() for size in (width, height))
+    return min(product(reversed(across), up), key=covered)
+
+
+# Pressure profiles through time as a waterfall: one profile for each snapshot, later ones higher up.
+
+OVERLAP = 2.5  # height of the largest profile relative to the distance between profiles
+MOST_TICKS = 12
+
+
+def waterfall_figure(
+    case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = ()
+) -> Figure:
+    """Draw the contact pressure at the times of the snapshots; a surface in two dimensions is cut along x.
+
+    Parameters
+    ----------
+    case : Dataset
+        A case with snapshots, as the reader opens it.
+    title : str
+        Title of the case.
+    style : Style
+        Fonts and lines, and the size of a column.
+    notes : sequence of str
+        What the figure says of other cases.
+    """
+    cut, more = part_of(section(case), MOST_PROFILES)
+    clock, seconds = snapshot_times(cut)
+    times, count = value_labels(seconds), len(seconds)
+    along, up = (quantity(cut[name], case.attrs) for name in ("x", "pressure"))
+    x = cut["x"].to_numpy() / along.scale
+    pressure = cut["pressure"].transpose("snapshot", "x").to_numpy() / up.scale
+    left, right = Extremes.of([cut]).view["x"]
+    scale = OVERLAP / (pressure.max() or 1.0)
+    with styled(style):
+        figure = new_figure(1, 35.0 + min(6.0 * count, 85.0), style)
+        axes = figure.subplots()
+        for i, colour in enumerate(colours(count)):
+            line = i + scale * pressure[i]
+            order = 2 + 0.5 * (1 - i / count)  # earlier profiles in front
+            axes.fill_between(x, i, line, facecolor="white", edgecolor="none", zorder=order)
+            axes.plot(x, line, color=colour, zorder=order)
+        ticks = spread(count, MOST_TICKS)
+        axes.set_yticks(ticks, [times[i] for i in ticks])
+        axes.minorticks_off()
+        axes.tick_params(right=False, top=False)
+        axes.spines[["right", "top"]].set_visible(False)
+        axes.set(xlabel=along.label, xlim=(left / along.scale, right / along.scale))
+        axes.set(ylabel=clock.label, ylim=(-0.3, count - 0.8 + OVERLAP))
+        axes.set_title(title, loc="left")
+        _draw_scale(axes, up, pressure.max(), scale, count - 1)
+        finish(figure, [*notes, *more])
+    return figure
+
+
+def _draw_scale(axes: Axes, up: Quantity, peak: float, scale: float, base: float) -> None:
+    """Draw a scale bar as high as a round pressure beside the uppermost profile, at the height `base`."""
+    if peak <= 0:
+        return
+    unit = 10.0 ** math.floor(math.log10(peak))
+    value = max(step * unit for step in (1, 2, 5) if step * unit <= peak)
+    position = axes.get_yaxis_transform()  # x as a fraction of the panel
+    axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=position)
+    axes.text(
+        0.95, base + scale * value / 2, up.equals(f"{value:g}"), ha="right", va="center", transform=position
+    )

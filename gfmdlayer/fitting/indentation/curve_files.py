@@ -29,8 +29,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.files.hdf5_inputs import refuse_other_files
 from gfmdlayer.files.tables import TableError, is_number, read_lines
-from gfmdlayer.fitting.indentation.curve import ForceCurve
-from gfmdlayer.fitting.indentation.units import COLUMNS, Sizes, allowed, parse_heading, size_of
+from gfmdlayer.fitting.indentation.curve import COLUMNS, ForceCurve, Sizes, allowed, parse_heading, size_of
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
 HDF5 = {".h5", ".hdf5"}

@@ -20,16 +20,9 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
 from gfmdlayer.fitting.indentation import intervals
-from gfmdlayer.fitting.indentation.checks import (
-    depths,
-    refuse_impossible,
-    refuse_mixed_units,
-    warnings_before,
-)
-from gfmdlayer.fitting.indentation.contact_point import detect
-from gfmdlayer.fitting.indentation.curve import ForceCurve
+from gfmdlayer.fitting.indentation.curve import ForceCurve, Sizes, in_si
 from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude
+from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, detect
 from gfmdlayer.fitting.indentation.forward import Prediction
 from gfmdlayer.fitting.indentation.parameters import (
     SECTIONS,
@@ -38,8 +31,14 @@ from gfmdlayer.fitting.indentation.parameters import (
     Parameter,
     free_parameters,
 )
-from gfmdlayer.fitting.indentation.problem import MODULI, LeastSquares
-from gfmdlayer.fitting.indentation.units import Sizes, in_si
+from gfmdlayer.fitting.indentation.problem import (
+    MODULI,
+    LeastSquares,
+    depths,
+    refuse_impossible,
+    refuse_mixed_units,
+    warnings_before,
+)
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.validation.problems import shown, unknown_key
 

@@ -14,15 +14,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.case import Case
 from gfmdlayer.config import Config
-from gfmdlayer.fitting.indentation.curve import ForceCurve
-from gfmdlayer.fitting.indentation.drive import Drive
+from gfmdlayer.fitting.indentation.curve import Drive, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
-from gfmdlayer.indentation.history import History
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.solve import on_halved_steps
-from gfmdlayer.indentation.space import LeftGridError, Space, find_space, make_space
+from gfmdlayer.indentation.space import History, LeftGridError, Space, find_space, make_space
+from gfmdlayer.periodic import Case
 
 STEPS = 32  # of a mesh; each piece has at least FEWEST
 FEWEST = 2

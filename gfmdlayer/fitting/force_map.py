@@ -1,0 +1,478 @@
+"""Fits of a force map: each curve is a case of a results folder, as a simulation of a sweep is.
+
+Pools of workers, scheduling, requests to stop, locks, status, records of failures and files that are whole
+are those of `gfmdlayer.execution`. Here are the rest: the fits that are not done yet, found by the contents
+of their files, and the map of all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.config import text
+from gfmdlayer.execution.case_run import record_failure
+from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
+from gfmdlayer.execution.growth import held, leftovers, refuse_unreadable, remove_results
+from gfmdlayer.execution.interrupts import Stopped
+from gfmdlayer.execution.progress import Display, Log, Reporter
+from gfmdlayer.execution.run import Summary
+from gfmdlayer.execution.schedule import Outcome, Schedule
+from gfmdlayer.execution.status import StatusFile
+from gfmdlayer.execution.workers import WorkerPool
+from gfmdlayer.files.whole import cannot_be_written, is_intact, write_text
+from gfmdlayer.fitting.indentation.curve import in_si
+from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
+from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
+from gfmdlayer.fitting.indentation.fit import fit_curves
+from gfmdlayer.fitting.indentation.forward import Prediction
+from gfmdlayer.fitting.indentation.parameters import Free, Model
+from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
+from gfmdlayer.results.provenance import provenance
+
+# One fit of a force map: a curve as a case, its fit, and the file cases/NNNN.h5 of its estimates.
+#
+# estimate, error, low, high (parameter)    value, standard error and 95 % interval
+# correlation (parameter, parameter)        of the estimates
+# noise, aic, bic                           of the fit
+
+COLUMNS = ("estimate", "error", "low", "high")
+SCALARS = ("noise", "aic", "bic")
+
+
+@dataclass(frozen=True)
+class MapCase:
+    """A curve of a map.
+
+    Attributes
+    ----------
+    index : int
+        Its number, that of its file.
+    entry : Entry
+        The curve in its file.
+    contents : str
+        Hash of this file.
+    """
+
+    index: int
+    entry: Entry
+    contents: str
+
+    @property
+    def values(self) -> dict[str, object]:
+        """The curve's name, for messages."""
+        return {"curve": self.entry.name}
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """Fit of one curve of a map.
+
+    Attributes
+    ----------
+    folder : Folder
+        A claimed results folder.
+    model : mapping
+        Body and indenter.
+    free : sequence or mapping
+        Free parameters.
+    options : FitOptions
+        How curves are fitted.
+    units : sequence of str, optional
+        Of columns without their own.
+    """
+
+    folder: Folder
+    model: dict[str, Any]
+    free: Free
+    options: FitOptions
+    units: Units | None = None
+
+    def digest(self, case: MapCase) -> str:
+        """Return a hash of everything that determines the estimates of a case."""
+        asked = self.free if isinstance(self.free, dict) else list(self.free)
+        units = None if self.units is None else list(self.units)
+        determined = [
+            self.model, asked, vars(self.options), units, case.contents, case.entry.key,
+        ]  # fmt: skip
+        return hashlib.sha256(json.dumps(determined, default=str).encode()).hexdigest()
+
+    def __call__(self, case: MapCase) -> Outcome:
+        """Fit a curve into its file; an error becomes the outcome, which names the curve."""
+        begun = time.monotonic()
+        try:
+            with StatusFile(self.folder, case.index, 1.0, case.entry.name):
+                self.folder.case(case.index, "failed").unlink(missing_ok=True)
+                fit = self._fit(case)
+                write_estimates(self.folder.case(case.index), fit, case.entry.name, self.digest(case))
+        except Stopped:
+            return Outcome(case.index, "stopped")
+        except Exception as error:
+            reason = f"curve {case.entry.name}: {type(error).__name__}: {error}".replace("\n", "; ")
+            record_failure(self.folder, case, reason, traceback.format_exc())
+            return Outcome(case.index, "failed", reason, time.monotonic() - begun)
+        return Outcome(case.index, "complete", seconds=time.monotonic() - begun)
+
+    def _fit(self, case: MapCase) -> IndentationFit:
+        model = Model(self.model)
+        curve = read_curve(case.entry, self.units, in_si(model.config.units))
+        fit = fit_curves([curve], model, self.free, self.options)
+        if not all(np.isfinite(each.value) for each in fit.parameters):
+            raise FitError("an estimate is not a finite number")
+        return fit
+
+
+class Estimates(NamedTuple):
+    """The contents of the file of a case.
+
+    Attributes
+    ----------
+    keys : list of str
+        Free parameters.
+    columns : ndarray, shape (4, parameters)
+        `COLUMNS`.
+    scalars : ndarray, shape (3,)
+        `SCALARS`.
+    warnings : str
+        One line each.
+    """
+
+    keys: list[str]
+    columns: FloatArray
+    scalars: FloatArray
+    warnings: str
+
+
+def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> None:
+    """Write the file of a case, whole."""
+    keys = [each.key for each in fit.parameters]
+    rows = np.array([[each.value, each.standard_error, *each.interval] for each in fit.parameters]).T
+    with new_file(path) as file:
+        h5 = file.begin()
+        text = h5py.string_dtype()
+        add_variable(h5, "parameter", ("parameter",), {}, data=np.array(keys, dtype=object), dtype=text)
+        for column, values in zip(COLUMNS, rows, strict=True):
+            add_variable(h5, column, ("parameter",), {}, data=values)
+        h5.create_dataset("correlation", data=fit.correlation)
+        for scalar, value in zip(SCALARS, (fit.curves[0].noise, fit.aic, fit.bic), strict=True):
+            h5.create_dataset(scalar, data=float(value))
+        known = {"curve": name, "digest": digest, "warnings": "\n".join(fit.warnings)}
+        set_attributes(h5, {**provenance(), **known, "complete": 1})
+
+
+def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
+    """Read the file of a case; None where it is missing, damaged, or of another digest."""
+    try:
+        if is_intact(path) is False:
+            return None
+        with h5py.File(path, locking=False) as h5:
+            if h5.attrs["complete"] != 1 or (digest is not None and h5.attrs["digest"] != digest):
+                return None
+            keys = [key.decode() for key in h5["parameter"][:]]
+            columns = np.stack([h5[column][:] for column in COLUMNS])
+            scalars = np.array([h5[scalar][()] for scalar in SCALARS])
+            return Estimates(keys, columns, scalars, str(h5.attrs["warnings"]))
+    except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
+        return None
+
+
+# The file of a force map, DIR/sweep.h5: each parameter and its error over the curves.
+#
+#     G0, G0_error, G0_low, G0_high, ... (y, x)      where the positions of the curves are a grid
+#                                        (curve)     else
+#     noise, aic, bic, case, name                    of each curve
+#
+# A parameter is named by the last part of its key, or by the whole key where two share it. A curve that
+# failed
+# is NaN, and is named in the attribute `failed`.
+
+SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
+_SUFFIXES = ("", "_error", "_low", "_high")
+_MEANINGS = (
+    "",
+    "standard error of ",
+    "lower end of the 95 % interval of ",
+    "upper end of the 95 % interval of ",
+)
+
+
+class _Layout(NamedTuple):
+    """Coordinates of the dimensions, and the place of each case along them."""
+
+    coordinates: dict[str, FloatArray]
+    places: Sequence[tuple[int, ...]]
+
+
+def collect(
+    folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
+    attributes: Mapping[str, str],
+) -> Path:  # fmt: skip
+    """Write the map from the files of its curves.
+
+    Parameters
+    ----------
+    folder : Folder
+        The results folder.
+    cases : sequence of MapCase
+        All curves.
+    keys : sequence of str
+        Free parameters.
+    reasons : mapping of int to str
+        Why curves failed.
+    attributes : mapping
+        Attributes of the file.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    layout = _layout([case.entry.position for case in cases])
+    shape = tuple(values.size for values in layout.coordinates.values())
+    names = parameter_names(keys)
+    tables = np.full((len(keys), len(_SUFFIXES), *shape), np.nan)
+    scalars = np.full((len(SCALARS), *shape), np.nan)
+    numbers, labels = np.full(shape, -1), np.full(shape, "", dtype=object)
+    failed = dict(reasons)
+    for case, place in zip(cases, layout.places, strict=True):
+        numbers[place], labels[place] = case.index, case.entry.name
+        if case.index in failed:
+            continue
+        found = read_estimates(folder.case(case.index))
+        if found is None:
+            failed[case.index] = f"curve {case.entry.name}: its file cannot be read"
+            continue
+        order = [found.keys.index(key) for key in keys]
+        np.moveaxis(tables, (0, 1), (-2, -1))[place] = found.columns[:, order].T
+        np.moveaxis(scalars, 0, -1)[place] = found.scalars
+    with new_file(folder.sweep) as file:
+        h5 = file.begin()
+        for name, values in layout.coordinates.items():
+            add_variable(h5, name, (name,), {}, data=values)
+        _add(h5, tuple(layout.coordinates), dict(zip(names, keys, strict=True)), tables)
+        for name, table in zip(SCALARS, scalars, strict=True):
+            add_variable(h5, name, tuple(layout.coordinates), {}, data=table)
+        add_variable(h5, "case", tuple(layout.coordinates), {}, data=numbers)
+        text: dict[str, Any] = {"data": labels, "dtype": h5py.string_dtype()}
+        add_variable(h5, "name", tuple(layout.coordinates), {}, **text)
+        report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
+        own = {"fitted": " ".join(names), "swept": " ".join(layout.coordinates), "failed": report}
+        set_attributes(h5, {**attributes, **own, "complete": 1})
+    return folder.sweep
+
+
+def parameter_names(keys: Sequence[str]) -> list[str]:
+    """Name parameters by the last parts of their keys, or by the keys where two share it."""
+    last = [key.rpartition(".")[2] for key in keys]
+    taken = Counter([*last, *SCALARS, "x", "y", "curve", "case", "name"])
+    return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
+
+
+def _add(h5: h5py.File, dimensions: tuple[str, ...], names: Mapping[str, str], tables: FloatArray) -> None:
+    for (name, key), parts in zip(names.items(), tables, strict=True):
+        for suffix, meaning, table in zip(_SUFFIXES, _MEANINGS, parts, strict=True):
+            described = {"long_name": f"{meaning}{key}", "key": key}
+            add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
+
+
+def _layout(positions: Sequence[tuple[float, ...]]) -> _Layout:
+    """Place curves on the grid of their positions, if they are one; else in a row."""
+    if all(len(position) == 2 for position in positions):
+        x, y = np.array(positions).T
+        (columns, across), (rows, up) = _levels(x), _levels(y)
+        places = list(zip(rows.tolist(), columns.tolist(), strict=True))
+        full = len(set(places)) == len(places) and 2 * len(places) > across.size * up.size
+        if full and min(across.size, up.size) > 1:
+            return _Layout({"y": up, "x": across}, places)
+    return _Layout({"curve": np.arange(len(positions), dtype=float)}, [(i,) for i in range(len(positions))])
+
+
+def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], FloatArray]:
+    """Return the number of the level of each value, and the levels, ascending."""
+    order = np.sort(values)
+    steps = np.diff(order)
+    spread = float(np.ptp(values))
+    large = steps[steps > 1e-6 * spread] if spread > 0 else steps[:0]
+    apart = SAME_PLACE * float(np.median(large)) if large.size else np.inf
+    levels = order[np.concatenate(([True], steps > apart))]
+    return np.abs(values[:, np.newaxis] - levels).argmin(axis=1), levels
+
+
+class ForceMap:
+    """The fits of many curves, one by one.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of curves, and folders of them.
+    directory : Path
+        Results folder.
+    model : mapping
+        Body and indenter.
+    free : sequence or mapping
+        Free parameters.
+    options : FitOptions
+        How curves are fitted.
+    units : sequence of str, optional
+        Of columns without their own.
+
+    Raises
+    ------
+    TableError
+        A file of curves cannot be read.
+    ConfigError
+        The model is not possible.
+    """
+
+    def __init__(
+        self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,
+        options: FitOptions, units: Units | None = None,
+    ) -> None:  # fmt: skip
+        self._model, self.keys = Model(model), list(free)
+        if options.contact == "detect":
+            self.keys += [key for key in ("contact_point", "force_offset") if key not in self.keys]
+        self.folder = Folder(directory)
+        self.task = FitTask(self.folder, dict(model), free, options, units)
+        found = entries(paths)
+        hashes = {path: contents(path) for path in dict.fromkeys(entry.path for entry in found)}
+        self.cases = [MapCase(i, entry, hashes[entry.path]) for i, entry in enumerate(found)]
+
+    @cached_property
+    def document(self) -> str:
+        """What determines the results, as config.yaml keeps it."""
+        free = self.task.free
+        data: dict[str, Any] = {
+            "name": self._model.config.name,
+            "curves": [
+                str(path.absolute()) for path in dict.fromkeys(case.entry.path for case in self.cases)
+            ],
+            "free": list(free),
+            "fit": vars(self.task.options) | ({"units": list(self.task.units)} if self.task.units else {}),
+        }
+        if isinstance(free, Mapping):
+            data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
+        kept = self._model.config.model_dump(exclude_none=True)
+        data |= {key: kept[key] for key in ("units", "layer", "layers", "halfspace", "punch") if key in kept}
+        return f"{MARK}# Cases: {len(self.cases)}\n{text.written(data)}"
+
+    def run(
+        self, pool: WorkerPool, restart: bool = False, display: Callable[[], Display] | None = None
+    ) -> Summary:
+        """Fit the curves that are not done yet, and write the map of all.
+
+        Parameters
+        ----------
+        pool : WorkerPool
+            The processes that compute.
+        restart : bool
+            Remove earlier results first.
+        display : callable, optional
+            Makes the display of progress; by default nothing is shown.
+
+        Raises
+        ------
+        FolderError
+            The folder cannot be used for these results.
+        """
+        with self._claimed(restart):
+            done = {case.index for case in self.cases if self._is_done(case)}
+            todo = [case for case in self.cases if case.index not in done]
+            outcomes = {index: Outcome(index, "complete") for index in sorted(done)}
+            indices = frozenset(case.index for case in self.cases)
+            with Reporter(self.folder, indices, len(done), display or _nothing) as reporter:
+                before = f", {len(done)} complete already" if done else ""
+                reporter.note(f"{len(self.cases)} curves{before}; {pool.size} {pool.kind}")
+                for warning in pool.warnings:
+                    reporter.note(f"warning: {warning}")
+                with reporter.preparing("compiling kernels, once per machine"):
+                    self._warm_up(pool, todo)
+                for outcome in Schedule(pool, self.task, self.folder, reporter.ended).run(todo):
+                    outcomes[outcome.index] = outcome
+            collected = all(each.state in {"complete", "failed"} for each in outcomes.values())
+            if collected:
+                reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
+                collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name})
+        return Summary(tuple(outcomes[index] for index in sorted(outcomes)), collected)
+
+    def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:
+        """Compile the kernels here, before several processes do."""
+        if todo and not pool.alone:
+            with suppress(Exception):  # the fit will meet it again, and be recorded as failed
+                curve = read_curve(todo[0].entry, self.task.units)
+                Prediction(curve).force(self._model.config)
+
+    def _is_done(self, case: MapCase) -> bool:
+        path = self.folder.case(case.index)
+        refuse_unreadable(path)
+        if not path.exists() or read_estimates(path) is None:
+            self.folder.set_aside(path)
+            return False
+        if read_estimates(path, self.task.digest(case)) is None:
+            raise FolderError(f"{path}: was fitted to other data (has a file changed?); {WAYS_OUT}")
+        return True
+
+    @contextmanager
+    def _claimed(self, restart: bool) -> Iterator[None]:
+        """Hold the folder for this run, without the files that killed runs left."""
+        folder = self.folder
+        with ExitStack() as claim:
+            try:
+                folder.path.mkdir(parents=True, exist_ok=True)
+                known = folder.is_results()
+                if not known and any(entry.name != "cases" for entry in folder.path.iterdir()):
+                    raise FolderError(f"{folder.path}: {FOREIGN}")
+                if known and not restart:
+                    self._refuse_other()
+                folder.cases.mkdir(exist_ok=True)
+                if known:
+                    with leftovers(folder) as left:
+                        for path in left:
+                            path.unlink(missing_ok=True)
+                claim.enter_context(held(folder))
+                if restart:
+                    remove_results(folder)
+                if restart or not known:
+                    write_text(folder.config, self.document)
+            except OSError as error:
+                reason = cannot_be_written(error)
+                raise FolderError(f"{folder.path}: {reason}; choose another with --out") from None
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    folder.stop.unlink(missing_ok=True)
+
+    def _refuse_other(self) -> None:
+        """Refuse a folder of another model, other curves or other options."""
+        before = self.folder.config.read_text(encoding="utf-8", errors="replace").splitlines()
+        now = self.document.splitlines()
+        changed = [
+            f"{line.strip()} (now)" for line in now if line not in before and not line.startswith("name:")
+        ]
+        changed += [
+            f"{line.strip()} (before)" for line in before if line not in now and not line.startswith("name:")
+        ]
+        if changed:
+            raise FolderError(
+                f"{self.folder.path}: holds results of another model or other curves "
+                f"({'; '.join(changed[:6])}); {WAYS_OUT}"
+            )
+
+
+def _nothing() -> Display:
+    return Log(StringIO())

@@ -1,1 +1,0 @@
-"""Fits of thousands of force curves, one by one, over processes and ranks; maps of the parameters."""
