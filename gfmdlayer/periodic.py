@@ -110,7 +110,7 @@ class Case:
     Examples
     --------
     >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
-    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    >>> case.body.stiffness(case.grid.waves, 0.0).shape
     (5,)
     """
 
@@ -222,7 +222,7 @@ class Case:
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
         material; see `verification.third_order` for the equation itself.
         """
-        adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
+        adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.waves, self.grid.sums
         reduced, curved = self.reduced_time, self.interface.attracts
         if reduced is None and any(self.clocks):
             scheme = None if adaptive else SCHEMES[self.config.time.integrator]

@@ -28,6 +28,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import RELEVANT, ErrorControlledModes
 from gfmdlayer.history.mode_kernels import LocalModes, exponential
@@ -45,7 +46,7 @@ _LEAST = 1e-60
 
 def stack_modes(
     body: Body,
-    wavenumbers: FloatArray,
+    wavenumbers: Wavevectors | FloatArray,
     clocks: Sequence[ReducedTime | None],
     scheme: Scheme | None,
     sums: Sums,
@@ -119,7 +120,7 @@ class StackModes(Modes):
         sums: Sums | None = None,
         *,
         stack: LayerStack,
-        wavenumbers: FloatArray,
+        wavenumbers: Wavevectors | FloatArray,
         clocks: Sequence[ReducedTime | None],
     ) -> None:
         super().__init__(spectrum, scheme, sums)
