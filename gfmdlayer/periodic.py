@@ -91,7 +91,7 @@ class Case:
     Examples
     --------
     >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
-    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    >>> case.body.stiffness(case.grid.waves, 0.0).shape
     (5,)
     """
 
@@ -203,7 +203,7 @@ class Case:
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
         material; see `verification.third_order` for the equation itself.
         """
-        given, waves, sums = self.config.time, self.grid.wavenumbers, self.grid.sums
+        given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
         scheme, reduced = SCHEMES[given.integrator], self.reduced_time
         if reduced is None and any(self.clocks):
             internal = internal_variables(self.body, waves)
