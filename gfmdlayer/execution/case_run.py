@@ -207,8 +207,7 @@ class _Run:
         case, config = self.case, self.case.config
         if not self.ranks.first:
             return PartWriter(simulation.grid, columns(config))
-        described = attributes(config, surfaces=self.ranks.count == 1)
-        described |= {"digest": hashed, "config": (case.given or config).dump()}
+        described = attributes(config, case.given, surfaces=self.ranks.count == 1) | {"digest": hashed}
         return CaseWriter(
             self.folder.case(case.index),
             simulation.coordinates,
@@ -220,9 +219,14 @@ class _Run:
         )
 
 
-def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
-    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
+def attributes(
+    config: Config, given: Config | None = None, *, surfaces: bool = True
+) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
+
+    The configuration is stored as it was `given`, where it differs.
+    """
+    found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
     found["G0"] = config.surface.material.unit
