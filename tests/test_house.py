@@ -67,7 +67,7 @@ def test_a_room_imports_only_rooms_above_it_in_the_table() -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """A package's __init__.py is not counted: a module of the package may read its table inside a function."""
+    """A package's __init__.py does not count: its modules may import it inside a function."""
     modules = {path: {file for file in found if file.stem != "__init__"} for path, found in IMPORTS.items()}
     TopologicalSorter(modules).prepare()
 
