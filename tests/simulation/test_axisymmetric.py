@@ -13,7 +13,7 @@ import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution.cost import estimate
-from gfmdlayer.periodic import Case
+from gfmdlayer.indentation.isolated import IsolatedContact
 from gfmdlayer.verification.runs import Recording
 
 AFM: dict[str, Any] = {
@@ -50,7 +50,7 @@ def simulated(config: Config) -> Recording:
 def test_a_case_has_the_columns_of_indent() -> None:
     recording = simulated(changed())
     curve = gfmdlayer.indent(
-        Case(changed()).body, {"shape": "sphere", "radius": 5.0}, [0, 1, 4], depth=[0, 0.2, 0.2],
+        IsolatedContact(changed()).body, {"shape": "sphere", "radius": 5.0}, [0, 1, 4], depth=[0, 0.2, 0.2],
         snapshots=[0.5, 4.0],
     )  # fmt: skip
     for name in (
@@ -83,7 +83,9 @@ def test_equal_steps_agree_with_adaptive_ones() -> None:
 
 def test_a_force_is_that_on_the_indenter() -> None:
     found = simulated(changed(trajectory={"control": "force", "force": 4.0}, output={}))
-    curve = gfmdlayer.indent(Case(changed()).body, gfmdlayer.Sphere(radius=5.0), [0, 1, 4], force=[0, 4, 4])
+    curve = gfmdlayer.indent(
+        IsolatedContact(changed()).body, gfmdlayer.Sphere(radius=5.0), [0, 1, 4], force=[0, 4, 4]
+    )
     np.testing.assert_array_equal(found["depth"], curve["depth"])
     np.testing.assert_allclose(found["force"], 4 * np.minimum(found["time"], 1), rtol=1e-9)
 
