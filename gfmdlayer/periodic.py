@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body
+from gfmdlayer.body.body import Body, internal_variables
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
@@ -38,45 +38,26 @@ from gfmdlayer.grid.sums import mean
 from gfmdlayer.grid.transforms import Transforms, keep_pair_seconds
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
-from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.error_control import ErrorControl, Integrator
 from gfmdlayer.history.instabilities import Changes
-from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
-from gfmdlayer.history.stack_modes import stack_modes
+from gfmdlayer.history.sliding_modes import SlidingModes
+from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.model import ConvergenceError, Footprint, compile_by, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Column, Observable, columns, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
-from gfmdlayer.observables.observable import Energy
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.results.journal import Recorder, Recording
-from gfmdlayer.resumable import CompositeState, Resumable
+from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
-
-
-class Integrator(Energy, Resumable, Protocol):
-    """Time integration of the history: slopes and intercepts of the stress at the end of a step."""
-
-    @property
-    def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the slopes at the end of the last step; None where the punch does not move."""
-        ...
-
-    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step of this length."""
-        ...
-
-    def advance(self, spectrum: ComplexArray) -> None:
-        """Carry the history on with the accepted displacement."""
-        ...
 
 
 class Parts(TypedDict, total=False):
@@ -258,37 +239,40 @@ class Case:
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
         material; see `verification.third_order` for the equation itself.
         """
-        adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
-        reduced, curved = self.reduced_time, self.interface.attracts
+        given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
+        scheme, reduced = SCHEMES[given.integrator], self.reduced_time
         if reduced is None and any(self.reduced_times):
-            scheme = None if adaptive else SCHEMES[self.config.time.integrator]
-            return stack_modes(self.body, waves, self.reduced_times, scheme, sums, curved=curved)
+            internal = internal_variables(self.body, waves)
+            adaptive = given.step == "adaptive"
+            return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
         spectrum = self.body.spectrum(waves)
-        if self.velocity is not None:
-            along = self.grid.wavenumbers_x
-            velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
-            if adaptive:
-                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
-            return SlidingModes(spectrum, exponential, sums, wavenumbers_x=along, velocity=velocity)
-        if adaptive:
-            return ErrorControlledModes(spectrum, sums, curved=curved)
-        return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
+        if self.velocity is None:
+            return Modes(spectrum, scheme, sums)
+        velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
+        return SlidingModes(spectrum, sums, wavenumbers_x=self.grid.wavenumbers_x, velocity=velocity)
+
+    @cached_property
+    def error_control(self) -> ErrorControl | None:
+        """The control of the integrator's error; None with fixed steps."""
+        tolerance, curved = self.config.time.tolerance, self.interface.attracts and self.velocity is None
+        if tolerance is None:
+            return None
+        return ErrorControl(self.integrator, self.grid.sums, tolerance, curved=curved)
+
+    @property
+    def history(self) -> Integrator | ErrorControl:
+        """The integrator, under its error control where the steps are adaptive."""
+        return self.error_control or self.integrator
 
     @cached_property
     def steps(self) -> Steps:
-        """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-        time = self.config.time
-        if isinstance(time.step, str):
-            assert isinstance(self.integrator, ErrorControlledModes)
-            assert time.tolerance is not None
-            landings = self.config.output.snapshot_times, self.breakpoints, self.programme.output_times
-            slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
-            reach = self.interface.range if self.interface.attracts else 0.0
-            least = reach if self.config.trajectory.control != "depth" else 0.0, reach
-            return AdaptiveSteps(
-                self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown, least=least
-            )
-        return self.programme.fixed_steps()
+        """The time points; backward Euler takes the paper's equal steps, others land on the breakpoints."""
+        if self.error_control is None:
+            return self.programme.fixed_steps()
+        slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
+        reach = self.interface.range if self.interface.attracts else 0.0
+        least = reach if self.config.trajectory.control != "depth" else 0.0, reach
+        return AdaptiveSteps(self.error_control, self.programme.landings, slowdown=slowdown, least=least)
 
     @cached_property
     def changes(self) -> Changes:
@@ -330,7 +314,7 @@ class Case:
         return CompositeState(
             transforms=self.transforms,
             solver=self.solver,
-            integrator=self.integrator,
+            integrator=self.history,
             steps=self.steps,
             guess=self.guess,
             changes=self.changes,
@@ -423,8 +407,8 @@ class Case:
         resume: Callable[[CompositeState], None] | None = None,
     ) -> list[str]:
         """Press the punch into the surface, one time step after the other; see `gfmdlayer.simulate`."""
-        loading, integrator, steps, solver, guess = (
-            self.loading, self.integrator, self.steps, self.solver, self.guess,
+        loading, history, steps, solver, guess = (
+            self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
         shape, observables = self.grid.shape, tuple(self.observables.values())
         keeps_all, ended = self.config.output.snapshots == "every", ""
@@ -432,7 +416,7 @@ class Case:
             resume(self.resumable)
 
         for instant in steps:  # 4, 10
-            kappa, b = integrator.terms(self.programme.elapsed(instant))  # 5, 6
+            kappa, b = history.terms(self.programme.elapsed(instant))  # 5, 6
             problem, solution = self._solved(kappa, b, instant.time)  # 0, 7
             lost = pulled_off(problem, solution)
             for observable in observables:
@@ -449,16 +433,14 @@ class Case:
                         break
                     problem, solution = self._solved(kappa, b, instant.time)
                     surface = loading.surface(solution, kappa, b, instant.time)
-                integrator.advance(surface.spectrum)  # 8, 9
+                history.advance(surface.spectrum)  # 8, 9
                 guess.remember(
                     instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
                 )
                 self.changes.remember(prescribed, problem, solution)
                 row: dict[str, float | FloatArray] = {}
-                step, finished = (
-                    AcceptedStep(instant.time, problem, solution, surface, integrator, row),
-                    False,
-                )
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
+                finished = False
                 for observable in observables:
                     row |= observable.measure(step)
                     finished = finished or observable.finished

@@ -154,7 +154,7 @@ def solve(
     if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), law)
-    spectrum = body.spectrum(grid.wavenumbers)
+    spectrum = body.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     problem = loading.problem(kappa, nothing, 0.0)
