@@ -122,9 +122,7 @@ def _periodic_keys(config: Any) -> Iterator[Problem]:
         for key in keys or type(section).model_fields:
             value = getattr(section, key, None)
             if value is not None and value != getattr(plain, key):
-                message = (
-                    f"got {shown(value)}, without meaning for grid.geometry: axisymmetric; must be left out"
-                )
+                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
                 yield Problem((name, key), message, _GEOMETRY)
 
 

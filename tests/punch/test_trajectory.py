@@ -44,7 +44,7 @@ def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Pa
 
 def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
     table, ramp = Table.read(written(tmp_path, "0 0\n1 0.01"), "depth"), RampHold(0.01, 1.0)
-    assert table.breakpoints == ramp.kinks
+    assert table.breakpoints == ramp.breakpoints
     for time in np.linspace(0, 2, 21).tolist():
         assert table(time) == pytest.approx(ramp(time), rel=1e-15)
 
