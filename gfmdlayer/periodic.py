@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
@@ -22,11 +22,10 @@ from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
-from gfmdlayer.contact.loss_stiffness import with_loss
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
-from gfmdlayer.contact.problem import Solver, why_not_converged
-from gfmdlayer.contact.solvers import SOLVERS, choose, contrast, finer
-from gfmdlayer.contact.tightened import tightened
+from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.footprint import estimate
@@ -282,20 +281,28 @@ class Case:
     @cached_property
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
-        given, transforms = self.config.solver, self.transforms
-        rough, attracts, time = self.config.punch.rough, self.interface.attracts, self.config.time
-        chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
-        declared = SOLVERS[chosen.method]
+        inertia, attracts = self.config.solver.inertia, self.interface.attracts
+        declared = SOLVERS[self.config.solver_where(attracts).method]
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
-        if given.inertia is not None:
+        if inertia is not None:
             start = "gap" if attracts else "displacement"
-            options |= {"mass_weighted": given.inertia == "mass_weighted", "starts_from": start}
-        made = partial(declared.load(), transforms, **options)
-        if self.velocity is not None and not declared.nonsymmetric:
-            made = partial(with_loss, made, transforms, self.grid.parseval_weights)
-        stiffened = contrast(self.config.laws, time.end)
-        aim = finer(given.tolerance, time.tolerance, stiffened, attracts=attracts)
-        return tightened(made, given.tolerance, given.max_iterations, aim)
+            options |= {"mass_weighted": inertia == "mass_weighted", "starts_from": start}
+        solver: Solver = declared.load()(self.transforms, **options)
+        if self.velocity is None or declared.nonsymmetric:
+            return solver
+        return LossStiffnessSolver(solver, self.transforms, self.grid.parseval_weights)
+
+    @cached_property
+    def finer_tolerance(self) -> float:
+        """Residual that the solver aims at."""
+        given = self.config.solver.tolerance
+        return given if self.interface.attracts else self.config.finer_tolerance
+
+    def solve(self, problem: Problem, time: float) -> Solution:
+        """Solve a contact problem from the guess for its time."""
+        given, start = self.config.solver, self.guess.at(time)
+        finer = self.finer_tolerance
+        return solve_finer(self.solver, problem, start, finer, given.tolerance, given.max_iterations)
 
     @cached_property
     def guess(self) -> DisplacementPrediction:
@@ -395,8 +402,7 @@ class Case:
     def _compile(self) -> None:
         """Compile the kernels of the case by a small one."""
         small = Case(smallest_equivalent_case(self.config))
-        if hasattr(small.solver, "compile"):
-            small.solver.compile()
+        small.solver.compile()
         with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
             small.run(Recording())
 
@@ -470,7 +476,7 @@ class Case:
         """
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
         before, given = self.solver.state(), self.config.solver
-        solution = self.solver.solve(problem, self.guess.at(time))
+        solution = self.solve(problem, time)
         if not solution.converged and not pulled_off(problem, solution):
             self.solver.restore(before)  # the state as a whole is then that before the step
             reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
