@@ -27,6 +27,7 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
+    from gfmdlayer.config import Config
     from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.model import Model
@@ -215,9 +216,7 @@ class _Run:
         )
 
 
-def attributes(
-    model: Model, given: Config | None = None, *, surfaces: bool = True
-) -> dict[str, str | float]:
+def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
     """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
 
     The configuration is stored as it was `given`, where it differs.
