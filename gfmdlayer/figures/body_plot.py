@@ -39,22 +39,7 @@ class Block(NamedTuple):
 
 
 def config_of(path: Path, case: int | None) -> Config:
-    """Return the configuration of a case.
-
-    Parameters
-    ----------
-    path : Path
-        A configuration, the folder of its results, or the file of a case.
-    case : int, optional
-        Number of the case in a folder; by default 0.
-
-    Raises
-    ------
-    ResultsError
-        If there is no such case.
-    ConfigError
-        If it is not a sound configuration.
-    """
+    """Return the configuration in a YAML file or in the file of a case; of a folder, by default case 0."""
     if path.suffix in {".yaml", ".yml"}:
         return load(path)
     file = path if path.is_file() else case_path(path, case or 0)
@@ -62,20 +47,7 @@ def config_of(path: Path, case: int | None) -> Config:
 
 
 def body_figure(config: Config, style: Style = PAPER) -> Figure:
-    """Draw the layers and the relaxation of their moduli.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration of a case.
-    style : Style
-        Fonts and lines, and the size of a column.
-
-    Raises
-    ------
-    ResultsError
-        If the configuration is that of a sweep over the body.
-    """
+    """Draw the layers and the relaxation of their moduli; ResultsError for a sweep over the body."""
     if any(key.split(".")[0] in {"layer", "layers", "halfspace"} for key in config.sweep):
         raise ResultsError(f"{config.name}: the body differs between the cases; draw a case of the results")
     blocks = _blocks(config)

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol, value_labels
+from gfmdlayer.figures.labels import quantity, symbol, value_labels
 from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
-from gfmdlayer.figures.quantities import quantity
 from gfmdlayer.figures.selection import (
     case_dimensions,
     case_titles,
@@ -37,23 +36,11 @@ MOST_TICKS = 12  # of a colour bar of values in their order
 
 
 class Scale(NamedTuple):
-    """Where values lie on an axis or a colour bar.
+    """Position of values on an axis or a colour bar."""
 
-    Attributes
-    ----------
-    kind : str
-        log, linear, or order: evenly, in the order of the values.
-    positions : ndarray of float
-        The values, or their places in the order.
-    ticks : list of int
-        For `order`, the places that are labelled; else empty.
-    labels : list of str
-        Their labels.
-    """
-
-    kind: str
-    positions: Any
-    ticks: list[int]
+    kind: str  # log, linear, or order: evenly, in the order of the values
+    positions: Any  # the values as an array, or their places in the order
+    ticks: list[int]  # for `order`, the places that are labelled
     labels: list[str]
 
     @classmethod
@@ -145,38 +132,19 @@ class Curve(NamedTuple):
 
 
 class Family(NamedTuple):
-    """The curves of a sweep, and how they are told apart.
+    """The curves of a sweep, and their colours, line styles and legend."""
 
-    Attributes
-    ----------
-    sweep : Dataset
-        What is left of it after further keys are held.
-    curves : list of Curve
-        One for each case.
-    legend : list of (title, colour, dashes)
-        Entries of the legend.
-    bar : ColourBar, optional
-        In place of entries for the colours.
-    notes : list of str
-        What neither of them tells.
-    """
-
-    sweep: Dataset
-    curves: list[Curve]
-    legend: list[tuple[str, str, Dashes]]
-    bar: ColourBar | None
+    sweep: Dataset  # without the dimensions of fixed keys
+    curves: list[Curve]  # one for each case
+    legend: list[tuple[str, str, Dashes]]  # title, colour, line style
+    bar: ColourBar | None  # in place of entries for the colours
     notes: list[str]
 
 
 def family(sweep: Dataset, along: str = "") -> Family:
     """Choose colours and line styles of the curves of a sweep, or of a single case.
 
-    Parameters
-    ----------
-    sweep : Dataset
-        A sweep or a case.
-    along : str
-        A swept key that is on the x axis, and is no way to tell curves apart.
+    A swept key `along` the x axis does not tell curves apart.
     """
     names = [name for name in case_dimensions(sweep) if name != along]
     if names == ["case"]:

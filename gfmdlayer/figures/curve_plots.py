@@ -8,13 +8,15 @@ along the surface also the friction. There is a curve for each case; `curve_fami
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
+from gfmdlayer.figures.labels import finish, quantity, value_labels
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
-from gfmdlayer.figures.quantities import finish, quantity
 from gfmdlayer.figures.selection import (
     Time,
     at_time,
@@ -24,18 +26,22 @@ from gfmdlayer.figures.selection import (
     notes,
     swept,
 )
-from gfmdlayer.figures.snapshots.plots import Inset
+from gfmdlayer.figures.snapshot_plots import Inset
+from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset
 
+
 LABELLED = 40  # most entries of a legend
 BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are below
 SHORT = 20  # letters of mathtext of a short entry, of which three fit below a column
-ROW_MM = 4.5
+ROW_MM = 4.5  # of a legend
 
 
 def curves_figure(
@@ -49,7 +55,7 @@ def curves_figure(
     y: Sequence[str] = (),
     time: Time | None = None,
 ) -> Figure:
-    """Draw columns of results, in a panel each, against time, another column, or a swept key.
+    """Draw columns of results, a panel for each, against time, another column, or a swept key.
 
     Parameters
     ----------
@@ -70,11 +76,6 @@ def curves_figure(
     time : float or str, optional
         Against a swept key: the time, in the units of the config, or "max" or "min", the extremes over time;
         by default "end".
-
-    Raises
-    ------
-    ResultsError
-        If there is no such column, or an option has no effect.
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
@@ -82,7 +83,7 @@ def curves_figure(
     for given, needed, name in ((log_time or inset, "time", "log_time or inset"), (time, along, "time")):
         if given and x != needed:
             meant = "time" if needed == "time" else "a swept key"
-            raise ResultsError(f"{name} has no effect on curves against {x}; must be with {meant} along x")
+            raise ResultsError(f"{name} needs {meant} on the x axis, not {x}")
     with styled(style):
         drawn = family(dataset, along if along in case_dimensions(dataset) else "")
         across = len(names) if len(names) <= 3 else 2 + (len(names) % 2)
@@ -168,3 +169,85 @@ def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, s
         figure.set_size_inches(width, height + max(rows - 2, 0) * ROW_MM * style.scale / 25.4)
         figure.legend(handles=entries, loc="outside lower center", ncols=across)
     return [f"{len(kept)} of {len(drawn.legend)} curves labelled"] * (len(kept) < len(drawn.legend))
+
+
+_LETTERS = 80  # in a row of it, the commands of mathtext included
+_NOTHING = 2e-3  # part of the largest value that cannot be seen
+_MARGIN = 0.05
+_SEPARATION = "work_of_separation"
+
+
+def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
+    """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
+
+    `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
+    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file holds
+    the times that all cases share, which runs of different speeds do not. The area is the integral of the
+    mean pressure over the depth, the work that the punch has done at the end; the part below zero in
+    retraction is the work of separation.
+    """
+    with styled(style):
+        drawn, legend = family(dataset), []
+        titles = [title for title, *_ in drawn.legend] if len(drawn.legend) == len(drawn.curves) else []
+        figure = new_figure(1, 66.0 + ROW_MM * len(titles), style)
+        axes = figure.subplots()
+        for i, curve in enumerate(drawn.curves):
+            opened = _opened(path, drawn.sweep, curve.place)
+            if opened is None:
+                continue
+            with opened as case:
+                areas = _draw(axes, case, y, curve.colour, curve.dashes, alone=len(drawn.curves) == 1)
+            if titles:
+                legend.append((", ".join([titles[i], *areas[1:]]), curve.colour, curve.dashes))
+            elif len(drawn.curves) == 1:
+                axes.text(0.03, 0.96, "\n".join(areas), transform=axes.transAxes, va="top")
+        if not axes.lines:
+            raise ResultsError(f"{path}: no case is complete")
+        _zoom(axes)
+        axes.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
+        if entries := legend_entries(legend or drawn.legend):
+            longest = max(len(str(entry.get_label())) for entry in entries)
+            across = 1 if legend else max(1, _LETTERS // longest)
+            figure.legend(handles=entries, loc="outside lower center", ncols=across)
+        if drawn.bar is not None:
+            drawn.bar.draw(figure, axes)
+        finish(figure, [*notes(drawn.sweep), *drawn.notes])
+    return figure
+
+
+def _opened(path: Path, sweep: Dataset, place: dict[str, int]) -> AbstractContextManager[Dataset] | None:
+    """Open the case of a curve; None where it is not complete."""
+    if "case" not in sweep.coords:
+        return nullcontext(sweep)
+    file = case_path(path, int(sweep["case"].isel(place)))
+    return closing(open_case(file)) if is_complete(file) else None
+
+
+def _zoom(axes: Axes) -> None:
+    """Leave out the depths at which the punch is away, where no curve is off zero."""
+    curves = [line.get_data() for line in axes.lines]
+    least = _NOTHING * max(float(np.abs(y).max(initial=0.0)) for _, y in curves)
+    acts = np.concatenate([np.asarray(x)[np.abs(y) > least] for x, y in curves])
+    if acts.size and (room := _MARGIN * np.ptp(acts)) > 0:
+        axes.set_xlim(acts.min() - room, acts.max() + room)
+
+
+def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
+    """Draw one case; return its areas in words, that of the loop first."""
+    y = column_name(case, y)
+    along, up = quantity(case["depth"], case.attrs), quantity(case[y], case.attrs)
+    depth, values = case["depth"].to_numpy(), case[y].to_numpy()
+    axes.plot(depth / along.scale, values / up.scale, color=colour, linestyle=dashes)
+    if alone:
+        back = np.append(False, np.diff(depth) < 0)
+        pulls = np.where(back, np.minimum(values, 0.0), np.nan)
+        axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
+    axes.set(xlabel=along.label, ylabel=up.label)
+    found = {"loop_area": float(np.trapezoid(case["mean_stress"].to_numpy(), depth))}
+    if _SEPARATION in case.attrs:
+        found[_SEPARATION] = float(case.attrs[_SEPARATION])
+    written = []
+    for name, value in found.items():
+        area = quantity(case["work"].isel(time=0).rename(name), case.attrs)
+        written.append(area.equals(value_labels([float(f"{value / area.scale:.3g}")])[0]))
+    return written

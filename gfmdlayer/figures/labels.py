@@ -1,7 +1,10 @@
-"""Labels of the figures: symbols of variables and swept keys, and values.
+r"""Labels of the figures: symbols, values, units, and the power of ten of the ticks.
 
-Symbols of swept keys come from the attribute `symbol` of the results, those of other variables from there or
-from the paper.
+Symbols of swept keys come from the attribute `symbol` of the results, symbols of other variables from there
+or from the paper. Where the configuration names its units (`units: {length: m, ...}`), values are drawn in
+them: "$u$ (µm)". Where it does not, they are divided by the scales of the paper, "$u/L$", "$p/G_0$",
+"$t/\tau$": the attributes L (period along x), G0 and tau of the results. A quantity whose scale the cases do
+not share keeps the numbers of the configuration, and its symbol has no scale.
 """
 
 from __future__ import annotations
@@ -10,13 +13,19 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gfmdlayer.observables import INDENTATION, known_columns
-from gfmdlayer.results.schema import OVER_TIME, PARAMETERS
+from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
     from xarray import DataArray
+
 
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
@@ -36,8 +45,8 @@ PAPER_SYMBOLS = {
     "time": "t",
     "snapshot": "t",
 }
-# Symbols of keys inside of a section that is swept as a whole; values of keys that name its kind stand alone.
-SYMBOLS_OF_KEYS = {key.rpartition(".")[2]: f"${PARAMETERS[key].mathtext}$" for key in reversed(PARAMETERS)}
+# Last parts of keys, inside a section that is swept as a whole -> symbol; KINDS have none.
+SYMBOLS_OF_KEYS = {key.rpartition(".")[2]: symbol for key, (_, symbol) in reversed(SYMBOLS.items())}
 KINDS = ("shape", "model", "kind", "law", "method")
 MOST_LETTERS = 24
 
@@ -97,7 +106,11 @@ def _short_entries(mapping: dict[str, str], in_all: set[tuple[str, str]]) -> Ite
     yield from (value for key, value in mapping.items() if key in KINDS)
     entries = [(key, value) for key, value in mapping.items() if key not in KINDS]
     kept = [entry for entry in entries if entry not in in_all] or entries
-    yield ", ".join(f"{SYMBOLS_OF_KEYS.get(key, key)} = {_short_value(value)}" for key, value in kept)
+    yield ", ".join(f"{_symbol_of_key(key)} = {_short_value(value)}" for key, value in kept)
+
+
+def _symbol_of_key(key: str) -> str:
+    return f"${mathtext(SYMBOLS_OF_KEYS[key])}$" if key in SYMBOLS_OF_KEYS else key
 
 
 def _short_value(value: str) -> str:
@@ -128,3 +141,129 @@ def _number_label(number: float, is_fractional: bool) -> str:
     mantissa = mantissa.rstrip("0").rstrip(".")
     power = f"10^{{{int(exponent)}}}"
     return f"${power}$" if mantissa == "1" else rf"${mantissa}\times {power}$"
+
+
+SCALES = {"length": ("L", "L"), "pressure": ("G0", "G_0"), "time": ("tau", r"\tau")}
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PLAIN = (1e-3, 1e5)  # magnitudes whose ticks are written without a power of ten
+
+_FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
+_SI = re.compile(r"(?:m|Pa|s|N|J|W)(?![\w^])")
+_UNIT = re.compile(r"\(([^()]*)\)$")
+
+
+class Quantity(NamedTuple):
+    """A quantity on an axis: its symbol over the scale, its unit, and the value of the scale."""
+
+    symbol: str
+    unit: str = ""
+    scale: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """Label of the axis."""
+        return f"{self.symbol} ({self.unit})" if self.unit else self.symbol
+
+    def equals(self, value: str) -> str:
+        """Write that it has a value."""
+        return f"{self.symbol} = {value} {self.unit}".rstrip()
+
+
+def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({})) -> Quantity:
+    """Return how a variable, coordinate or swept key of results is drawn.
+
+    The attribute `units` of the variable is "m", say, or a product of length, pressure and time. `scales` are
+    the attributes of the results, of which L, G0 and tau are used. The values of swept keys keep the numbers
+    of the configuration.
+    """
+    factors = _factors(str(array.attrs.get("units", "1")))
+    if not factors.keys() <= SCALES.keys():
+        return Quantity(symbol(array), mathtext_units(str(array.attrs["units"])))
+    if "key" in array.attrs or any(SCALES[each][0] not in scales for each in factors):
+        return Quantity(symbol(array))
+    scale = math.prod(float(scales[SCALES[each][0]]) ** power for each, power in factors.items())
+    return Quantity(
+        _over(symbol(array), {SCALES[each][1]: power for each, power in factors.items()}), "", scale
+    )
+
+
+def _factors(units: str) -> dict[str, int]:
+    """Split units such as "force / length" into factors and their powers; a force is pressure times area."""
+    found: dict[str, int] = {}
+    for over, name, power in _FACTOR.findall(units):
+        if name != "1":
+            signed = int(power or 1) * (-1 if over else 1)
+            for part, times in {"pressure": 1, "length": 2}.items() if name == "force" else [(name, 1)]:
+                found[part] = found.get(part, 0) + signed * times
+    return {name: power for name, power in found.items() if power}
+
+
+def _over(written: str, scales: dict[str, int]) -> str:
+    """Divide a symbol by scales, each to its power."""
+    parts: dict[bool, list[str]] = {True: [], False: []}
+    for scale, power in scales.items():
+        parts[power > 0].append(scale if abs(power) == 1 else f"{scale}^{{{abs(power)}}}")
+    times, by = r"\,".join(parts[False]), r"\,".join(parts[True])
+    quotient = f"{times}/({by})" if len(parts[True]) > 1 else f"{times}/{by}" if by else times
+    return f"{written[:-1]}{quotient}$" if written.endswith("$") else f"{written} ${quotient}$"
+
+
+def mathtext_units(units: str) -> str:
+    """Write powers in units, and micro, as in print."""
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", re.sub(r"\bu(?=m\b|s\b|Pa\b|N\b)", "µ", units))
+
+
+def power_of_ten(values: Sequence[float]) -> int:
+    """Return a multiple of three, the power of ten to be written with the unit of values; 0 for most."""
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    if largest == 0 or PLAIN[0] <= largest < PLAIN[1]:
+        return 0
+    return 3 * math.floor(math.log10(largest) / 3 + 1e-9)
+
+
+def in_unit(power: int, unit: str) -> str:
+    """Write a power of ten and a unit: µm for 1e-6 m."""
+    if not power:
+        return unit
+    if _SI.match(unit) and power in PREFIXES:
+        return PREFIXES[power] + unit
+    return rf"$10^{{{power}}}$ {unit}".rstrip()
+
+
+def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
+    """Write notes below a finished figure, and the powers of ten of its linear axes into their labels."""
+    insets = [inset for axes in figure.axes for inset in axes.child_axes if isinstance(inset, type(axes))]
+    for axes in [*figure.axes, *insets]:
+        _write_power(axes.xaxis)
+        _write_power(axes.yaxis)
+    if notes:
+        text = "\n".join(_lines(notes, figure.get_figwidth()))
+        figure.supxlabel(text, x=0.01, ha="left", fontsize="small", color="0.3")
+
+
+def _write_power(axis: Axis) -> None:
+    from matplotlib.ticker import FuncFormatter, ScalarFormatter
+
+    low, high = axis.get_view_interval()
+    power = power_of_ten((low, high)) if isinstance(axis.get_major_formatter(), ScalarFormatter) else 0
+    if power:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 10.0**power:.10g}"))
+        label, parts = axis.get_label_text(), _UNIT.search(axis.get_label_text())
+        unit = in_unit(power, parts[1] if parts else "")
+        axis.set_label_text(f"{label[: parts.start()] if parts else f'{label} '}({unit})" if label else "")
+
+
+def _lines(notes: Sequence[str], inches: float) -> list[str]:
+    """Fill lines with notes; a letter is taken to be half as wide as the font is high."""
+    from matplotlib import rcParams
+    from matplotlib.font_manager import font_scalings
+
+    room = inches * 72 / (0.5 * rcParams["font.size"] * font_scalings["small"])
+    lines = [""]
+    for note in notes:
+        longer = f"{lines[-1]}; {note}" if lines[-1] else note
+        if len(re.sub(r"\\[a-z]+|[${}]", "", longer)) > room and lines[-1]:
+            lines.append(note)
+        else:
+            lines[-1] = longer
+    return lines

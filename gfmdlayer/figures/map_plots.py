@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import symbol, value_labels
+from gfmdlayer.figures.labels import finish, power_of_ten, quantity, symbol, value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
-from gfmdlayer.figures.quantities import finish, power_of_ten, quantity
 from gfmdlayer.figures.selection import (
     Time,
     at_time,
@@ -62,14 +61,9 @@ def map_figure(
     style : Style
         Fonts and lines, and the size of a column.
     x, y : str
-        Swept keys along the axes, by default the first two; further ones are held at their middle values.
+        Swept keys along the axes, by default the first two; further keys stay at their middle values.
     z : sequence of str
         Columns, by default those of the curves.
-
-    Raises
-    ------
-    ResultsError
-        If fewer than two keys are swept, or there is no such key or column.
     """
     x, y = _axes(sweep, x, y)
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
@@ -110,9 +104,9 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
     free = iter([key for key in keys if key not in asked])
     x, y = (name or next(free) for name in asked)
     if x == y:
-        raise ResultsError(f"{x} is along both axes of the map; must be two swept keys")
+        raise ResultsError(f"{x} is on both axes of the map; choose two swept keys")
     if missing := {x, y} - set(keys):
-        raise ResultsError(f"{missing.pop()} has one value, which is no axis of a map")
+        raise ResultsError(f"{missing.pop()} has only one value; an axis of a map needs several")
     return x, y
 
 
@@ -138,19 +132,7 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> Non
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
     """Draw fitted parameters and their standard errors over the sample, or over the curves of a list.
 
-    Parameters
-    ----------
-    fits : Dataset
-        A force map: the attribute `fitted` names its parameters.
-    style : Style
-        Fonts and lines, and the size of a column.
-    z : sequence of str
-        Parameters, by default all that were fitted.
-
-    Raises
-    ------
-    ResultsError
-        If a parameter was not fitted.
+    The attribute `fitted` of the force map names its parameters; `z` chooses some of them.
     """
     fitted = str(fits.attrs["fitted"]).split()
     if unknown := [name for name in z if name not in fitted]:
@@ -183,16 +165,9 @@ def _draw_intervals(axes: Axes, fits: Dataset, name: str) -> None:
 
 
 def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
-    """Draw a quantity over two swept keys, the first along x; cases without a value are hatched.
+    """Draw values along two swept keys, the first along x, and a colour bar with a label beside the panel.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel; the colour bar is put beside it.
-    values : DataArray
-        Along the two swept keys, with the coordinates of a sweep.
-    label : str
-        Label of the colour bar.
+    Cases without a value are hatched.
     """
     across, up = (values[name] for name in values.dims)
     cells = values.to_numpy().T

@@ -39,17 +39,7 @@ LINE_STYLES: tuple[Dashes, ...] = (
 
 @dataclass(frozen=True)
 class Style:
-    """Look of figures.
-
-    Attributes
-    ----------
-    settings : mapping
-        Settings of matplotlib (rcParams).
-    scale : float
-        Size relative to the column of a journal.
-    dpi : int
-        Dots per inch.
-    """
+    """Settings of matplotlib (rcParams), size relative to the column of a journal, and dots per inch."""
 
     settings: Mapping[Any, Any]
     scale: float
@@ -122,17 +112,7 @@ def styled(style: Style = PAPER) -> Iterator[None]:
 
 
 def new_figure(columns: Columns, height_mm: float, style: Style = PAPER) -> Figure:
-    """Return an empty figure.
-
-    Parameters
-    ----------
-    columns : 1 or 2
-        Width in columns of a journal.
-    height_mm : float
-        Height in millimetres; both are multiplied by the scale of the style.
-    style : Style
-        Fonts, lines and scale.
-    """
+    """Return an empty figure as wide as 1 or 2 columns of a journal, times the scale of the style."""
     from matplotlib.figure import Figure
 
     unit = style.scale / 25.4

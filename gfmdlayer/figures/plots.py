@@ -8,14 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from gfmdlayer.figures.body_plot import body_figure, config_of
-from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.loop_plot import loop_figure
+from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.map_plots import fit_map_figure, map_figure
+from gfmdlayer.figures.movie import default_suffix, write_movie
 from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
 from gfmdlayer.figures.selection import Time, Wanted, notes, select
-from gfmdlayer.figures.snapshots.fields import cases_with_snapshots
-from gfmdlayer.figures.snapshots.movie import default_suffix, write_movie
-from gfmdlayer.figures.snapshots.plots import MOST_CASES, Inset, snapshots_figure, waterfall_figure
+from gfmdlayer.figures.snapshot_plots import (
+    MOST_CASES,
+    Inset,
+    cases_with_snapshots,
+    snapshots_figure,
+    waterfall_figure,
+)
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 
@@ -112,7 +116,7 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         opened = stack.enter_context(open_case(path) if path.is_file() else open_results(path))
         if "fitted" in opened.attrs:
             if kind not in (None, "map"):
-                raise ResultsError(f"{path}: is a map of fits, which has no {kind}; must be --kind map")
+                raise ResultsError(f"{path}: is a map of fits; use --kind map")
             kind = "map"
         dataset = select(opened, options.get("select", {}))
         cases, said = _cases(stack, path, dataset, kind, options)

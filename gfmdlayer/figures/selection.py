@@ -1,7 +1,7 @@
-"""Cases and columns of results: which of them are drawn, and what is said of the others.
+"""Selection of the cases and columns that a figure shows, and notes on the others.
 
 A selection is kept in attributes of the coordinates of the swept keys: `among`, the number of values before
-it, and `asked`, the value that was asked for. From these `notes` writes what a figure holds and leaves out.
+it, and `asked`, the value that the user asked for. `notes` writes them below the figure.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import symbol, value_labels
-from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
+from gfmdlayer.figures.labels import in_unit, power_of_ten, quantity, symbol, value_labels
 from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import OVER_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
@@ -71,18 +70,9 @@ def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
 def select(sweep: Dataset, wanted: Mapping[str, Wanted]) -> Dataset:
     """Select cases of a sweep by the values of swept keys.
 
-    Parameters
-    ----------
-    sweep : Dataset
-        A sweep, as the reader opens it.
-    wanted : mapping
-        Swept key, whole or as its dimension is named, to a number, of which the nearest value is taken; a
-        range (from, to), as text "from:to", that includes its ends; or the text of a value, or a part of it.
-
-    Raises
-    ------
-    ResultsError
-        If a key is not swept, or has no such value.
+    A swept key, whole or as its dimension is named, is mapped to a number, of which the nearest value is
+    taken; to a range (from, to), as text "from:to", that includes its ends; or to the text of a value, or a
+    part of it.
     """
     for name, value in wanted.items():
         key = find_key(sweep, name)
@@ -103,18 +93,10 @@ def find_key(sweep: Dataset, name: str) -> DataArray:
 
 
 def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "") -> Dataset:
-    """Return the cases with some of the values of a swept key.
+    """Return the cases at some places along a swept key.
 
-    Parameters
-    ----------
-    sweep : Dataset
-        The sweep.
-    key : DataArray
-        Coordinate of the key.
-    places : sequence of int
-        Indices along its dimension. A single one is held: the dimension goes, but that of a list of cases.
-    asked : str
-        The value that was asked for, if it is not one of them.
+    A single value is fixed: its dimension goes, except the dimension `case` of a list. `asked` is the value
+    that the user asked for, if it is not one of them.
     """
     dimension = str(key.dims[0])
     is_held = len(places) == 1 and dimension != "case"
@@ -127,28 +109,18 @@ def chosen(sweep: Dataset, key: DataArray, places: Sequence[int], asked: str = "
 
 
 def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
-    """Return what a figure says of what it does not show.
+    """Return the notes below a figure on fixed values, values and cases not drawn, and missing columns.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        What is drawn: of a single case there is nothing to say.
-    columns : sequence of str
-        The columns that are drawn, of which some cases may have none.
-
-    Returns
-    -------
-    list of str
-        Held values, numbers of values and of cases, failed cases, cases without one of the columns.
+    A single case has no notes.
     """
     if "case" not in dataset.coords or not swept(dataset):
         return []
-    held, parts = [], []
+    fixed, parts = [], []
     for key in swept(dataset):
         among, asked = int(key.attrs.get("among", 1)), key.attrs.get("asked")
         said = [f"of {among} values"] * (among > 1) + [f"nearest to {asked}"] * (asked is not None)
         if key.ndim == 0:
-            held.append(value_titles(key)[0] + (f" ({', '.join(said)})" if said else ""))
+            fixed.append(value_titles(key)[0] + (f" ({', '.join(said)})" if said else ""))
         elif "asked" in key.attrs:
             parts.append(f"{value_titles(key)[0]}, nearest to {asked}")
         elif key.size < among:
@@ -161,7 +133,7 @@ def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
     drawn = {name.removesuffix(OVER_TIME) for name in columns}
     lines = str(dataset.attrs.get("notes", "")).splitlines()
     parts += [line for line in lines if drawn & set(line.partition(":")[0].split(", "))]
-    return [f"held: {', '.join(held)}"] * bool(held) + parts
+    return [f"fixed: {', '.join(fixed)}"] * bool(fixed) + parts
 
 
 def failed_numbers(sweep: Dataset) -> set[int]:
@@ -253,16 +225,9 @@ def default_columns(dataset: Dataset) -> list[str]:
 
 
 def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
-    """Return the name of a column, or of time, as the results have it; ResultsError if there is none.
+    """Return the name of a column, or of time, in the results; ResultsError if there is none.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        The results.
-    name : str
-        What was asked for.
-    of_cases : bool
-        Whether a number of each case of a sweep is wanted as well, which does not depend on time.
+    With `of_cases` also a number of each case of a sweep is allowed, which does not depend on time.
     """
     along = {"time", *case_dimensions(dataset)}
     needed = set() if of_cases else {"time"}

@@ -25,17 +25,9 @@ History = ArrayLike | tuple[ArrayLike, ArrayLike]
 
 
 def with_history(history: History) -> dict[str, object]:
-    """Return the keys of a trajectory that is given as an array.
+    """Return the keys of a trajectory that is given as an array of shape (m, 2), or a pair of arrays.
 
-    Parameters
-    ----------
-    history : array_like, shape (m, 2), or pair of array_like
-        Time and depth, mean pressure or force, as `trajectory.control` says.
-
-    Raises
-    ------
-    ConfigError
-        If it is not that.
+    These are time, and depth, mean pressure or force, as `trajectory.control` says; else ConfigError.
     """
     file = _table("history", history)
     others = Trajectory.model_fields.keys() - {"control", "velocity", "velocity_file"}
@@ -44,17 +36,9 @@ def with_history(history: History) -> dict[str, object]:
 
 
 def with_voltages(given: Any) -> Any:
-    """Return interface laws with voltages as files where these are arrays; anything else as it is.
+    """Return interface laws with voltages as files where these are arrays, as those of `with_history`.
 
-    Parameters
-    ----------
-    given : mapping or sequence
-        Keys of a law, or those of several; `voltage` as of `with_history`.
-
-    Raises
-    ------
-    ConfigError
-        If a voltage is an array of another shape.
+    `given` are the keys of a law, or those of several; anything else is returned unchanged.
     """
     if isinstance(given, list | tuple):
         return [with_voltages(law) for law in given]
@@ -81,12 +65,8 @@ def _table(name: str, history: History) -> MemoryFile:
 def with_punch(config: Config, punch: ArrayLike | Callable[..., ArrayLike]) -> dict[str, object]:
     """Return the keys of a punch that is given as an array or a function, see `outward_heights`.
 
-    Where the configuration does not give the points of the grid, an array does.
-
-    Raises
-    ------
-    ConfigError
-        If the heights are not finite numbers of the grid's shape, or a function is given for several grids.
+    Where the configuration does not give the points of the grid, the array gives them. Heights that are not
+    finite numbers of the grid's shape, or a function for several grids, are a ConfigError.
     """
     keys: dict[str, object] = {}
     swept = swept_keys(config.sweep)

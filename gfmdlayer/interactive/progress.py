@@ -45,13 +45,7 @@ class NotebookBar:
 
 
 class Delayed:
-    """A display that is made when the run has taken some time; lines before wait for it.
-
-    Parameters
-    ----------
-    make : callable
-        Makes the display.
-    """
+    """A display that `make` makes when the run has taken some time; earlier lines wait for it."""
 
     lists_complete = False
 
@@ -84,13 +78,7 @@ class Delayed:
 
 
 def chosen_display(progress: bool | None) -> Display | None:
-    """Return the display of a run.
-
-    Parameters
-    ----------
-    progress : bool or None
-        Whether progress is shown; None: in a notebook or a terminal, after `DELAY`.
-    """
+    """Return the display of a run; by default (None) in a notebook or a terminal, after `DELAY`."""
     make = NotebookBar if in_notebook() else make_display
     if progress is None:
         return Delayed(make) if in_notebook() or sys.stderr.isatty() else None
@@ -104,15 +92,7 @@ def in_notebook() -> bool:
 
 
 class Watch:
-    """Watches cases that this process computes, or waits for, and updates a display.
-
-    Parameters
-    ----------
-    display : Display, optional
-        The display; without one nothing is shown.
-    total : int
-        Number of cases.
-    """
+    """Watches `total` cases that this process computes, or waits for, and updates a display, if any."""
 
     def __init__(self, display: Display | None, total: int) -> None:
         self._display, self._total = display, total

@@ -50,13 +50,7 @@ class _Stream(io.FileIO):
 
 
 class NewFile:
-    """A file being written.
-
-    Attributes
-    ----------
-    h5 : h5py.File
-        Its root, once begun.
-    """
+    """A file being written; `h5` is its root, once begun."""
 
     h5: h5py.File
 
@@ -141,20 +135,10 @@ def add_variable(
     described: Mapping[str, str] | None = None,
     **options: Any,
 ) -> h5py.Dataset:
-    """Create a variable on existing dimensions.
+    """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
 
-    Parameters
-    ----------
-    h5 : h5py.File
-        The file.
-    name : str
-        Name of the variable. One whose only dimension has the same name is the coordinate of this dimension.
-    dimensions : sequence of str
-        Names of its dimensions.
-    described : mapping, optional
-        Attributes of the variable; by default long_name and units of the table of variables.
-    **options
-        Options of h5py's create_dataset.
+    A variable whose only dimension has its name is the coordinate of this dimension. By default long_name and
+    units come from the table of variables.
     """
     if described is None:
         entry = variable(name)

@@ -24,24 +24,9 @@ _DOUBLE, _SINGLE = (f'Format="HDF" NumberType="Float" Precision="{size}"' for si
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
-    """Describe the snapshots of a case for ParaView; the points are added to the case.
+    """Describe the snapshots of a case in two dimensions for ParaView, and add the points to the case.
 
-    Parameters
-    ----------
-    h5 : h5py.File
-        The case, open for writing, on a grid of two dimensions.
-    path : Path
-        Its final name; the description is written beside it, with the suffix .xdmf.
-
-    Returns
-    -------
-    Path
-        The description.
-
-    Raises
-    ------
-    ResultsError
-        If the description cannot be written.
+    `h5` is open for writing, `path` its final name; the description, whose path is returned, lies beside it.
     """
     _add_points(h5)
     fields = {name: h5[name].shape for name in FIELDS if name in h5}

@@ -84,16 +84,9 @@ def attribute(file: h5f.FileID, name: str) -> object:
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
     """Whether a file holds a complete case, found by reading its contents.
 
-    Complete are the files that are marked so, whose columns and snapshots have the number of rows that the
-    attributes say, and whose bytes are those that were written. Any other file, missing, truncated, damaged
-    or foreign, gives False, never an exception.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    digest : str, optional
-        Digest of the configuration that the case must have been computed from.
+    A complete file is marked so, its columns and snapshots have as many rows as its attributes say, and its
+    bytes are those that were written. Any other file, missing, truncated, damaged or foreign, gives False,
+    never an exception. With `digest`, the case must have been computed from the configuration of this digest.
     """
     return _is_whole(Path(path), math.inf, digest)
 
@@ -113,17 +106,7 @@ def _is_whole(path: Path, most: float, digest: str | None = None) -> bool:
 
 
 def replay(path: Path, until: float, recorder: Recorder) -> None:
-    """Pass the rows and snapshots of a complete case up to a time on to a recorder.
-
-    Parameters
-    ----------
-    path : Path
-        File of the case.
-    until : float
-        The last time.
-    recorder : Recorder
-        Gets the rows, then the snapshots.
-    """
+    """Pass the rows, then the snapshots of a complete case up to the time `until` on to a recorder."""
     with h5py.File(path, locking=False) as h5:
         columns, fields = _growing(h5)
         rows = int(np.searchsorted(h5["time"][:], until, side="right"))
@@ -167,13 +150,7 @@ def _length(dataset: h5py.Dataset, *, read: bool) -> int:
 
 
 def attributes(path: str | Path) -> dict[str, object]:
-    """Return the attributes of a result file.
-
-    Raises
-    ------
-    ResultsError
-        If the file is missing or is not HDF5.
-    """
+    """Return the attributes of a result file; ResultsError if it is missing or is not HDF5."""
     try:
         open(path, "rb", opener=regular).close()
         with h5py.File(path, locking=False) as h5:
@@ -309,14 +286,8 @@ if TYPE_CHECKING:
 def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_]) -> Dataset:
     """Add the snapshots of all cases to a sweep.
 
-    Parameters
-    ----------
-    sweep : Dataset
-        The sweep, whose coordinate `case` has the dimensions of the swept keys.
-    example : Dataset
-        One of its cases; all have its grid and times.
-    files : ndarray of Path, shape of `case`
-        The files of the cases.
+    `files` has the shape of the coordinate `case`; `example` is one of the cases, and all have its grid and
+    times.
     """
     axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
     times = axes["snapshot"].to_numpy()

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from gfmdlayer.validation.sections import described
 
 
 class ResultsError(OSError):
@@ -38,14 +41,12 @@ class Variable:
         return {"long_name": self.long_name, "units": self.units}
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """Meaning of one config key that may be swept: its name, symbol in plain text and in mathtext, units."""
+class Parameter(NamedTuple):
+    """A config key that may be swept: its meaning, its symbol in plain text (may be empty), and its units."""
 
     long_name: str
     symbol: str
-    mathtext: str
-    units: str = "1"
+    units: str
 
 
 VARIABLES: dict[str, Variable] = {
@@ -70,88 +71,80 @@ VARIABLES: dict[str, Variable] = {
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 
-PARAMETERS: dict[str, Parameter] = {
-    "layer.thickness": Parameter("thickness of the layer", "d", "d", "length"),
-    "layer.poisson": Parameter("Poisson's ratio of the layer", "nu", r"\nu"),
-    "layer.material.G0": Parameter("relaxed modulus of the layer", "G_0", "G_0", "pressure"),
-    "layer.material.Ginf": Parameter("glassy modulus of the layer", "G_inf", r"G_\infty", "pressure"),
-    "layer.material.tau": Parameter("relaxation time of the layer", "tau", r"\tau", "time"),
-    "halfspace.shear_modulus": Parameter(
-        "shear modulus of the halfspace", "G_bulk", r"G_\mathrm{bulk}", "pressure"
-    ),
-    "halfspace.poisson": Parameter("Poisson's ratio of the halfspace", "nu_bulk", r"\nu_\mathrm{bulk}"),
-    "punch.radius": Parameter("radius of the punch", "R", "R", "length"),
-    "punch.hurst": Parameter("Hurst exponent of the punch", "H", "H"),
-    "punch.rms_slope": Parameter("rms slope of the punch", "g'", "g'"),
-    "punch.rms_height": Parameter("rms height of the punch", "h_rms", r"h_\mathrm{rms}", "length"),
-    "punch.short_cutoff": Parameter("shortest wave of the punch", "lambda_s", r"\lambda_s", "length"),
-    "punch.roll_off": Parameter("roll-off wavelength of the punch", "lambda_r", r"\lambda_r", "length"),
-    "interface.work": Parameter("work of adhesion", "w", "w", "pressure length"),
-    "interface.range": Parameter("range of the attraction", "rho", r"\rho", "length"),
-    "interface.stress": Parameter("cohesive stress", "sigma_0", r"\sigma_0", "pressure"),
-    "interface.separation": Parameter("equilibrium separation", "z_0", "z_0", "length"),
-    "interface.voltage": Parameter("voltage", "V", "V", "V"),
-    "trajectory.depth": Parameter("depth of the indentation", "h_0", "h_0", "length"),
-    "trajectory.load": Parameter("mean pressure on the punch", "p_0", "p_0", "pressure"),
-    "trajectory.force": Parameter("force on the punch", "F_0", "F_0", "force"),
-    "trajectory.velocity": Parameter("velocity of the punch along x", "v", "v", "length / time"),
-    "trajectory.ramp_time": Parameter("duration of the ramp", "t_0", "t_0", "time"),
-    "trajectory.approach_speed": Parameter("speed of the approach", "v_in", r"v_\mathrm{in}", "drive / time"),
-    "trajectory.retract_speed": Parameter(
-        "speed of the retraction", "v_out", r"v_\mathrm{out}", "drive / time"
-    ),
-    "trajectory.dwell": Parameter("dwell time", "t_d", r"t_\mathrm{d}", "time"),
-    "time.step": Parameter("time step", "dt", r"\Delta t", "time"),
-    "grid.points": Parameter("grid points", "n", "n"),
-    "grid.period": Parameter("period of the surface", "L", "L", "length"),
+# Name and symbol of the keys that have one; the dimension is declared with the key, in its section.
+SYMBOLS: dict[str, tuple[str, str]] = {
+    "layer.thickness": ("thickness of the layer", "d"),
+    "layer.poisson": ("Poisson's ratio of the layer", "nu"),
+    "layer.material.G0": ("relaxed modulus of the layer", "G_0"),
+    "layer.material.Ginf": ("glassy modulus of the layer", "G_inf"),
+    "layer.material.tau": ("relaxation time of the layer", "tau"),
+    "halfspace.shear_modulus": ("shear modulus of the halfspace", "G_bulk"),
+    "halfspace.poisson": ("Poisson's ratio of the halfspace", "nu_bulk"),
+    "punch.radius": ("radius of the punch", "R"),
+    "punch.hurst": ("Hurst exponent of the punch", "H"),
+    "punch.rms_slope": ("rms slope of the punch", "g'"),
+    "punch.rms_height": ("rms height of the punch", "h_rms"),
+    "punch.short_cutoff": ("shortest wave of the punch", "lambda_s"),
+    "punch.roll_off": ("roll-off wavelength of the punch", "lambda_r"),
+    "interface.work": ("work of adhesion", "w"),
+    "interface.range": ("range of the attraction", "rho"),
+    "interface.stress": ("cohesive stress", "sigma_0"),
+    "interface.separation": ("equilibrium separation", "z_0"),
+    "interface.voltage": ("voltage", "V"),
+    "trajectory.depth": ("depth of the indentation", "h_0"),
+    "trajectory.load": ("mean pressure on the punch", "p_0"),
+    "trajectory.force": ("force on the punch", "F_0"),
+    "trajectory.velocity": ("velocity of the punch along x", "v"),
+    "trajectory.ramp_time": ("duration of the ramp", "t_0"),
+    "trajectory.approach_speed": ("speed of the approach", "v_in"),
+    "trajectory.retract_speed": ("speed of the retraction", "v_out"),
+    "trajectory.dwell": ("dwell time", "t_d"),
+    "time.step": ("time step", "dt"),
+    "grid.points": ("grid points", "n"),
+    "grid.period": ("period of the surface", "L"),
 }
-
-
-_BRANCH = {
-    "G": Parameter("modulus of a branch of the layer", "G", "G", "pressure"),
-    "tau": Parameter("relaxation time of a branch of the layer", "tau", r"\tau", "time"),
+_OF_A_BRANCH = {
+    "G": ("modulus of a branch of the layer", "G"),
+    "tau": ("relaxation time of a branch of the layer", "tau"),
 }
 
 
 def parameter(key: str) -> Parameter | None:
-    """Return the meaning of a config key that may be swept; None where it has no symbol.
+    """Return the meaning of a config key that may be swept; None for a key without symbol and dimension.
 
     Layers and branches are counted from 1: `layers.0.thickness` is d_1, and the branches of its material have
     the moduli G_1,1 and G_1,2.
     """
+    from gfmdlayer.config import Config
+
+    words, dimension = described(Config, key)
+    units = " / ".join(part.strip() for part in (dimension or "1").split("/"))
     parts = key.split(".")
     places = [str(int(part) + 1) for part in parts if part.isdigit()]
     section, *below = (part for part in parts if not part.isdigit())
     owner = f"of layer {places[0]}" if section == "layers" else f"of the {section}"
     index = [*(["bulk"] if (section, *below[:1]) == ("halfspace", "material") else []), *places]
     plain = ".".join(["layer", *below] if section == "layers" or "bulk" in index else [section, *below])
-    known = _BRANCH.get(below[-1]) if below[:2] == ["material", "branches"] else PARAMETERS.get(plain)
-    if known is None or not index:
-        return known
-    letter, _, old = known.mathtext.partition("_")
-    return replace(
-        known,
-        long_name=known.long_name.replace("of the layer", owner),
-        symbol=f"{known.symbol}{',' if '_' in known.symbol else '_'}{','.join(index)}",
-        mathtext=rf"{letter}_{{{','.join(filter(None, [old, *index]))}}}".replace("bulk", r"\mathrm{bulk}"),
-    )
+    known = _OF_A_BRANCH.get(below[-1]) if below[:2] == ["material", "branches"] else SYMBOLS.get(plain)
+    if known is None:
+        return Parameter(words.partition(";")[0], "", units) if dimension else None
+    name, symbol = known
+    if index:
+        name = name.replace("of the layer", owner)
+        symbol = f"{symbol}{',' if '_' in symbol else '_'}{','.join(index)}"
+    return Parameter(name, symbol, units)
 
 
 def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
     """Return the attributes of the labels of a swept key, with the label of a unit from its words."""
     if (known := parameter(key)) is None:
         return {"key": key}
-    return {"key": key, "long_name": known.long_name, "symbol": known.symbol, "units": unit(known.units)}
+    symbol = {"symbol": known.symbol} if known.symbol else {}
+    return {"key": key, "long_name": known.long_name, **symbol, "units": unit(known.units)}
 
 
 def variable(name: str) -> Variable:
-    """Return a coordinate or field of the result files.
-
-    Raises
-    ------
-    KeyError
-        If the table has no such name.
-    """
+    """Return a coordinate or field of the result files; KeyError if the table has no such name."""
     if name not in VARIABLES:
         raise KeyError(f"results have no variable {name!r}; known: {', '.join(sorted(VARIABLES))}")
     return VARIABLES[name]

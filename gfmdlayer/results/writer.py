@@ -61,14 +61,8 @@ Fields = tuple[tuple[str, Variable], ...]
 def case_template(columns: tuple[Column, ...], axes: Lengths, fields: Fields) -> bytes:
     """Return a file with all variables but the gap, with the bins of histograms and the provenance.
 
-    Parameters
-    ----------
-    columns : tuple of Column
-        Columns of the rows, `time` among them.
-    axes : tuple of (str, int)
-        The grid's coordinates, with their lengths.
-    fields : tuple of (str, Variable)
-        Coordinates and fields by name, with the labels of their units.
+    `axes` are the coordinates of the grid with their lengths, `fields` coordinates and fields with their
+    units.
     """
     return contents(partial(_lay_out, columns=columns, axes=axes, known=dict(fields)))
 
@@ -142,18 +136,17 @@ class CaseWriter:
     """Write one case; a context manager.
 
     At the end of its block the file is complete under its name; after an exception the unfinished file is
-    removed.
+    removed. Every method raises ResultsError, which names the file, if it cannot be written.
 
     Parameters
     ----------
     path
         The final name.
     coordinates
-        The grid's coordinates, {"x": x} or {"x": x, "y": y}, in the order of the arrays' axes.
+        Coordinates of the grid, {"x": x} or {"x": x, "y": y}, in the order of the arrays' axes.
     attributes
-        Attributes of the file, such as `config`, `digest`, `name` and `tau`. They take precedence over the
-        provenance that is added (versions, commit, host, started, finished, wall_seconds), so that a
-        resumed case keeps the time of its first start.
+        Attributes of the file. They take precedence over the provenance (versions, commit, host, started,
+        finished, wall_seconds), so that a resumed case keeps the time of its first start.
     columns
         Columns that rows may have; by default those that are the same in every case.
     flush_interval
@@ -164,11 +157,6 @@ class CaseWriter:
         Label of a unit, from the words in which it is declared; by default the words themselves.
     grid
         The grid, where several ranks hold the snapshots.
-
-    Raises
-    ------
-    ResultsError
-        Here and in every method, if the file cannot be written; the message names it.
     """
 
     def __init__(
@@ -229,20 +217,11 @@ class CaseWriter:
         return self._elapsed + time.monotonic() - self._begun
 
     def row(self, **values: float | NDArray[np.float64]) -> None:
-        """Record one accepted step.
+        """Record one accepted step: its `time`, later than in the row before, and the other columns.
 
-        Parameters
-        ----------
-        values
-            `time`, later than in the row before, and the other columns: numbers, and arrays of histograms.
-            All rows have the columns of the first.
-
-        Raises
-        ------
-        KeyError
-            For a column that is not declared.
-        ValueError
-            For columns other than the first row's, no time, or a time that does not grow.
+        A value is a number or, of a histogram, an array. All rows have the columns of the first. A column
+        that is not declared is a KeyError; other columns than in the first row, or a time that does not grow,
+        a ValueError.
         """
         if self._columns is None:
             self._begin(tuple(values))
@@ -269,21 +248,9 @@ class CaseWriter:
         gap: NDArray[np.float64] | None = None,
         traction: NDArray[np.float64] | None = None,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape.
+        """Record the surface at a time, by arrays of the shape of the grid.
 
-        Parameters
-        ----------
-        time : float
-            The time.
-        displacement, pressure : ndarray
-            Of the surface.
-        gap, traction : ndarray, optional
-            Each is left out from the first snapshot on, or never.
-
-        Raises
-        ------
-        ValueError
-            For arrays of another shape, or a field that some snapshots lack.
+        Gap and traction are given in every snapshot or in none. Arrays of another shape are a ValueError.
         """
         if self._columns is None:
             self._begin(("time",))

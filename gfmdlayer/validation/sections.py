@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.files.cache import MemoryFile
-from gfmdlayer.validation.fields import MustBe, Word, meanings
+from gfmdlayer.validation.fields import MustBe, Word, dimension, meanings
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -175,6 +175,23 @@ def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
         if section := getattr(note, "section", None):
             return section  # type: ignore[no-any-return]
     return next((kind for kind in types_in(field.annotation) if issubclass(kind, Section)), None)
+
+
+def described(section: type[Section], key: str) -> tuple[str, str]:
+    """Return the meaning and dimension of a dotted key, in the first kind of section that has the key."""
+    kinds, words = [section], ""
+    for part in (part for part in key.split(".") if not part.isdigit()):
+        fields = [
+            (kind, field)
+            for kind in kinds
+            for name, field in kind.model_fields.items()
+            if part == (field.alias or name)
+        ]
+        words = meanings(fields[0][0]).get(part, "") if fields else ""
+        found = [held_by(field) for _, field in fields]
+        below = [list(each.members.values()) if isinstance(each, OneOf) else [each] for each in found if each]
+        kinds = [kind for several in below for kind in several]
+    return dimension(words)
 
 
 def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location, Section]]:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import gfmdlayer
-from gfmdlayer.figures.curve_plots import curves_figure
+from gfmdlayer.figures.curve_plots import curves_figure, loop_figure
 from gfmdlayer.figures.labels import value_labels
-from gfmdlayer.figures.loop_plot import loop_figure
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.results.reader import open_case, open_results

@@ -11,21 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from gfmdlayer.figures.snapshots import movie
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from PIL import Image
 
 from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
-from gfmdlayer.figures.labels import value_labels
+from gfmdlayer.figures.labels import quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
+from gfmdlayer.figures.movie import write_movie
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.quantities import quantity
 from gfmdlayer.figures.selection import notes, select, swept
-from gfmdlayer.figures.snapshots import movie
-from gfmdlayer.figures.snapshots.movie import write_movie
-from gfmdlayer.figures.snapshots.plots import snapshots_figure
-from gfmdlayer.results.schema import PARAMETERS, ResultsError
+from gfmdlayer.figures.snapshot_plots import snapshots_figure
+from gfmdlayer.results.schema import ResultsError, described_key
 
 TIMES = np.linspace(0.0, 4.0, 5)
 EIGHT = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
@@ -43,10 +42,7 @@ def sweep(
     fields = np.where(np.isin(numbers, failed), np.nan, numbers)[..., np.newaxis] * TIMES
     coordinates: dict[str, Any] = {"time": ("time", TIMES, {"units": "time"}), "case": (dims, numbers)}
     for key, name in names.items():
-        known = (
-            {"symbol": PARAMETERS[key].symbol, "units": PARAMETERS[key].units} if key in PARAMETERS else {}
-        )
-        coordinates[name] = ("case" if listed else name, list(keys[key]), {"key": key, **known})
+        coordinates[name] = ("case" if listed else name, list(keys[key]), described_key(key, str))
     units = {"contact_area": "1", "mean_pressure": "1", "depth": "length", "force": "force / length"}
     columns = {
         f"{name}_over_time" if name in names.values() else name: (
@@ -162,14 +158,16 @@ def test_a_third_key_is_held_at_a_value_that_is_said() -> None:
     )
     figure = curves_figure(whole)
     (bar,) = bars(figure)
-    assert said(figure) == r"held: $\nu$ = 0.4 (of 3 values)"
+    assert said(figure) == r"fixed: $\nu$ = 0.4 (of 3 values)"
     assert legend(figure) == [r"$G_\mathrm{bulk}$ = 1", r"$G_\mathrm{bulk}$ = 10"]
     assert (bar.get_ylabel(), bar.get_yscale()) == ("$d$", "log")
     for axes, factor in zip(figure.axes, (1, 2), strict=False):
         drawn = {line.get_ydata()[-1] for line in axes.lines}
         assert drawn == {4.0 * factor * number for number in whole["case"].sel(poisson=0.4).values.ravel()}
     held = curves_figure(select(whole, {"poisson": 0.5, "shear_modulus": 2}))
-    assert said(held) == r"held: $G_\mathrm{bulk}$ = 1 (of 2 values, nearest to 2), $\nu$ = 0.5 (of 3 values)"
+    assert (
+        said(held) == r"fixed: $G_\mathrm{bulk}$ = 1 (of 2 values, nearest to 2), $\nu$ = 0.5 (of 3 values)"
+    )
     assert len(held.axes[0].lines) == 8
 
 
@@ -347,9 +345,9 @@ def test_any_column_is_drawn_against_any_other() -> None:
         ResultsError, match=r"no column forc; did you mean 'force'\?; must be one of time, con"
     ):
         curves_figure(whole, y=["forc"])
-    with pytest.raises(ResultsError, match="log_time or inset has no effect on curves against depth"):
+    with pytest.raises(ResultsError, match="log_time or inset needs time on the x axis, not depth"):
         curves_figure(whole, x="depth", log_time=True)
-    with pytest.raises(ResultsError, match="time has no effect on curves against depth"):
+    with pytest.raises(ResultsError, match="time needs a swept key on the x axis, not depth"):
         curves_figure(whole, x="depth", time=1.0)
 
 
@@ -387,9 +385,9 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\nu$", "$d$")
     expected = 16 * whole["case"].sel(radius=2).transpose("thickness", "poisson").values
     np.testing.assert_array_equal(axes.images[0].get_array(), expected)
-    assert said(figure) == "held: $R$ = 2 (of 3 values)"
+    assert said(figure) == "fixed: $R$ = 2 (of 3 values)"
     assert axes.get_title(loc="left") == "(a)  max. over $t$"
-    with pytest.raises(ResultsError, match="along both axes"):
+    with pytest.raises(ResultsError, match="on both axes"):
         map_figure(whole, x="radius", y="punch.radius")
     with pytest.raises(ResultsError, match="radius has one value"):
         map_figure(select(whole, {"radius": 1}), x="radius")

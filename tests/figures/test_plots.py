@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from gfmdlayer.figures.snapshots import movie
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -18,8 +19,7 @@ from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
-from gfmdlayer.figures.snapshots import movie
-from gfmdlayer.figures.snapshots.plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
+from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
 from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError

@@ -21,8 +21,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.figures.report import cases as page_cases
 from gfmdlayer.figures.report import page as page_module
 from gfmdlayer.figures.report.cases import Listed, kept_rows
-from gfmdlayer.figures.report.marks import html
 from gfmdlayer.figures.report.page import write_report
+from gfmdlayer.figures.report.payload import html
 from gfmdlayer.observables import INDENTATION, Column, known_columns
 from gfmdlayer.observables.contact_statistics import TIME
 from gfmdlayer.results.reader import case_path, open_case
@@ -205,8 +205,8 @@ def test_pages_are_thinned_to_what_a_browser_takes_in_and_say_so(
     )
     assert surfaces[0]["note"] == "every 8th point along x, 2 of 8 snapshots"
     assert surfaces[0]["times"] == [0, 7]
-    assert data["notes"]["curves"].startswith("The page holds the curves of 4 of 6 complete cases. ")
-    assert data["notes"]["surfaces"] == "The page holds the surfaces of 3 of 6 cases."
+    assert data["notes"]["curves"].startswith("The page shows the curves of 4 of 6 complete cases. ")
+    assert data["notes"]["surfaces"] == "The page shows the surfaces of 3 of 6 cases."
 
 
 def test_thinned_rows_keep_the_ends_and_resolve_every_decade() -> None:

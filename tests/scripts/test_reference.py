@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
+from gfmdlayer.config import Config
 from gfmdlayer.config.json_schema import json_schema
-from gfmdlayer.results.schema import PARAMETERS
+from gfmdlayer.results.schema import SYMBOLS, parameter
 from gfmdlayer.validation.fields import dimension
+from gfmdlayer.validation.sections import described
 
 PAGES = runpy.run_path(str(Path(__file__).parents[2] / "docs/extensions/reference_pages.py"))
 SCHEMA = json_schema()
@@ -44,14 +46,12 @@ def test_numbers_say_their_dimension() -> None:
             assert bool(unit) != bool({key, f"{section}.{key}"} & PURE), (section, key)
 
 
-def test_the_dimension_of_a_key_is_that_of_its_label_in_figures() -> None:
-    found: dict[str, set[str]] = {}
-    for section, key, value in keys():
-        if section != "Units":
-            _, unit = dimension(value.get("description", "").partition("; must be ")[0])
-            found.setdefault(key, set()).add(unit or "1")
-    for dotted, known in PARAMETERS.items():
-        assert known.units.replace(" / ", "/") in found[dotted.rpartition(".")[2]], dotted
+def test_every_symbol_belongs_to_a_key_and_swept_keys_have_its_dimension() -> None:
+    for key in SYMBOLS:
+        assert described(Config, key)[0], key
+    assert parameter("grid.extent").units == "length"
+    assert parameter("trajectory.velocity").units == "length / time"
+    assert parameter("solver.method") is None
 
 
 @pytest.mark.parametrize("page", ["configuration", "columns"])

@@ -29,27 +29,13 @@ IN_TABLE = ("residual", "work", "energy_residual")  # columns whose extremes are
 
 
 class Listed(NamedTuple):
-    """A case of the configuration, computed or not.
-
-    Attributes
-    ----------
-    number : int
-        Its number.
-    path : Path
-        Its file, which is there if it is complete.
-    values : mapping
-        The swept keys, dotted, and their values.
-    state : str
-        complete, running, failed or waiting.
-    reason : str
-        Why it failed, or how far it is.
-    """
+    """A case of the configuration, computed or not."""
 
     number: int
-    path: Path
-    values: Mapping[str, object]
-    state: str = "complete"
-    reason: str = ""
+    path: Path  # there if the case is complete
+    values: Mapping[str, object]  # swept keys, dotted
+    state: str = "complete"  # or running, failed, waiting
+    reason: str = ""  # of the failure, or the progress
 
 
 class Described(NamedTuple):
@@ -61,71 +47,32 @@ class Described(NamedTuple):
 
 @dataclass
 class Surfaces:
-    """Snapshots of a case.
+    """Snapshots of a case."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (snapshots,)
-        Those kept of `among`.
-    axes : dict
-        x and, of a surface, y: the points kept.
-    strides : tuple of int
-        Points of the file for each point kept, along each axis.
-    fields : dict
-        displacement, pressure and, where the file has it, gap: shape (snapshots, x[, y]).
-    among : int
-        Snapshots in the file.
-    """
-
-    times: FloatArray
-    axes: dict[str, FloatArray]
-    strides: tuple[int, ...]
-    fields: dict[str, FloatArray]
-    among: int
+    times: FloatArray  # those kept
+    axes: dict[str, FloatArray]  # x and, of a surface, y: the points kept
+    strides: tuple[int, ...]  # points of the file for each point kept, along each axis
+    fields: dict[str, FloatArray]  # (snapshots, x[, y])
+    among: int  # snapshots in the file
 
 
 @dataclass
 class Contents:
-    """What a page takes from the file of a case.
-
-    Attributes
-    ----------
-    attributes : dict
-        Those of the file.
-    rows : int
-        In the file.
-    columns : dict
-        Columns along time, time itself included, at the rows that are kept; also distributions (rows, bins).
-        Empty where the page has no room for the case.
-    extremes : dict
-        Column -> largest magnitude in the file; of a case without room, for those in the table.
-    lists : dict
-        Variables along any other dimension, and attributes that are arrays.
-    surfaces : Surfaces, optional
-        The snapshots, if it has any and the page has room for them.
-    """
+    """The part of a case's file that a page shows."""
 
     attributes: dict[str, Any]
-    rows: int = 0
+    rows: int = 0  # in the file
+    # Columns along time, time itself included, at the rows kept; empty if the page has no room for the case.
     columns: dict[str, FloatArray] = field(default_factory=dict)
+    # Column -> largest magnitude in the file; of a case without room, for the columns in the table.
     extremes: dict[str, float] = field(default_factory=dict)
+    # Variables along any other dimension, and attributes that are arrays.
     lists: dict[str, FloatArray] = field(default_factory=dict)
     surfaces: Surfaces | None = None
 
 
 class Reader:
-    """Reads the cases of a page.
-
-    Parameters
-    ----------
-    cases : sequence of Listed
-        All of them.
-
-    Attributes
-    ----------
-    described : dict
-        Variable -> its attributes and dimensions, as the first file has them.
-    """
+    """Reads the cases of a page; `described` has the attributes and dimensions of each variable."""
 
     def __init__(self, cases: Sequence[Listed]) -> None:
         self._files = [case.number for case in cases if case.state == "complete"]

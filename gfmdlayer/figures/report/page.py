@@ -15,7 +15,7 @@ from typing import Any
 from gfmdlayer.figures.plot_style import check_suffix
 from gfmdlayer.figures.report.cases import Listed
 from gfmdlayer.figures.report.payload import payload
-from gfmdlayer.figures.snapshots.plots import GAP_COLOURS, PRESSURE_COLOURS
+from gfmdlayer.figures.snapshot_plots import GAP_COLOURS, PRESSURE_COLOURS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import ResultsError
@@ -25,28 +25,9 @@ COLOURS = 32  # of a scale; browsers interpolate
 
 
 def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "") -> Path:
-    """Write the page of a case or a sweep.
+    """Write the page (.html) of a case or a sweep, over an earlier one; return its path.
 
-    Parameters
-    ----------
-    cases : sequence of Listed
-        All cases of the configuration, or one.
-    out : Path
-        The page, .html; an earlier one is replaced.
-    title : str
-        Its title.
-    config : str
-        The configuration; by default that of the first complete case.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    ResultsError
-        If the name is not that of a page, or the page cannot be written.
+    `config` is the configuration, by default that of the first complete case.
     """
     check_suffix(out, (".html", ".htm"))
     try:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gfmdlayer.figures.labels import finish, quantity
 from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
-from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshots.fields import Extremes, limits
-from gfmdlayer.figures.snapshots.plots import PUNCH, draw_bar, draw_map, heights, map_values
+from gfmdlayer.figures.snapshot_plots import PUNCH, Extremes, draw_bar, draw_map, heights, limits, map_values
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
@@ -43,25 +42,9 @@ def check_movie(path: Path) -> None:
 def write_movie(
     case: Dataset, path: Path, title: str = "", style: Style = SCREEN, fps: int | None = None
 ) -> None:
-    """Write a movie of a case; one snapshot at a time is in memory.
+    """Write a movie of a case, .mp4 (needs ffmpeg) or .gif; one snapshot at a time is in memory.
 
-    Parameters
-    ----------
-    case : Dataset
-        A case with snapshots, as the reader opens it.
-    path : Path
-        The movie; .mp4 needs ffmpeg.
-    title : str
-        Title of the case.
-    style : Style
-        Fonts and lines.
-    fps : int, optional
-        Frames in a second; by default as many as make SECONDS, within RATES.
-
-    Raises
-    ------
-    ResultsError
-        If the movie cannot be written.
+    By default a second has as many frames as make SECONDS, within RATES.
     """
     from matplotlib.animation import FFMpegWriter, PillowWriter
 

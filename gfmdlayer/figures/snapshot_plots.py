@@ -8,14 +8,16 @@ read one at a time, and thinned to what a picture can show.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gfmdlayer.figures.curve_family import LEGEND_MOST, ColourBar
-from gfmdlayer.figures.labels import value_labels
+from gfmdlayer.figures.labels import finish, quantity, value_labels
 from gfmdlayer.figures.plot_style import (
     PAPER,
     Dashes,
@@ -27,18 +29,8 @@ from gfmdlayer.figures.plot_style import (
     spread,
     styled,
 )
-from gfmdlayer.figures.quantities import finish, quantity
-from gfmdlayer.figures.snapshots.fields import (
-    Extremes,
-    Window,
-    at_times,
-    each_snapshot,
-    limits,
-    part_of,
-    section,
-    snapshot_times,
-    snapshot_titles,
-)
+from gfmdlayer.figures.selection import case_titles
+from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -47,11 +39,139 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
     from xarray import DataArray, Dataset
 
     from gfmdlayer.arrays import FloatArray
-    from gfmdlayer.figures.quantities import Quantity
+    from gfmdlayer.figures.labels import Quantity
+
+
+# Selection of the surfaces to draw: cases with snapshots, their times, cuts, the extent of the contact.
+
+Window = Mapping[str, tuple[float, float]]  # the part of each axis that is shown
+
+# Of the largest pressure: a solver may leave less than its tolerance where there is no contact.
+NOTICEABLE = 1e-4
+
+
+@contextmanager
+def cases_with_snapshots(
+    path: Path, results: Dataset, number: int | None, most: int
+) -> Iterator[dict[str, Dataset]]:
+    """Open the cases to draw, as title -> case, for a `with` block.
+
+    `results` are the contents of the folder or file at `path`, or a selection of its cases. By default all
+    complete cases are opened, or `most` of them from the first to the last; with `number`, this case.
+    """
+    if "case" in results.coords:
+        opened = _open_cases(path, results, number, most)
+    elif number:
+        raise ResultsError(f"{path}: there is no case {number}; must be 0, the only one")
+    else:
+        opened = {"": results}
+    try:
+        yield {title: case for title, case in opened.items() if case.sizes["snapshot"]}
+    finally:
+        for case in opened.values():
+            if case is not results:
+                case.close()
+
+
+def _open_cases(path: Path, sweep: Dataset, number: int | None, most: int) -> dict[str, Dataset]:
+    numbers = sweep["case"].to_numpy().ravel().tolist()
+    if number is not None and number not in numbers:
+        raise ResultsError(f"{path}: there is no case {number}; must be from 0 to {max(numbers)}")
+    titled = zip(case_titles(sweep).values(), numbers, strict=True)
+    wanted = [(title, index) for title, index in titled if number is None or index == number]
+    complete = [(title, index) for title, index in wanted if is_complete(case_path(path, index))]
+    if number is not None and not complete:
+        raise ResultsError(f"{path}: case {number} is not complete{' among those selected' * (not wanted)}")
+    opened: dict[str, Dataset] = {}
+    for title, index in [complete[i] for i in spread(len(complete), most)]:
+        own = f"{title}, case {index:04d}" if title in opened else title
+        opened[own] = open_case(case_path(path, index)).assign_coords(case=index)
+    return opened
+
+
+def at_times(case: Dataset, times: Sequence[float]) -> Dataset:
+    """Select the snapshots at some times, in the units of the config; ResultsError if one is missing."""
+    present = case["snapshot"].to_numpy()
+    for time in times:
+        if not np.isclose(present, time, rtol=1e-9, atol=0).any():
+            known = ", ".join(f"{each:g}" for each in present)
+            raise ResultsError(f"there is no snapshot at time {time:g}; there are {known or 'none'}")
+    return case.sel(snapshot=list(times), method="nearest")
+
+
+def section(case: Dataset) -> Dataset:
+    """Cut a surface along x, through its highest pressure at the last snapshot; a line stays as it is."""
+    if "y" not in case.dims:
+        return case
+    pressure = case["pressure"].isel(snapshot=-1)
+    return case.isel(y=int(pressure.max("x").argmax("y")))
+
+
+def snapshot_times(case: Dataset) -> tuple[Quantity, list[float]]:
+    """Return how time is drawn, and the times of the snapshots, divided by its scale."""
+    time = quantity(case["snapshot"], case.attrs)
+    return time, [float(f"{each / time.scale:.12g}") for each in case["snapshot"].to_numpy()]
+
+
+def snapshot_titles(case: Dataset) -> list[str]:
+    """Return the times of the snapshots, each with the symbol and the unit of time."""
+    time, times = snapshot_times(case)
+    return [time.equals(each) for each in value_labels(times)]
+
+
+def part_of(case: Dataset, most: int) -> tuple[Dataset, list[str]]:
+    """Return at most so many of the snapshots, from the first to the last, and a note on those left out."""
+    count = case.sizes["snapshot"]
+    if count <= most:
+        return case, []
+    return case.isel(snapshot=spread(count, most)), [f"{most} of {count} snapshots"]
+
+
+class Extremes(NamedTuple):
+    """The highest pressure of all snapshots of some cases, and the part of each axis around the contact."""
+
+    peak: float
+    view: Window
+
+    @classmethod
+    def of(cls, cases: Iterable[Dataset]) -> Extremes:
+        """Read the pressure of every snapshot of the cases, all on one grid."""
+        every = list(cases)
+        names = [name for name in "xy" if name in every[0]["pressure"].dims]
+        ends: dict[str, list[float]] = {name: [] for name in names}
+        peak = 0.0
+        for one in (one for case in every for one in each_snapshot(case["pressure"])):
+            highest = float(one.max())
+            peak = max(peak, highest)
+            noticeable = one > NOTICEABLE * max(highest, 0.0)
+            for name in names:
+                pressed = noticeable.any([dim for dim in one.dims if dim != name]).to_numpy()
+                ends[name] += one[name].to_numpy()[pressed][[0, -1]].tolist() if pressed.any() else []
+        return cls(peak or 1.0, {name: _shown(every[0][name].to_numpy(), ends[name]) for name in names})
+
+
+def _shown(coordinate: NDArray[np.float64], ends: list[float]) -> tuple[float, float]:
+    start, stop = float(coordinate[0]), float(coordinate[-1])
+    if not ends:
+        return start, stop
+    margin = 0.5 * (max(ends) - min(ends)) + 4.0 * float(coordinate[1] - coordinate[0])
+    return max(start, min(ends) - margin), min(stop, max(ends) + margin)
+
+
+def limits(field: DataArray) -> tuple[float, float]:
+    """Return the least and the largest value over all snapshots, of which one at a time is in memory."""
+    found = [(float(one.min()), float(one.max())) for one in each_snapshot(field)]
+    return min(low for low, _ in found), max(high for _, high in found)
+
+
+def each_snapshot(field: DataArray) -> Iterator[DataArray]:
+    """Yield the field of each snapshot, read when it comes."""
+    for i in range(field.sizes["snapshot"]):
+        yield field.isel(snapshot=i).load()
 
 
 MOST_CASES = 6
@@ -65,20 +185,11 @@ PUNCH: dict[str, Any] = {"color": "0.4", "linestyle": (0, (4, 2))}
 
 
 def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = ()) -> Figure:
-    """Draw the snapshots of cases.
+    """Draw the snapshots of cases (title -> case), whose grids have the same number of dimensions.
 
     Line contacts have a row of two panels for each case, displacement and pressure, with a curve for each
     snapshot. A single case in two dimensions is drawn as maps of pressure and gap, with punch, surface and
     pressure along a cut; several cases as a row of pressure maps each.
-
-    Parameters
-    ----------
-    cases : mapping
-        Title -> case as the reader opens it; all have snapshots, and grids of one dimensionality.
-    style : Style
-        Fonts and lines, and the size of a column.
-    notes : sequence of str
-        What the figure says of other cases.
     """
     with styled(style):
         first, more = next(iter(cases.values())), list[str]()
@@ -230,20 +341,9 @@ def _height_of_map(columns: int, view: Window) -> float:
 def draw_map(
     axes: Axes, case: Dataset, field: DataArray, view: Window, ends: tuple[float, float]
 ) -> AxesImage:
-    """Draw one field over the surface.
+    """Draw one field over the part `view` of the surface, with colours between two `ends`.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    case : Dataset
-        The case, whose attributes are the scales.
-    field : DataArray
-        The field along x and y; NaN is drawn in the colour of the contact.
-    view : Window
-        The part of x and y that is shown.
-    ends : (float, float)
-        Least and largest value of the colours.
+    Values are divided by the scales of the case; NaN has the colour of the contact.
     """
     x, y = (quantity(case[name], case.attrs) for name in "xy")
     scale = quantity(field, case.attrs).scale
@@ -302,24 +402,15 @@ LEFT, BELOW, LINE = 0.13, 0.13, 0.075
 class Inset(NamedTuple):
     """The profile of punch and surface of a case at some times.
 
-    Attributes
-    ----------
-    profile : Dataset
-        Displacement, pressure and gap along (snapshot, x); its coordinate `case`, if any, is the number of
-        the case in a sweep.
+    The data are displacement, pressure and gap along (snapshot, x); the coordinate `case`, if any, is the
+    number of the case in a sweep.
     """
 
     profile: Dataset
 
     @classmethod
     def of(cls, case: Dataset, times: Sequence[float]) -> Inset:
-        """Cut a case at times of its snapshots.
-
-        Raises
-        ------
-        ResultsError
-            If there is no snapshot at one of the times, or the snapshots have no gap.
-        """
+        """Cut a case at times of its snapshots; ResultsError without such a snapshot, or without gaps."""
         if "gap" not in case:
             raise ResultsError(
                 "the snapshots have no gap, an earlier version wrote them: run the config again"
@@ -391,19 +482,7 @@ MOST_TICKS = 12
 def waterfall_figure(
     case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = ()
 ) -> Figure:
-    """Draw the contact pressure at the times of the snapshots; a surface in two dimensions is cut along x.
-
-    Parameters
-    ----------
-    case : Dataset
-        A case with snapshots, as the reader opens it.
-    title : str
-        Title of the case.
-    style : Style
-        Fonts and lines, and the size of a column.
-    notes : sequence of str
-        What the figure says of other cases.
-    """
+    """Draw the contact pressure at the times of the snapshots; a surface is cut along x."""
     cut, more = part_of(section(case), MOST_PROFILES)
     clock, seconds = snapshot_times(cut)
     times, count = value_labels(seconds), len(seconds)

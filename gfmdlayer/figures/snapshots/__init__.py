@@ -1,1 +1,0 @@
-"""Pictures and movies of the fields at the times of the snapshots."""
