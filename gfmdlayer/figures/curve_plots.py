@@ -188,7 +188,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """
     with styled(style):
         drawn, legend = family(dataset), []
-        titles = [title for title, *_ in drawn.legend] if len(drawn.legend) == len(drawn.curves) else []
+        # Over two keys, colours and line styles have entries of their own: no entry belongs to one curve.
+        own = [look for _, *look in drawn.legend] == [[curve.colour, curve.dashes] for curve in drawn.curves]
+        titles = [title for title, *_ in drawn.legend] if own else []
         figure = new_figure(1, 66.0 + ROW_MM * len(titles), style)
         axes = figure.subplots()
         for i, curve in enumerate(drawn.curves):

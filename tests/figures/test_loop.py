@@ -54,6 +54,21 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
         assert shown(case.attrs["work_of_separation"]) in texts(figure)
 
 
+def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results: Path) -> None:
+    sweep = open_results(results)
+    loop, curves = loop_figure(results, sweep), curves_figure(sweep)
+    looks = [
+        [
+            (entry.get_label(), entry.get_color(), entry.get_linestyle())
+            for entry in figure.legends[0].get_lines()
+        ]
+        for figure in (loop, curves)
+    ]
+    assert looks[0] == looks[1]
+    speeds = {line.get_color() for line in loop.axes[0].lines[:4]}
+    assert speeds == {colour for _, colour, _ in looks[0] if colour != "black"}
+
+
 def test_a_loop_leaves_out_the_depths_at_which_the_punch_is_away(results: Path) -> None:
     case = open_case(results / "cases" / "0000.h5").load()
     away = case.depth < -0.01

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from gfmdlayer.figures.snapshots import movie
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from PIL import Image
 
+from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_family import Scale, family
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import quantity, value_labels
@@ -389,7 +389,7 @@ def test_maps_of_any_column_over_any_two_keys_at_extremes() -> None:
     assert axes.get_title(loc="left") == "(a)  max. over $t$"
     with pytest.raises(ResultsError, match="on both axes"):
         map_figure(whole, x="radius", y="punch.radius")
-    with pytest.raises(ResultsError, match="radius has one value"):
+    with pytest.raises(ResultsError, match="radius has only one value"):
         map_figure(select(whole, {"radius": 1}), x="radius")
 
 

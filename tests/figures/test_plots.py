@@ -10,10 +10,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from gfmdlayer.figures.snapshots import movie
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import mathtext, value_labels
 from gfmdlayer.figures.map_plots import map_figure
