@@ -8,12 +8,14 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import Body, layered_body
+from gfmdlayer.body.body import Body
 from gfmdlayer.body.materials import Material, PronySeries
-from gfmdlayer.body.stack import Layer
+from gfmdlayer.body.solid import fault
 from gfmdlayer.body.temperature import shifts
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config
-from gfmdlayer.config.layers import mean_stiffness
+from gfmdlayer.config.bodies import place_of
+from gfmdlayer.config.layers import Layers
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
@@ -26,6 +28,8 @@ from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
 from gfmdlayer.validation.sections import files_named
 
+FEW_WAVES = 6  # along an axis, at which a body of the user's own is computed before a run
+
 
 def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:
     """Return the grid of a case, over the ranks that compute it."""
@@ -35,22 +39,8 @@ def make_grid(config: Config, ranks: Ranks = ALONE) -> Grid:
 
 
 def make_body(config: Config, materials: Sequence[Material]) -> Body:
-    """Return the layers on their halfspace.
-
-    A stack merges its modes to the tolerance of the solver.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-    materials : sequence of Material
-        Of each of `config.laws`.
-    """
-    base = config.halfspace
-    given = zip(config.stacked, materials, strict=False)  # the last is the halfspace's, where it has one
-    layers = [Layer(each.thickness, each.poisson, material) for each, material in given]
-    below = materials[-1] if base.shear_modulus is None else base.shear_modulus
-    return layered_body(layers, below, base.poisson, accuracy=config.solver.tolerance)
+    """Return the body with a material for each of `config.laws`; modes merge to the solver's tolerance."""
+    return config.solid.with_series(materials, config.solver.tolerance)
 
 
 def make_punch(config: Config, grid: Grid) -> FloatArray:
@@ -228,9 +218,10 @@ def input_errors(configs: Iterable[Config], ranks: Ranks = ALONE) -> Iterator[tu
     """
     seen = set()
     for config in configs:
-        held = mean_stiffness(config.stacked, config.halfspace)
+        held = config.solid.mean_stiffness
         inputs = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, held, config.interface),
+            *(config.grid, config.body, held),
+            *(config.punch, config.trajectory, config.time.steady, config.interface),
             *(config.temperature, config.temperature and config.time.end, *shifts(config).values()),
         )
         if inputs not in seen:
@@ -248,6 +239,9 @@ def _input_errors(config: Config, ranks: Ranks) -> Iterator[tuple[str, str]]:
             yield from admissible.table_errors(config, make_trajectory(config))
         except TableError as error:
             yield key, str(error)
+        return
+    if message := _fault_of_the_body(config):
+        yield "body.file" if "body.file" in names else "body", message
         return
     try:
         heights = make_punch(config, make_grid(config, ranks))
@@ -276,9 +270,24 @@ def _input_errors(config: Config, ranks: Ranks) -> Iterator[tuple[str, str]]:
             message = f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
             yield "trajectory.file", message
         return
-    stiffness = mean_stiffness(config.stacked, config.halfspace)
-    if message := too_deep(float(values.max()), mean(heights, ranks), stiffness):
+    if message := too_deep(float(values.max()), mean(heights, ranks), config.solid.mean_stiffness):
         yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+
+def _fault_of_the_body(config: Config) -> str:
+    """Compute a body that is not made of layers at some waves of the grid; return why it cannot be used."""
+    if config.body is None or isinstance(config.body, Layers):
+        return ""
+    axes = [np.unique(axis)[:: max(1, axis.size // FEW_WAVES)] for axis in make_grid(config).wavevectors]
+    q = [np.ravel(axis) for axis in np.meshgrid(*axes, indexing="ij")]
+    nearest_first = np.argsort(sum(np.square(axis) for axis in q), kind="stable")
+    waves = Wavevectors.of_components(*(axis[nearest_first] for axis in q))
+    try:
+        return fault(make_body(config, [series.material for series in make_series(config)]), waves)
+    except TableError:
+        return ""  # which is reported for the file that it is in
+    except Exception as error:
+        return f"{place_of(error, str(getattr(config.body, 'file', '')))}; must be computed without an error"
 
 
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:

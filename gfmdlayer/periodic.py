@@ -275,7 +275,7 @@ class Case:
         made = partial(declared.load(), transforms, **options)
         if self.velocity is not None and not declared.nonsymmetric:
             made = partial(with_loss, made, transforms, self.grid.parseval_weights)
-        stiffened = contrast(self.config.laws, time.end)
+        stiffened = contrast(self.config.solid.roughly(time.end))
         aim = finer(given.tolerance, time.tolerance, stiffened, attracts=attracts)
         return tightened(made, given.tolerance, given.max_iterations, aim)
 

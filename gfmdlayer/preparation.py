@@ -97,10 +97,9 @@ def _in_small(config: Config) -> Config:
 
 def _indented_in_small(config: Config) -> Config:
     """An isolated case of one ramp, small beside the layers: wide contacts on thin ones take long."""
-    control, base = config.trajectory.control, config.halfspace.shear_modulus
-    size = min((each.thickness for each in config.stacked if 0 < each.thickness < math.inf), default=1.0)
-    moduli = [*(law.unit for law in config.laws), *([base] if base and math.isfinite(base) else [])]
-    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(moduli)
+    control, body = config.trajectory.control, config.solid
+    size = min((each for each in body.thicknesses if 0 < each < math.inf), default=1.0)
+    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(body.moduli)
     return config.with_values(
         {
             "grid": {"geometry": "axisymmetric", "points": config.grid.points},

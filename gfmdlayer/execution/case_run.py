@@ -223,9 +223,9 @@ class _Run:
 def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
     """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
     found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
-    if (tau := config.surface.material.characteristic_time) is not None:
+    if (tau := config.solid.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.surface.material.unit
+    found["G0"] = config.solid.unit
     found["control"] = config.trajectory.control
     if not config.grid.axisymmetric:
         found["L"] = config.grid.period[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -79,13 +78,9 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
 
 
 def _of_the_base(config: Any) -> Iterator[Problem]:
-    layers, modulus = config.stacked, config.halfspace.shear_modulus
-    thickness = sum(layer.thickness for layer in layers)
-    if modulus == 0 and math.isfinite(thickness):
-        message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-        yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers", *_GEOMETRY))
-    depth = config.trajectory.depth
-    if depth is not None and modulus == math.inf and depth >= thickness:
+    yield from (problem.within((), *_GEOMETRY) for problem in config.solid.problems_isolated())
+    depth, thickness = config.trajectory.depth, config.solid.rigid_below
+    if depth is not None and depth >= thickness:
         message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
         yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
 
@@ -104,10 +99,10 @@ def table_errors(config: Any, trajectory: Any) -> Iterator[tuple[str, str]]:
     if file is None:
         return
     least, most = float(trajectory.values.min()), float(trajectory.values.max())
-    thickness = sum(layer.thickness for layer in config.stacked)
+    thickness = config.solid.rigid_below
     if control == "force" and least < 0:
         yield "trajectory.file", f"{file}: holds a negative force; must be >= 0, there is no adhesion"
-    if control == "depth" and config.halfspace.shear_modulus == math.inf and most >= thickness:
+    if control == "depth" and most >= thickness:
         message = f"{file}: holds a depth of {most:.6g}, beyond the rigid base"
         yield "trajectory.file", f"{message}; must be below the thickness above it, {thickness!r}"
 
@@ -123,6 +118,8 @@ def plainly_possible(config: Any) -> bool:
     given = config.trajectory
     if config.grid.axisymmetric:
         return given.file is None and not hasattr(config.punch, "file")
+    if config.body is not None:  # which is computed once before the run
+        return False
     mean_height = config.punch.mean_height(config.grid.cell)
     if files_named(config) or mean_height is None:
         return False
