@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Elastic, Law, Material
@@ -21,6 +21,8 @@ from gfmdlayer.validation.problems import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from gfmdlayer.body.network import InternalVariables
 
 
 class Body(Protocol):
@@ -46,6 +48,25 @@ class Body(Protocol):
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
         """Return the relaxing modes at the wavevectors, of any shape."""
         ...
+
+
+def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
+    """Return the internal variables of a body whose layers may have reduced times of their own.
+
+    Such a body has the method `internal_variables(waves)`, like `LayerStack`.
+
+    Raises
+    ------
+    TypeError
+        If the body does not offer them.
+    """
+    offered = getattr(body, "internal_variables", None)
+    if offered is None:
+        raise TypeError(
+            f"layers with different shifts: a {type(body).__name__} has one reduced time; "
+            "must be a body with the method internal_variables, like LayerStack"
+        )
+    return cast("InternalVariables", offered(waves))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.network import Member, Network, assemble, singular_values
+from gfmdlayer.body.network import InternalVariables, Member, Network, assemble, singular_values
 from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches
 from gfmdlayer.body.springs import (
     halfspace_minors,
@@ -186,14 +186,6 @@ class LayerStack:
         relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
         return Spectrum(relaxed, weights, times, found.error)
 
-    def uppermost_layer(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxed stiffness at the wavenumbers q, and of the modes those beside the network."""
-        q = np.ravel(np.asarray(q, dtype=float))
-        moduli, times = distinct_branches(self.present[0].material)
-        _, free = self._members(np.where(q > 0, q, 1.0))
-        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
-        return Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
-
     def network(self, q: ArrayLike) -> Network:
         """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
         q = np.asarray(q, dtype=float)
@@ -201,7 +193,19 @@ class LayerStack:
         finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
 
-    def coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
+    def internal_variables(self, waves: Wavevectors | ArrayLike) -> InternalVariables:
+        """Return the internal variables of all layers at the wavevectors, of any shape."""
+        q = np.ravel(np.asarray(waves, dtype=float))
+        moduli, times = distinct_branches(self.present[0].material)
+        _, free = self._members(np.where(q > 0, q, 1.0))
+        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
+        uppermost = Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
+        different, where = np.unique(q, return_inverse=True)
+        network, number = self._coupled(different)
+        laws = tuple(i for i, layer in enumerate(self.layers) if layer.thickness)
+        return InternalVariables(uppermost, network, number[where], laws)
+
+    def _coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
         """Return the network where it is not negligible, and for each of the q its number there, or -1."""
         parts, numbers, count = [], np.full(q.size, -1, dtype=np.intp), 0
         for start in range(0, q.size, _CHUNK):

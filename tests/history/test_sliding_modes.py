@@ -49,9 +49,7 @@ def test_phi_functions_keep_their_digits(z: complex) -> None:
 
 def one_mode(theta: float, q: float, velocity: Any) -> SlidingModes:
     spectrum = Spectrum(np.array([0.3]), np.array([[1.7]]), np.array([[theta]]))
-    return SlidingModes(
-        spectrum, exponential, Sums(np.ones(1)), wavenumbers_x=np.full((2, 1), q), velocity=velocity
-    )
+    return SlidingModes(spectrum, Sums(np.ones(1)), wavenumbers_x=np.full((2, 1), q), velocity=velocity)
 
 
 @pytest.mark.parametrize("theta", [1e-3, 0.4, 50.0])
@@ -88,9 +86,7 @@ def test_the_steady_state_is_the_kernel_of_steady_sliding_for_any_step() -> None
     grid, v = Grid((16,), (1.0,)), 0.7
     q = grid.wavenumbers
     spectrum = relaxation_spectrum(layer, material, q)
-    modes = SlidingModes(
-        spectrum, exponential, grid.sums, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v)
-    )
+    modes = SlidingModes(spectrum, grid.sums, wavenumbers_x=grid.wavenumbers_x, velocity=Constant(v))
     u = np.exp(1j * np.arange(9))
     u[[0, -1]] = u[[0, -1]].real
     for step in (0.0, 1000.0, 3.0, 3.0):
