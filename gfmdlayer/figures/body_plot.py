@@ -106,8 +106,8 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
 def _response_figure(config: Config, style: Style) -> Figure:
     """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
     body = make_body(config, [series.material for series in make_series(config)])
-    shortest = 2 * math.pi / max(config.grid.period)
-    q = np.geomspace(shortest, max(map(math.prod, _waves(config))), 121)
+    cell = list(zip(config.grid.points, config.grid.period, strict=True))
+    q = math.pi * np.geomspace(2 / max(config.grid.period), max(n / length for n, length in cell), 121)
     along = {"$q_x$": Wavevectors.of_components(q)}
     if len(config.grid.points) == 2:
         along["$q_y$"] = Wavevectors.of_components(0.0, q)
@@ -121,22 +121,14 @@ def _response_figure(config: Config, style: Style) -> Figure:
             stiffness.loglog(q, found.glassy, color=shade, linestyle="--")
             kept = (found.weights[:, 0] * np.exp(-times[:, np.newaxis] / found.times[:, 0])).sum(axis=1)
             relaxation.loglog(times, found.relaxed[0] + kept, color=shade, label=f"along {name}")
-        per_length = (
-            _in(config, "$q$", "length") if config.units is None else f"$q$ (1/{config.units.length})"
-        )
-        stiffness.set(xlabel=per_length, ylabel=_in(config, "$K$, relaxed and sudden (dashed)", _STIFFNESS))
-        relaxation.set(
-            xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$K$ at the longest wave", _STIFFNESS)
-        )
+        stiffness.set(xlabel=_in(config, "$q$", "1 / length"), ylabel=_in(config, "$K$", _STIFFNESS))
+        stiffness.set_title("relaxed, and sudden (dashed)")
+        relaxation.set(xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$K$", _STIFFNESS))
+        relaxation.set_title("at the longest wave")
         relaxation.set_xlim(times[0], times[-1])
         for axes in (stiffness, relaxation):
             axes.legend()
     return figure
-
-
-def _waves(config: Config) -> list[tuple[float, float]]:
-    """Points and half of the spacing of wavenumbers along each axis: their products are the shortest waves."""
-    return [(n, math.pi / length) for n, length in zip(config.grid.points, config.grid.period, strict=True)]
 
 
 def _blocks(body: Layers) -> list[Block]:
