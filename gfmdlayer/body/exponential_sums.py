@@ -25,8 +25,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from gfmdlayer.arrays import BoolArray, ComplexArray, FloatArray
-from gfmdlayer.body.materials import PronySeries
-from gfmdlayer.body.maxwell import Prony
+from gfmdlayer.body.materials import Prony, PronySeries
 
 if TYPE_CHECKING:
     from gfmdlayer.body.materials import Law
