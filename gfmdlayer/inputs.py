@@ -278,10 +278,9 @@ def _fault_of_the_body(config: Config) -> str:
     """Compute a body that is not made of layers at some waves of the grid; return why it cannot be used."""
     if config.body is None or isinstance(config.body, Layers):
         return ""
-    axes = [np.unique(axis)[:: max(1, axis.size // FEW_WAVES)] for axis in make_grid(config).wavevectors]
-    q = [np.ravel(axis) for axis in np.meshgrid(*axes, indexing="ij")]
-    nearest_first = np.argsort(sum(np.square(axis) for axis in q), kind="stable")
-    waves = Wavevectors.of_components(*(axis[nearest_first] for axis in q))
+    every = (np.ravel(axis) for axis in make_grid(config).wavevectors)
+    axes = [q[np.argsort(np.abs(q))][:: max(1, q.size // FEW_WAVES)] for q in every]  # q = 0 first
+    waves = Wavevectors.of_components(*(np.ravel(q) for q in np.meshgrid(*axes, indexing="ij")))
     try:
         return fault(make_body(config, [series.material for series in make_series(config)]), waves)
     except TableError:

@@ -51,7 +51,7 @@ class Solid(Kind):
     ...         return gfmdlayer.Spectrum.of_material(self.k + 0 * np.asarray(waves), gfmdlayer.Elastic(1.0))
     >>> config = gfmdlayer.Config(name="bed", grid={"points": 64})
     >>> case = gfmdlayer.Case(config, body=Bed(k=5.0))
-    >>> case.integrator.glassy[:2]
+    >>> case.body.stiffness(case.grid.waves, 0.0)[:2]
     array([5., 5.])
     """
 
@@ -61,9 +61,9 @@ class Solid(Kind):
     """word that chooses the body"""
 
     @property
-    @abstractmethod
     def mean_stiffness(self) -> float:
-        """K(q = 0, s = 0) of the relaxed body; 0 where the mean displacement is prescribed."""
+        """K(q = 0, s = 0) of the relaxed body; 0, the default, where the mean displacement is prescribed."""
+        return 0.0
 
     @abstractmethod
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:

@@ -12,6 +12,7 @@ import inspect
 import sys
 import traceback
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from types import ModuleType
 from typing import Any
@@ -95,11 +96,12 @@ def _of_file(given: Any) -> Solid:
     try:
         path = BodyFile.model_validate({"file": given["file"]}).file
     except ValidationError as error:
-        raise InconsistentError(explained(error, BodyFile, ())) from None
+        found = [replace(problem, chooses=True) for problem in explained(error, BodyFile, ())]
+        raise InconsistentError(found) from None
     try:
         section = body_class(path.read_bytes(), str(path))
     except ValueError as error:
-        raise InconsistentError([Problem(("file",), str(error))]) from None
+        raise InconsistentError([Problem(("file",), str(error), chooses=True)]) from None
     data = dict(given)
     for key in keys_of_files(section):  # beside the file of the body
         if key != "file" and isinstance(data.get(key), str):
