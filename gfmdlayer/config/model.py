@@ -22,12 +22,12 @@ from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.bodies import BODY
+from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
-from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -135,7 +135,7 @@ class Config(Section):
         yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
         yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
-        yield from admissible.problems(self)
+        yield from self.geometry.problems(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
@@ -153,7 +153,12 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        return admissible.plainly_possible(self)
+        return self.geometry.plainly_possible(self)
+
+    @property
+    def geometry(self) -> Geometry:
+        """The geometry of the contact, of `grid.geometry`."""
+        return GEOMETRIES[self.grid.geometry or "periodic"]
 
     @property
     def solid(self) -> Solid:
@@ -202,7 +207,7 @@ class Config(Section):
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
+        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

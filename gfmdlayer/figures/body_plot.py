@@ -16,7 +16,7 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.config.layers import Layers
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
-from gfmdlayer.inputs import make_body, make_series
+from gfmdlayer.programme import Programme
 from gfmdlayer.results.reader import attributes, case_path
 from gfmdlayer.results.schema import ResultsError
 
@@ -105,7 +105,10 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
 
 def _response_figure(config: Config, style: Style) -> Figure:
     """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
-    body = make_body(config, [series.material for series in make_series(config)])
+    programme = Programme(config)
+    every = zip(config.laws, programme.reduced_times, strict=True)
+    series = [law.prony(*programme.times_of_response(reduced, 0.0)) for law, reduced in every]
+    body = config.solid.with_series([each.material for each in series], 0.0)
     cell = list(zip(config.grid.points, config.grid.period, strict=True))
     q = math.pi * np.geomspace(2 / max(config.grid.period), max(n / length for n, length in cell), 121)
     along = {"$q_x$": Wavevectors.of_components(q)}

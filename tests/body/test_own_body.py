@@ -17,9 +17,8 @@ import gfmdlayer
 from gfmdlayer import Case, Config, ConfigError, Wavevectors, Zener, load, simulate
 from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
-from gfmdlayer.execution.sweep import cases
+from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.figures.body_plot import body_figure
-from gfmdlayer.inputs import input_errors
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = re.findall(
@@ -41,11 +40,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def configured(text: str, **keys: Any) -> Config:
     Path("case.yaml").write_text(text)
-    return load("case.yaml", keys, input_errors_of_one)
-
-
-def input_errors_of_one(config: Config) -> Any:
-    return input_errors([case.config for case in cases(config)])
+    return load("case.yaml", keys, input_errors)
 
 
 @pytest.mark.usefixtures("here")
