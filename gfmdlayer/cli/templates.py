@@ -116,20 +116,7 @@ output.patches: true
 
 
 def commented(name: str, like: str) -> str:
-    """Return a configuration as YAML with the meaning of every key.
-
-    Parameters
-    ----------
-    name : str
-        Name of the configuration.
-    like : str
-        Key of `TEMPLATES`.
-
-    Raises
-    ------
-    ConfigError
-        If a configuration cannot have this name.
-    """
+    """Return a configuration as YAML with the meaning of every key."""
     summary, *parts = TEMPLATES[like]
     values = {"name": name}
     for part in parts:

@@ -88,20 +88,7 @@ def input_problems(error: Exception) -> Sequence[str]:
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
-    """Read the configuration named on the command line, or that of a case's result file.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        The command line.
-    ranks_per_case : int
-        Ranks that are to compute a case together.
-
-    Raises
-    ------
-    ConfigError
-        With every error in it.
-    """
+    """Read the configuration named on the command line, or that of a case's result file."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
 

@@ -27,22 +27,7 @@ _YOUNGS = {
 def with_hidden(
     data: dict[str, Any], found: list[Problem], validate: Callable[[dict[str, Any]], list[Problem]]
 ) -> list[Problem]:
-    """Return the problems of a configuration and those that they hide.
-
-    Parameters
-    ----------
-    data : dict
-        Plain nested data.
-    found : list of Problem
-        Its problems as they were found first.
-    validate : callable
-        Returns the problems of plain nested data.
-
-    Returns
-    -------
-    list of Problem
-        At the places where the user wrote.
-    """
+    """Return the problems of a configuration and those that they hide."""
     rest = copy.deepcopy(data)
     new = found
     aside: list[str] = []

@@ -57,15 +57,7 @@ class Halfspace(Section):
 def problems_of_layers(
     layers: tuple[StackedLayer, ...] | None, layer: Layer | None, halfspace: Halfspace
 ) -> Iterator[Problem]:
-    """Yield contradictions between the layers and with the halfspace.
-
-    Parameters
-    ----------
-    layers, layer
-        The values of these keys, of which one has to be given.
-    halfspace : Halfspace
-        What lies below.
-    """
+    """Yield contradictions between the layers and with the halfspace."""
     if layers is not None and layer is not None:
         yield Problem(("layers",), "given beside layer; must be one of the two", ("layer",), at_key=True)
         return
@@ -87,15 +79,7 @@ def problems_of_layers(
 
 
 def mean_stiffness(layers: tuple[Layer, ...], halfspace: Halfspace) -> float:
-    """Return K(q = 0) by the units of the layers' laws; 0 where the mean height of the surface stays.
-
-    Parameters
-    ----------
-    layers : tuple of Layer
-        From the surface down.
-    halfspace : Halfspace
-        What lies below.
-    """
+    """Return K(q = 0) by the units of the layers' laws; 0 where the mean height of the surface stays."""
     rigid = halfspace.shear_modulus == math.inf and math.isfinite(layers[-1].thickness)
     compliances = [
         layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)

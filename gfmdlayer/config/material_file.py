@@ -56,13 +56,7 @@ def _read(given: Law | MaterialFile) -> Law:
 
 
 def read_material(path: Path) -> Law:
-    """Read the material in a YAML file: its only section `layer.material`, or `material`.
-
-    Raises
-    ------
-    InconsistentError
-        The file holds no material, or one that is not possible; the message names the place in the file.
-    """
+    """Read the material in a YAML file: its only section `layer.material`, or `material`."""
     document = text.read(path.read_bytes(), str(path))
     if document.problems:
         _refuse(f"{place}: {message}" for place, message in document.problems)

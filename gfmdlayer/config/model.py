@@ -188,18 +188,7 @@ class Config(Section):
         return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
-        """Return the case in which the dotted keys have these values; it has no sweep.
-
-        Parameters
-        ----------
-        values : mapping
-            Dotted key -> value, such as ``{"layer.thickness": 0.1}``.
-
-        Raises
-        ------
-        ConfigError
-            A key does not exist, or a value is not possible.
-        """
+        """Return the case in which the dotted keys have these values; it has no sweep."""
         data = sweeps.assigned(self._given(), plain(values))
         try:
             return Config.model_validate(data)
@@ -241,11 +230,6 @@ def digest(config: Config) -> str:
     """Return a hash of everything that determines a case's results, and of nothing else.
 
     The name and the sweep do not enter; files enter by their contents, not by their paths.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
     """
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
@@ -255,11 +239,6 @@ def stem(config: Config) -> str:
 
     A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
     """
     times = (
         {"keep_state", "times"}

@@ -80,23 +80,7 @@ def from_python(
     values: Mapping[str, object] | None = None,
     inspect: Inspection | None = None,
 ) -> Config:
-    """Return the configuration that Python objects describe.
-
-    Parameters
-    ----------
-    given : mapping or Config
-        Keys and values as in YAML; sections, NumPy's numbers and arrays may be among the values. File names
-        are relative to the working directory.
-    values : mapping, optional
-        Dotted keys and values that replace those of `given`; None leaves a key out.
-    inspect : callable, optional
-        As in `load`.
-
-    Raises
-    ------
-    ConfigError
-        With every problem, each ``key: value found; values allowed``.
-    """
+    """Return the configuration that Python objects describe."""
     if isinstance(given, Config):
         given = given.model_dump(exclude_unset=True)
     document = Document(data=plain(given), values={(): _PYTHON})

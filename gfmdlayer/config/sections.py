@@ -50,15 +50,7 @@ Step = Annotated[
 
 
 class Grid(Section):
-    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact.
-
-    Attributes
-    ----------
-    geometry
-        None for a periodic surface.
-    extent
-        Of an isolated contact: radius up to which profiles are kept.
-    """
+    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact."""
 
     geometry: Annotated[Annotated[str, Word("periodic", "axisymmetric")] | None, given] = None
     """periodic, unless axisymmetric: an isolated contact of revolution"""

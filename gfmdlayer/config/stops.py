@@ -11,19 +11,7 @@ from gfmdlayer.history.time_points import Instant
 
 
 def stops(config: Config, kinks: Iterable[float]) -> list[Instant]:
-    """Return the times that the steps of a case land on, with the lengths of fixed steps to each.
-
-    Parameters
-    ----------
-    config : Config
-        The case.
-    kinks : iterable of float
-        Times at which the slope of a prescribed quantity jumps.
-
-    Returns
-    -------
-    list of Instant
-    """
+    """Return the times that the steps of a case land on, with the lengths of fixed steps to each."""
     time, snapshots = config.time, config.output.snapshot_times
     if isinstance(time.step, str):
         return time_points.stops(time.end, snapshots, kinks, output_times(config))

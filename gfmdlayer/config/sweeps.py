@@ -133,21 +133,11 @@ def _plain(sweep: Sweep) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One factor of the product: a swept key with its values, or a list of combinations.
+    """One factor of the product: a swept key with its values, or a list of combinations."""
 
-    Attributes
-    ----------
-    rows : sequence of dict
-        Dotted keys and their values, in each place of the axis.
-    location : tuple of str
-        Where the keys are in the configuration.
-    sampled : bool
-        Whether the values were drawn, and stand nowhere in the configuration.
-    """
-
-    rows: Sequence[Row]
-    location: Location
-    sampled: bool = False
+    rows: Sequence[Row]  # dotted keys and their values, in each place of the axis
+    location: Location  # where the keys are in the configuration
+    sampled: bool = False  # whether the values were drawn, and stand nowhere in the configuration
 
     def place(self, key: str, index: int) -> Location:
         """Where the value of a key in a row was written."""
@@ -298,19 +288,7 @@ Validate = Callable[[Row], list[Problem]]
 def conflicts(
     sweep: Mapping[str, Any], keys: Sequence[str], unswept: Sequence[Problem], validate: Validate
 ) -> Iterator[Problem]:
-    """Yield the problems of a sweep.
-
-    Parameters
-    ----------
-    sweep : mapping
-        The sweep of a configuration.
-    keys : sequence of str
-        Dotted keys that can be swept.
-    unswept : sequence of Problem
-        Problems of the configuration with its own values of the swept keys.
-    validate : callable
-        Dotted key -> value, to the problems of the case made with these values.
-    """
+    """Yield the problems of a sweep."""
     wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
     if not wrong and (size := count(sweep)) > MAX_CASES:
         wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]

@@ -71,17 +71,7 @@ class Document:
 
 
 def read(content: str | bytes, source: str, at: Location = ()) -> Document:
-    """Return the data in a text; errors in the text are collected, never raised.
-
-    Parameters
-    ----------
-    content : str or bytes
-        YAML, in UTF-8.
-    source : str
-        File, for the places.
-    at : tuple of str and int
-        Location of the text's value within the configuration.
-    """
+    """Return the data in a text; errors in the text are collected, never raised."""
     if isinstance(content, bytes):
         try:
             content = content.decode("utf-8-sig")

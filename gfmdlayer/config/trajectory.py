@@ -54,15 +54,7 @@ def _speed_to_the_peak(keys: Mapping[str, Any]) -> float | None:
 
 
 class Trajectory(Section):
-    """What is prescribed over time: the depth of Eq. (30), likewise a mean pressure or a force, or a table.
-
-    Attributes
-    ----------
-    depth, load, force, ramp_time, start, approach_speed, dwell, retract_speed, final, cycles, file
-        None where `control` and `kind` give them no meaning.
-    velocity, velocity_file
-        Of the punch along x, constant or from a table; None where it stays.
-    """
+    """What is prescribed over time: the depth of Eq. (30), likewise a mean pressure or a force, or a table."""
 
     control: Annotated[str, Word(*CONTROLS)] = "depth"
     """what is prescribed: depth, load (mean pressure) or force"""
@@ -181,20 +173,7 @@ class Trajectory(Section):
 
 
 def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
-    """Let a time axis end with a trajectory that has an end, unless it has one of its own.
-
-    Parameters
-    ----------
-    trajectory : Trajectory, optional
-        None where it is not sound.
-    time : Time
-        The time axis.
-
-    Returns
-    -------
-    Time
-        Its end then counts as a default, which follows a trajectory that is swept.
-    """
+    """Let a time axis end with a trajectory that has an end, unless it has one of its own."""
     duration = None if trajectory is None else trajectory.duration
     if duration is None or "end" in time.model_fields_set:
         return time
@@ -204,17 +183,7 @@ def ending_with(trajectory: Trajectory | None, time: Time) -> Time:
 
 
 def problems_of_the_motion(trajectory: Trajectory, time: Time, *, pulls: bool) -> Iterator[Problem]:
-    """Yield contradictions between a trajectory and the time axis, and loads that nothing carries.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        What is prescribed.
-    time : Time
-        The time axis.
-    pulls : bool
-        Whether the interface can hold a load below zero.
-    """
+    """Yield contradictions between a trajectory and the time axis, and loads that nothing carries."""
     velocity = "trajectory.velocity" if trajectory.velocity is not None else "trajectory.velocity_file"
     if trajectory.moves and time.integrator == "backward_euler":
         message = "got backward_euler with a moving punch; must be exponential, which follows it"

@@ -31,40 +31,14 @@ NO_SPRING = 1e-3  # part of the lowest modulus below which the spring beside a s
 
 @dataclass(frozen=True)
 class _Unknowns:
-    """A law as a function of unbounded numbers, and where to start.
+    """A law as a function of unbounded numbers, and where to start."""
 
-    Attributes
-    ----------
-    law : callable
-        From the numbers to the law.
-    starts : list of list of float
-    """
-
-    law: Callable[[FloatArray], Law]
+    law: Callable[[FloatArray], Law]  # from the numbers to the law
     starts: list[list[float]]
 
 
 def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) -> Fit:
-    """Fit a law with a continuous spectrum to a measured curve.
-
-    Parameters
-    ----------
-    measurement : Measurement
-        The curve.
-    model : str
-        One of `MODELS`.
-    relaxed : float, optional
-        G0; fitted by default.
-
-    Returns
-    -------
-    Fit
-
-    Raises
-    ------
-    FitError
-        The relaxed modulus is not possible; or the law needs one, and the data do not determine it.
-    """
+    """Fit a law with a continuous spectrum to a measured curve."""
     if not (model == "power_law" and relaxed == 0):
         prony.check_relaxed(measurement, relaxed)
     unknowns = MODELS[model](measurement, relaxed)

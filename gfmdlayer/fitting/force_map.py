@@ -57,21 +57,11 @@ SCALARS = ("noise", "aic", "bic")
 
 @dataclass(frozen=True)
 class MapCase:
-    """A curve of a map.
+    """A curve of a map."""
 
-    Attributes
-    ----------
-    index : int
-        Its number, that of its file.
-    entry : Entry
-        The curve in its file.
-    contents : str
-        Hash of this file.
-    """
-
-    index: int
-    entry: Entry
-    contents: str
+    index: int  # its number, that of its file
+    entry: Entry  # the curve in its file
+    contents: str  # hash of this file
 
     @property
     def values(self) -> dict[str, object]:
@@ -81,27 +71,13 @@ class MapCase:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Fit of one curve of a map.
+    """Fit of one curve of a map."""
 
-    Attributes
-    ----------
-    folder : Folder
-        A claimed results folder.
-    model : mapping
-        Body and indenter.
-    free : sequence or mapping
-        Free parameters.
-    options : FitOptions
-        How curves are fitted.
-    units : sequence of str, optional
-        Of columns without their own.
-    """
-
-    folder: Folder
-    model: dict[str, Any]
-    free: Free
-    options: FitOptions
-    units: Units | None = None
+    folder: Folder  # a claimed results folder
+    model: dict[str, Any]  # body and indenter
+    free: Free  # free parameters
+    options: FitOptions  # how curves are fitted
+    units: Units | None = None  # of columns without their own
 
     def digest(self, case: MapCase) -> str:
         """Return a hash of everything that determines the estimates of a case."""
@@ -138,24 +114,12 @@ class FitTask:
 
 
 class Estimates(NamedTuple):
-    """The contents of the file of a case.
+    """The contents of the file of a case."""
 
-    Attributes
-    ----------
-    keys : list of str
-        Free parameters.
-    columns : ndarray, shape (4, parameters)
-        `COLUMNS`.
-    scalars : ndarray, shape (3,)
-        `SCALARS`.
-    warnings : str
-        One line each.
-    """
-
-    keys: list[str]
-    columns: FloatArray
-    scalars: FloatArray
-    warnings: str
+    keys: list[str]  # free parameters
+    columns: FloatArray  # shape (4, parameters); `COLUMNS`
+    scalars: FloatArray  # shape (3,); `SCALARS`
+    warnings: str  # one line each
 
 
 def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> None:
@@ -222,26 +186,7 @@ def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
     attributes: Mapping[str, str],
 ) -> Path:  # fmt: skip
-    """Write the map from the files of its curves.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    cases : sequence of MapCase
-        All curves.
-    keys : sequence of str
-        Free parameters.
-    reasons : mapping of int to str
-        Why curves failed.
-    attributes : mapping
-        Attributes of the file.
-
-    Returns
-    -------
-    Path
-        The file.
-    """
+    """Write the map from the files of its curves."""
     layout = _layout([case.entry.position for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)
@@ -314,30 +259,7 @@ def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np
 
 
 class ForceMap:
-    """The fits of many curves, one by one.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files of curves, and folders of them.
-    directory : Path
-        Results folder.
-    model : mapping
-        Body and indenter.
-    free : sequence or mapping
-        Free parameters.
-    options : FitOptions
-        How curves are fitted.
-    units : sequence of str, optional
-        Of columns without their own.
-
-    Raises
-    ------
-    TableError
-        A file of curves cannot be read.
-    ConfigError
-        The model is not possible.
-    """
+    """The fits of many curves, one by one."""
 
     def __init__(
         self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,
@@ -373,22 +295,7 @@ class ForceMap:
     def run(
         self, pool: WorkerPool, restart: bool = False, display: Callable[[], Display] | None = None
     ) -> Summary:
-        """Fit the curves that are not done yet, and write the map of all.
-
-        Parameters
-        ----------
-        pool : WorkerPool
-            The processes that compute.
-        restart : bool
-            Remove earlier results first.
-        display : callable, optional
-            Makes the display of progress; by default nothing is shown.
-
-        Raises
-        ------
-        FolderError
-            The folder cannot be used for these results.
-        """
+        """Fit the curves that are not done yet, and write the map of all."""
         with self._claimed(restart):
             done = {case.index for case in self.cases if self._is_done(case)}
             todo = [case for case in self.cases if case.index not in done]

@@ -33,21 +33,11 @@ class FitError(ValueError):
 
 @dataclass(frozen=True)
 class Measurement(ABC):
-    """A measured curve; responses are flat, one modulus after the other.
+    """A measured curve; responses are flat, one modulus after the other."""
 
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    abscissa : ndarray, shape (rows,)
-        Angular frequencies or times, positive.
-    moduli : ndarray, shape (moduli, rows)
-        Measured moduli, positive.
-    """
-
-    source: str
-    abscissa: FloatArray
-    moduli: FloatArray
+    source: str  # name of the file
+    abscissa: FloatArray  # shape (rows,); angular frequencies or times, positive
+    moduli: FloatArray  # shape (moduli, rows); measured moduli, positive
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
@@ -146,26 +136,6 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
 
     Columns are separated by commas, semicolons or white space, `#` begins a comment, and the first line may
     name the columns; without names they are omega, G' and G'', or t and G.
-
-    Parameters
-    ----------
-    path : Path
-        A file in increasing order of the frequency or time, with columns as `columns` names them.
-    poisson : float
-        Poisson's ratio, where moduli are those of tension.
-    names : str, optional
-        Names of the columns, in place of those in the file.
-
-    Returns
-    -------
-    MasterCurve or RelaxationCurve
-
-    Raises
-    ------
-    TableError
-        Names file and line: another number of columns, or names of other quantities; fewer than
-        `FEWEST_ROWS` rows; a number that is not finite or not positive; frequencies or times that do not
-        increase.
     """
     quantities = _quantities(path, names)
     symbols = symbols_of(quantities)
@@ -253,26 +223,13 @@ def _parts(values: NDArray[np.complex128]) -> FloatArray:
 
 @dataclass(frozen=True)
 class WLF:
-    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry.
+    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry."""
 
-    Parameters
-    ----------
-    temperature, reference : float
-        T, and T0 at which the material was measured or to which its master curve was reduced.
-    C1, C2 : float
-        The material's constants at T0, both positive; C2 is a difference of temperatures.
-
-    Raises
-    ------
-    FitError
-        A number is not finite, a constant is not positive, T - T0 <= -C2, where the equation has its pole,
-        or aT leaves the range of a double.
-    """
-
+    # t, and T0 at which the material was measured or to which its master curve was reduced
     temperature: float
-    reference: float
-    C1: float
-    C2: float
+    reference: float  # t, and T0 at which the material was measured or to which its master curve was reduced
+    C1: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
+    C2: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, astuple(self))):
@@ -326,18 +283,7 @@ WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
 
 
 def recognised(header: str) -> tuple[str, ...] | None:
-    """Return the quantities of the columns that a line names, E in front of moduli in tension.
-
-    Parameters
-    ----------
-    header : str
-        The line, with commas, semicolons, tabs or at least two spaces between names, or one.
-
-    Returns
-    -------
-    tuple of str, optional
-        None where a name is not that of a quantity.
-    """
+    """Return the quantities of the columns that a line names, E in front of moduli in tension."""
     apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
     separated = re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
     found = [quantity_named(name) for name in separated]
@@ -387,21 +333,7 @@ def names_one_curve(quantities: Sequence[str]) -> bool:
 
 
 def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> FloatArray:
-    """Return angular frequency, storage and loss modulus in shear, or time and relaxation modulus.
-
-    Parameters
-    ----------
-    quantities : sequence of str
-        Of the columns, which name one curve.
-    rows : ndarray, shape (rows, columns)
-        The data.
-    poisson : float
-        Poisson's ratio, for moduli in tension.
-
-    Returns
-    -------
-    ndarray, shape (rows, 3) or (rows, 2)
-    """
+    """Return angular frequency, storage and loss modulus in shear, or time and relaxation modulus."""
     known = {}
     for each, values in zip(quantities, rows.T, strict=True):
         tension = each.startswith("E ")

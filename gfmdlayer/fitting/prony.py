@@ -48,21 +48,11 @@ NEIGHBOURS = math.log(1.1)
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted series.
+    """A fitted series."""
 
-    Parameters
-    ----------
-    measurement : Measurement
-        The measured curve.
-    material : Law
-        The fitted law; branches of a series from the fastest to the slowest.
-    least : float
-        The least root mean square error of any series with times in the range.
-    """
-
-    measurement: Measurement
-    material: Law
-    least: float
+    measurement: Measurement  # the measured curve
+    material: Law  # the fitted law; branches of a series from the fastest to the slowest
+    least: float  # the least root mean square error of any series with times in the range
 
     @property
     def errors(self) -> FloatArray:
@@ -89,27 +79,7 @@ class Fit:
 
 
 def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> Fit:
-    """Fit a Prony series to a measured curve.
-
-    Parameters
-    ----------
-    measurement : Measurement
-        The curve.
-    branches : int, optional
-        Number of branches, by default the fewest that are enough; fewer if more do not reduce the error.
-    relaxed : float, optional
-        G0; fitted by default.
-
-    Returns
-    -------
-    Fit
-
-    Raises
-    ------
-    FitError
-        The curve is that of a liquid and no relaxed modulus is given, or nothing relaxes, or the number of
-        branches or the relaxed modulus is not possible.
-    """
+    """Fit a Prony series to a measured curve."""
     most = min(MOST_BRANCHES, (measurement.moduli.size - 1) // 2)
     if branches is not None and not 1 <= branches <= most:
         raise FitError(f"{branches} branches: must be 1 to {most} for {measurement.abscissa.size} rows")
@@ -130,13 +100,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 
 
 def check_relaxed(measurement: Measurement, relaxed: float | None) -> None:
-    """Refuse a relaxed modulus that the curve cannot have.
-
-    Raises
-    ------
-    FitError
-        If so.
-    """
+    """Refuse a relaxed modulus that the curve cannot have."""
     highest = measurement.moduli[0].max()
     if relaxed is not None and not 0 < relaxed < highest:
         raise FitError(

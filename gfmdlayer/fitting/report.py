@@ -38,44 +38,7 @@ def fit_material(
     force: bool = False,
     **reading: Unpack[Reading],
 ) -> str:
-    """Fit a law to a file of measurements, and write the material and a figure.
-
-    Parameters
-    ----------
-    data : Path
-        A master curve or a relaxation curve, see `measurement.read`.
-    out : Path, optional
-        The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
-        beside it, to NAME.png.
-    law : str
-        prony, or a law of `continuous.MODELS`.
-    branches : int, optional
-        Number of branches of a Prony series, see `prony.fit`.
-    relaxed : float, optional
-        Relaxed modulus, see `prony.fit`.
-    wlf : WLF, optional
-        Change of temperature between the measurement and the material.
-    normalise : bool
-        Write moduli in units of G0.
-    force : bool
-        Overwrite existing files; never `data` itself.
-    **reading
-        Poisson's ratio and names of the columns, see `measurement.read`.
-
-    Returns
-    -------
-    str
-        The branches, the error, warnings, and the names of the files.
-
-    Raises
-    ------
-    TableError
-        The data cannot be used.
-    FitError
-        The law cannot be fitted to them.
-    ResultsError
-        A file exists or cannot be written.
-    """
+    """Fit a law to a file of measurements, and write the material and a figure."""
     material, picture = _targets(data, out, force)
     measured = read(data, **reading)
     measured = measured.slowed(wlf.factor) if wlf else measured

@@ -38,17 +38,10 @@ class MustBe:
     """Annotation of a field: whatever its type refuses is reported as "must be ALLOWED".
 
     Numbers with a fraction are also refused where they are too large or too small to compute with.
-
-    Attributes
-    ----------
-    allowed : str
-        The values allowed, continuing "must be ...".
-    words : tuple of str
-        The allowed words, where the field takes words.
     """
 
-    allowed: str
-    words: tuple[str, ...] = ()
+    allowed: str  # the values allowed, continuing "must be ..."
+    words: tuple[str, ...] = ()  # the allowed words, where the field takes words
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Wrap the type's own validation."""

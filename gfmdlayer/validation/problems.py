@@ -45,26 +45,14 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a configuration.
+    """One error in a configuration."""
 
-    Attributes
-    ----------
-    location : tuple of str and int
-        Path of the key, such as ``("layer", "thickness")``.
-    message : str
-        Value found and values allowed.
-    others : tuple of str
-        Dotted keys whose values the message depends on besides the one at `location`.
-    at_key : bool
-        Whether the key itself is wrong, not its value.
-    chooses : bool
-        Whether the key chooses the section that holds it, whose other keys have no meaning then.
-    """
-
-    location: Location
-    message: str
+    location: Location  # path of the key, such as ``("layer", "thickness")``
+    message: str  # value found and values allowed
+    # dotted keys whose values the message depends on besides the one at `location`
     others: tuple[str, ...] = ()
-    at_key: bool = False
+    at_key: bool = False  # whether the key itself is wrong, not its value
+    # whether the key chooses the section that holds it, whose other keys have no meaning then
     chooses: bool = False
 
     @property
@@ -73,15 +61,7 @@ class Problem:
         return dotted_key(without_last_places(self.location))
 
     def within(self, location: Location, *others: str) -> Problem:
-        """Return the problem of a section as a problem of the configuration that holds it.
-
-        Parameters
-        ----------
-        location : tuple of str and int
-            Location of the section.
-        *others : str
-            Further keys that the problem depends on, relative to the configuration.
-        """
+        """Return the problem of a section as a problem of the configuration that holds it."""
         prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
         return replace(self, location=(*location, *self.location), others=keys)
@@ -124,17 +104,7 @@ def without_last_places(location: Location) -> Location:
 
 
 def not_in_list(part: str | int, length: int, key: str) -> str:
-    """Return why a part of a dotted key names no entry of a list; nothing if it does.
-
-    Parameters
-    ----------
-    part : str or int
-        The part after the key of the list.
-    length : int
-        Number of entries.
-    key : str
-        Dotted key of the list.
-    """
+    """Return why a part of a dotted key names no entry of a list; nothing if it does."""
     if isinstance(part, int) and part < length:
         return ""
     places = [f"{key}.{i}" for i in range(length)]
@@ -183,17 +153,7 @@ def colon_without_space(text: str) -> str:
 
 
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
-    """Return the message for a key that does not exist, with the nearest key that does.
-
-    Parameters
-    ----------
-    key : str
-        The unknown key.
-    siblings : iterable of str
-        Keys of the same section.
-    everywhere : iterable of str
-        Dotted keys of the whole configuration, which are searched where no sibling is near.
-    """
+    """Return the message for a key that does not exist, with the nearest key that does."""
     siblings, everywhere = list(siblings), list(everywhere)
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:

@@ -56,7 +56,7 @@ class Section(BaseModel):
 
         @alone
         def __init__(self, **keys: Any) -> None:
-            """Make a section from its keys, by name; numbers and arrays of NumPy are taken as plain ones.
+            """Make a section from its keys, by name; NumPy's numbers and arrays count as plain ones.
 
             Raises
             ------
@@ -66,13 +66,7 @@ class Section(BaseModel):
             self._take(plain(keys))
 
     def _take(self, data: dict[str, Any]) -> None:
-        """Validate plain data into this new section.
-
-        Raises
-        ------
-        ConfigError
-            With every error.
-        """
+        """Validate plain data into this new section."""
         try:
             self.__pydantic_validator__.validate_python(data, self_instance=self)
         except ValidationError as error:
@@ -119,18 +113,7 @@ Member = TypeVar("Member", bound=Section)
 
 
 def load_table(*places: str) -> dict[str, Any]:
-    """Import the sections that a key chooses from.
-
-    Parameters
-    ----------
-    *places : str
-        "package.module:Class"; the first field of the class has the word that chooses it as its default.
-
-    Returns
-    -------
-    dict
-        Word -> class, the default first.
-    """
+    """Import the sections that a key chooses from."""
     found = {}
     for place in places:
         module, _, name = place.partition(":")
@@ -140,13 +123,7 @@ def load_table(*places: str) -> dict[str, Any]:
 
 
 class OneOf(Generic[Member]):
-    """Annotation of a field that holds one of several sections, chosen by the first key of each.
-
-    Parameters
-    ----------
-    members : mapping
-        Word -> section; the first is meant where the word is left out.
-    """
+    """Annotation of a field that holds one of several sections, chosen by the first key of each."""
 
     def __init__(self, members: Mapping[str, type[Member]]) -> None:
         self.members = members
@@ -215,17 +192,7 @@ def types_in(annotation: Any) -> Iterator[type]:
 
 
 def explained(error: ValidationError, root: type[Section], everywhere: Iterable[str]) -> list[Problem]:
-    """Return the errors that pydantic found, as problems.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        Raised by the model `root`.
-    root : type of Section
-        The whole configuration.
-    everywhere : iterable of str
-        Its dotted keys, for suggestions.
-    """
+    """Return the errors that pydantic found, as problems."""
     found: list[Problem] = []
     for entry in error.errors(include_url=False):
         location, section, chosen_by = _resolved(entry["loc"], root, entry["type"] == "extra_forbidden")

@@ -85,31 +85,7 @@ def verify(
     report: Callable[[Check, Outcome], None] = lambda _check, _outcome: None,
     checks: Sequence[Check] | None = None,
 ) -> bool:
-    """Carry out the checks and write the report.
-
-    Parameters
-    ----------
-    out : Path, optional
-        Folder for verification.md and its pictures, made if missing; without it nothing is written.
-    quick : bool
-        Small grids.
-    jobs : int
-        Number of processes.
-    report : callable
-        Called with each check and its outcome, in the order of the table.
-    checks : sequence of Check, optional
-        The checks to carry out; by default all of `CHECKS`.
-
-    Returns
-    -------
-    bool
-        Whether every row lies inside its bound. Checks against codes that are not installed do not count.
-
-    Raises
-    ------
-    ResultsError
-        The report cannot be written.
-    """
+    """Carry out the checks and write the report."""
     checks = CHECKS if checks is None else checks
     if out is not None:
         write_report(out, [], quick)  # before the work, to find out whether it can be written

@@ -68,17 +68,7 @@ def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
 
 
 def stress_difference(body: LayeredHalfspace, q: FloatArray, step: float, steps: int) -> float:
-    """Largest difference of the stress by both forms of backward Euler, in units of its rounding.
-
-    Parameters
-    ----------
-    body : LayeredHalfspace
-        The body, with the paper's default material.
-    q : ndarray
-        Wavenumbers; the first is left out, for q = 0.
-    step, steps : float, int
-        Time step in tau, and number of steps.
-    """
+    """Largest difference of the stress by both forms of backward Euler, in units of its rounding."""
     material = Zener(1.0, 10.0, 1.0)
     paper = ThirdOrder(body, material, q, step)
     modes = Modes(relaxation_spectrum(body, material, q), SCHEMES["backward_euler"])

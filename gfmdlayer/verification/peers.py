@@ -24,15 +24,6 @@ class TamaasHalfspace:
     Tamaas steps a generalised Maxwell halfspace by backward Euler and solves each step for a mean pressure by
     the method of Polonsky and Keer. Its Young's modulus is the relaxed one, its displacement counts into the
     body, and its surface is minus the height of the punch.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (points,)
-        Heights of the punch.
-    step : float
-        Time step in tau.
-    tolerance : float
-        Tolerance on the error that Tamaas defines.
     """
 
     def __init__(self, heights: FloatArray, step: float, tolerance: float) -> None:

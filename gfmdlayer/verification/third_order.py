@@ -39,15 +39,6 @@ def constitutive_coefficients(layer: LayeredHalfspace, material: Zener, q: Float
     and denominator of 1/S at the modulus G(s) = (G0 + s Ginf)/(1 + s), times G_bulk^2.  Expanded in the
     coefficients of N and D in G, none of which is negative, they keep their digits for thin layers and for a
     rigid or missing halfspace, where Eq. (21) as printed cancels or overflows.
-
-    Parameters
-    ----------
-    layer : LayeredHalfspace
-        The body, incompressible.
-    material : Zener
-        The material of the layer.
-    q : ndarray
-        Wavenumbers q > 0.
     """
     G0, Ginf = material.G0, material.Ginf
     # N2 G^2 + N1 G G_bulk + N0 G_bulk^2, divided through by the larger modulus squared.
@@ -76,29 +67,7 @@ def _times(polynomial: FloatArray, constant: float, linear: float) -> FloatArray
 
 
 class ThirdOrder:
-    """Backward Euler on Eq. (24), with a fixed time step.
-
-    Parameters
-    ----------
-    layer : LayeredHalfspace
-        The body, incompressible.
-    material : Zener
-        The material of the layer.
-    q : ndarray
-        Wavenumbers of the modes, of any shape; the mode q = 0 has no stiffness.
-    step : float
-        Time step dt, in the unit of the material's tau.
-
-    Attributes
-    ----------
-    stiffness : ndarray, flat
-        kappa, minus the slopes (line 5 of the pseudocode).
-
-    Raises
-    ------
-    ValueError
-        The body is compressible.
-    """
+    """Backward Euler on Eq. (24), with a fixed time step."""
 
     def __init__(self, layer: LayeredHalfspace, material: Zener, q: FloatArray, step: float) -> None:
         if layer.poisson != 0.5 or (np.isfinite(layer.bulk_modulus) and layer.bulk_poisson != 0.5):

@@ -152,19 +152,11 @@ SHARP = 0.1  # of the largest rate: a larger jump of the rate is a kink of the f
 
 @dataclass(frozen=True)
 class Drive:
-    """A depth of straight pieces.
+    """A depth of straight pieces."""
 
-    Parameters
-    ----------
-    time, depth : ndarray, shape (corners,)
-        The corners.
-    error : float
-        Standard deviation of the measured depth from it.
-    """
-
-    time: FloatArray
-    depth: FloatArray
-    error: float
+    time: FloatArray  # shape (corners,); the corners
+    depth: FloatArray  # shape (corners,); the corners
+    error: float  # standard deviation of the measured depth from it
 
     @classmethod
     def of(cls, time: FloatArray, depth: FloatArray) -> Drive:
@@ -295,13 +287,7 @@ def parse_heading(heading: str) -> tuple[str | None, str]:
 
 
 def in_si(units: Units | None) -> Sizes:
-    """Return the sizes in SI of the units of time, length and force of a model; 1 where it has none.
-
-    Raises
-    ------
-    ConfigError
-        A unit is not metric.
-    """
+    """Return the sizes in SI of the units of time, length and force of a model; 1 where it has none."""
     if units is None:
         return 1.0, 1.0, 1.0
     time, length = size_of(units.time, "time"), size_of(units.length, "depth")

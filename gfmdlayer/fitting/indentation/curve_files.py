@@ -38,34 +38,16 @@ Units = Sequence[str]
 
 @dataclass(frozen=True)
 class Entry:
-    """A curve in a file.
+    """A curve in a file."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    key : str
-        The curve in it: a group, a number, or nothing for the only one.
-    name : str
-        Names the curve in messages and results.
-    position : tuple of float
-        Place (x, y) on the sample, or nothing.
-    """
-
-    path: Path
-    key: str
-    name: str
-    position: tuple[float, ...] = ()
+    path: Path  # the file
+    key: str  # the curve in it: a group, a number, or nothing for the only one
+    name: str  # names the curve in messages and results
+    position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
 
 
 def entries(paths: Sequence[Path]) -> list[Entry]:
-    """Return the curves in files and folders, in the order of the names.
-
-    Raises
-    ------
-    TableError
-        A file does not exist or cannot be read, or there is no curve.
-    """
+    """Return the curves in files and folders, in the order of the names."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -89,24 +71,7 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
 
 
 def read_curve(entry: Entry, units: Units | None = None, into: Sizes = (1.0, 1.0, 1.0)) -> ForceCurve:
-    """Read a curve, in the units of a model where units are known, else as its numbers are.
-
-    Parameters
-    ----------
-    entry : Entry
-        The curve.
-    units : sequence of str, optional
-        Units of time, depth and force of columns without their own.
-    into : tuple of float
-        Sizes of the model's units of time, length and force in SI.
-
-    Raises
-    ------
-    TableError
-        The file cannot be read, a column is missing, or units are unknown or incomplete.
-    CurveError
-        The numbers cannot be used.
-    """
+    """Read a curve, in the units of a model where units are known, else as its numbers are."""
     if entry.path.suffix.lower() in TEXT:
         columns, found = _text_columns(entry.path)
     elif entry.path.suffix.lower() in HDF5:

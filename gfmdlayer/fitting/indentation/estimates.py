@@ -23,34 +23,16 @@ BAND = 0.95  # confidence of all intervals
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter.
+    """A fitted parameter."""
 
-    Attributes
-    ----------
-    key, curve : str
-        Dotted key of the model or value of a curve, and the curve if it belongs to one of several.
-    value : float
-        Value of least squares.
-    error : float
-        Standard error; relative where the parameter is fitted by its logarithm.
-    interval : tuple of float
-        95 % confidence interval, linear.
-    profile : tuple of float, optional
-        95 % confidence interval of the profile.
-    bounds : tuple of float
-        Those of the fit.
-    relative : bool
-        Whether it is fitted by its logarithm.
-    """
-
-    key: str
-    curve: str
-    value: float
-    error: float
-    interval: tuple[float, float]
-    profile: tuple[float, float] | None
-    bounds: tuple[float, float]
-    relative: bool
+    key: str  # dotted key of the model or value of a curve, and the curve if it belongs to one of several
+    curve: str  # dotted key of the model or value of a curve, and the curve if it belongs to one of several
+    value: float  # value of least squares
+    error: float  # standard error; relative where the parameter is fitted by its logarithm
+    interval: tuple[float, float]  # 95 % confidence interval, linear
+    profile: tuple[float, float] | None  # 95 % confidence interval of the profile
+    bounds: tuple[float, float]  # those of the fit
+    relative: bool  # whether it is fitted by its logarithm
 
     @property
     def name(self) -> str:
@@ -65,56 +47,29 @@ class Estimate:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """A curve with the force of the fitted model.
+    """A curve with the force of the fitted model."""
 
-    Attributes
-    ----------
-    curve : ForceCurve
-        The measurement.
-    force : ndarray
-        Predicted, at the rows of the curve.
-    band : ndarray
-        Half width of the 95 % confidence band of the prediction.
-    noise : float
-        Standard deviation of the force, as given or from the residual.
-    """
-
-    curve: ForceCurve
-    force: FloatArray
-    band: FloatArray
-    noise: float
+    curve: ForceCurve  # the measurement
+    force: FloatArray  # predicted, at the rows of the curve
+    band: FloatArray  # half width of the 95 % confidence band of the prediction
+    noise: float  # standard deviation of the force, as given or from the residual
 
 
 @dataclass(frozen=True)
 class IndentationFit:
-    """A fit of one or several curves.
+    """A fit of one or several curves."""
 
-    Attributes
-    ----------
-    parameters : tuple of Estimate
-        The free parameters.
-    correlation : ndarray, shape (parameters, parameters)
-        Of the estimates, on the scales on which they are fitted.
-    curves : tuple of CurveFit
-        The curves.
-    aic, bic : float
-        Information criteria of Akaike and Schwarz for normal noise: smaller is better, for the same curves.
-    warnings : tuple of str
-        What the data cannot tell, and what is odd about them.
-    solutions : int
-        Contact problems over a whole curve that were solved.
-    config : Config
-        The model with the fitted values.
-    """
-
-    parameters: tuple[Estimate, ...]
+    parameters: tuple[Estimate, ...]  # the free parameters
+    # shape (parameters, parameters); of the estimates, on the scales on which they are fitted
     correlation: FloatArray
-    curves: tuple[CurveFit, ...]
+    curves: tuple[CurveFit, ...]  # the curves
+    # information criteria of Akaike and Schwarz for normal noise: smaller is better, for the same curves
     aic: float
+    # information criteria of Akaike and Schwarz for normal noise: smaller is better, for the same curves
     bic: float
-    warnings: tuple[str, ...]
-    solutions: int
-    config: Any = field(repr=False)
+    warnings: tuple[str, ...]  # what the data cannot tell, and what is odd about them
+    solutions: int  # contact problems over a whole curve that were solved
+    config: Any = field(repr=False)  # the model with the fitted values
 
     @property
     def depth(self) -> float:
@@ -134,21 +89,12 @@ class IndentationFit:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How curves are fitted.
+    """How curves are fitted."""
 
-    Attributes
-    ----------
-    loss : str
-        linear, or soft_l1, huber, cauchy, which outliers pull less.
-    profile : bool
-        Find the profile intervals too; the fit then takes three to ten times as long.
-    contact : str
-        given: the depth is that below the surface. detect: each curve has a free contact point and offset
-        of the force, which start where the force begins to rise.
-    """
-
-    loss: str = "linear"
-    profile: bool = False
+    loss: str = "linear"  # linear, or soft_l1, huber, cauchy, which outliers pull less
+    profile: bool = False  # find the profile intervals too; the fit then takes three to ten times as long
+    # given: the depth is that below the surface. detect: each curve has a free contact point and offset of
+    # the force, which start where the force begins to rise
     contact: str = "given"
 
     def __post_init__(self) -> None:
@@ -304,20 +250,7 @@ class ContactPoint(NamedTuple):
 
 
 def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
-    """Find the contact point of a curve.
-
-    Parameters
-    ----------
-    curve : ForceCurve
-        With at least `BASELINE` rows before the contact.
-    exponent : float
-        m of the force.
-
-    Raises
-    ------
-    CurveError
-        No rows lie before the contact.
-    """
+    """Find the contact point of a curve."""
     end = int(np.argmax(curve.force)) + 1
     offset = float(np.median(curve.force[: max(BASELINE, end // 20)]))
     reached = np.flatnonzero(curve.force[:end] - offset > PART * (curve.force[end - 1] - offset))

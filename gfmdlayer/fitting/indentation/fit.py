@@ -134,13 +134,7 @@ def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[
 
 
 def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tuple[dict[str, Any], Free]:
-    """Return body and indenter as plain data, and the keys of the free parameters.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or no free parameter is named.
-    """
+    """Return body and indenter as plain data, and the keys of the free parameters."""
     if isinstance(model, Mapping):
         data = dict(model)
     else:

@@ -31,13 +31,7 @@ EVEN = 0.3  # part of the steps that is spread evenly over the time
 
 
 class Prediction:
-    """Forces under the depth of a measured curve.
-
-    Parameters
-    ----------
-    curve : ForceCurve
-        The curve.
-    """
+    """Forces under the depth of a measured curve."""
 
     def __init__(self, curve: ForceCurve) -> None:
         self.curve = curve

@@ -45,19 +45,7 @@ def loss_derivatives(residuals: FloatArray, loss: Loss) -> tuple[FloatArray, Flo
 
 
 def variance(residuals: FloatArray, parameters: int, loss: Loss, known: bool) -> float:
-    """Return the factor of (J^T J)^-1 in the covariance.
-
-    Parameters
-    ----------
-    residuals : ndarray
-        Over the noise.
-    parameters : int
-        Number of free parameters.
-    loss : str
-        One of `LOSSES`.
-    known : bool
-        Whether the noise was given: the factor is then 1 or larger.
-    """
+    """Return the factor of (J^T J)^-1 in the covariance."""
     psi, slope = loss_derivatives(residuals, loss)
     found = float(np.sum(psi**2) / (residuals.size - parameters) / np.mean(slope) ** 2)
     return max(found, 1.0) if known else found
@@ -78,21 +66,7 @@ def quantile(level: float, freedom: int) -> float:
 
 
 class Profile:
-    """Ends of the profile intervals.
-
-    Parameters
-    ----------
-    problem : LeastSquares
-        The problem.
-    best : ndarray
-        The u of the fit.
-    spread : ndarray
-        Covariance of u.
-    factor : float
-        Variance of the residuals.
-    refit : callable
-        Minimises residuals from a start within bounds: takes residuals, derivatives and u; returns u.
-    """
+    """Ends of the profile intervals."""
 
     def __init__(
         self,

@@ -38,18 +38,7 @@ Free = Sequence[str] | Mapping[str, Sequence[float] | None]
 
 
 class Model:
-    """The body and the indenter: a configuration whose numbers may be set by dotted keys.
-
-    Parameters
-    ----------
-    data : mapping
-        Sections of a configuration: layer or layers, halfspace, punch.
-
-    Raises
-    ------
-    ConfigError
-        With every error in it.
-    """
+    """The body and the indenter: a configuration whose numbers may be set by dotted keys."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         if foreign := [key for key in data if key not in SECTIONS]:
@@ -83,27 +72,13 @@ class Model:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A free parameter.
+    """A free parameter."""
 
-    Attributes
-    ----------
-    key : str
-        Dotted key of the model, or one of `OF_A_CURVE`.
-    start : float
-        Where the fit starts.
-    bounds : tuple of float
-        Smallest and largest value.
-    curve : str
-        The curve to which it belongs; empty for a parameter that all curves share.
-    above : str
-        Key of the modulus above which its logarithm counts, for Ginf.
-    """
-
-    key: str
-    start: float
-    bounds: Bounds
-    curve: str = ""
-    above: str = ""
+    key: str  # dotted key of the model, or one of `OF_A_CURVE`
+    start: float  # where the fit starts
+    bounds: Bounds  # smallest and largest value
+    curve: str = ""  # the curve to which it belongs; empty for a parameter that all curves share
+    above: str = ""  # key of the modulus above which its logarithm counts, for Ginf
 
     @property
     def name(self) -> str:
@@ -125,24 +100,7 @@ def path_of(key: str) -> tuple[str | int, ...]:
 def free_parameters(
     model: Model, free: Free, curves: Sequence[str], spans: Mapping[str, Bounds]
 ) -> list[Parameter]:
-    """Return the free parameters of a fit.
-
-    Parameters
-    ----------
-    model : Model
-        Body and indenter.
-    free : sequence of str, or mapping
-        Keys; with bounds as [low, high] where it is a mapping.
-    curves : sequence of str
-        Names of the curves.
-    spans : mapping
-        Default bounds of the values of a curve.
-
-    Raises
-    ------
-    ConfigError
-        A key does not exist or is not a number > 0 and finite, or its bounds do not hold the start.
-    """
+    """Return the free parameters of a fit."""
     asked = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     wrong, found = [], []
     if not asked:

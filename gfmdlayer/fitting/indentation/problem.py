@@ -46,24 +46,7 @@ NO_MODULI = {
 
 
 class LeastSquares:
-    """Residuals of curves under a model.
-
-    Parameters
-    ----------
-    model : Model
-        Body and indenter.
-    parameters : sequence of Parameter
-        The free ones.
-    predictions : sequence of Prediction
-        The curves.
-
-    Attributes
-    ----------
-    noise : ndarray, shape (curves,)
-        Standard deviation of the force of each curve, by which its residuals are divided.
-    solutions : int
-        Contact problems over a whole curve that were solved.
-    """
+    """Residuals of curves under a model."""
 
     def __init__(
         self, model: Model, parameters: Sequence[Parameter], predictions: Sequence[Prediction]
@@ -274,20 +257,7 @@ def depths(curves: Sequence[ForceCurve], parameters: Sequence[Parameter]) -> dic
 
 
 def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
-    """Refuse depths beyond a layer that a stiffer base carries, and contacts far wider than it is thick.
-
-    Parameters
-    ----------
-    reached : mapping of str to float
-        Largest depth of each curve.
-    model : Model
-        Body and indenter.
-
-    Raises
-    ------
-    CurveError
-        Naming each curve.
-    """
+    """Refuse depths beyond a layer that a stiffer base carries, and contacts far wider than it is thick."""
     reasons = []
     thickness, stiff_base = _thickness(model)
     radius = model.keys.get("punch.radius", 0.0)
@@ -311,19 +281,7 @@ def refuse_impossible(reached: Mapping[str, float], model: Model) -> None:
 def warnings_before(
     curves: Sequence[ForceCurve], reached: Mapping[str, float], model: Model, factor: float
 ) -> Iterator[str]:
-    """Yield what is odd about curves under a model.
-
-    Parameters
-    ----------
-    curves : sequence of ForceCurve
-        The curves.
-    reached : mapping of str to float
-        Largest depth of each curve.
-    model : Model
-        Body and indenter, where the fit starts.
-    factor : float
-        By which its moduli must be multiplied to fit the force.
-    """
+    """Yield what is odd about curves under a model."""
     thickness, _ = _thickness(model)
     radius = model.keys.get("punch.radius", np.inf)
     for curve in curves:
@@ -340,13 +298,7 @@ def warnings_before(
 
 
 def refuse_mixed_units(model: Model, factor: float) -> None:
-    """Refuse forces that ask for moduli of another order than those of the model: units are mixed up.
-
-    Raises
-    ------
-    FitError
-        The factor is beyond `MIXED`.
-    """
+    """Refuse forces that ask for moduli of another order than those of the model: units are mixed up."""
     if not 1 / MIXED < factor < MIXED:
         raise FitError(_other_modulus(model, factor))
 

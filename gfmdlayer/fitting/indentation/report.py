@@ -26,13 +26,7 @@ SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
 def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
-    """Return the names of the YAML, the JSON and the picture.
-
-    Raises
-    ------
-    ResultsError
-        One of them exists, unless `force`.
-    """
+    """Return the names of the YAML, the JSON and the picture."""
     material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
     found = material, material.with_suffix(".json"), material.with_suffix(".png")
     for target in found:
@@ -42,22 +36,7 @@ def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
 
 
 def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
-    """Write YAML, JSON and picture, and return the lines of a summary.
-
-    Parameters
-    ----------
-    fit : IndentationFit
-        The fit.
-    out : Path
-        The YAML file; the others lie beside it.
-    force : bool
-        Overwrite existing files.
-
-    Raises
-    ------
-    ResultsError
-        A file exists or cannot be written.
-    """
+    """Write YAML, JSON and picture, and return the lines of a summary."""
     material, numbers, picture = targets(out, force)
     try:
         material.parent.mkdir(parents=True, exist_ok=True)

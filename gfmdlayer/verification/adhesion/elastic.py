@@ -19,20 +19,7 @@ _BRADLEY = "Bradley, Phil. Mag. 13 (1932) 853"
 
 
 def cycle(start: float, depth: float, final: float, speed: float) -> dict[str, object]:
-    """Approach and retraction at a speed, by adaptive steps.
-
-    Parameters
-    ----------
-    start, depth, final : float
-        Depths at the beginning, at the turn and at the end.
-    speed : float
-        Of both.
-
-    Returns
-    -------
-    dict
-        Dotted keys and their values.
-    """
+    """Approach and retraction at a speed, by adaptive steps."""
     motion = {"kind": "approach_retract", "start": start, "depth": depth, "final": final}
     both = {"approach_speed": speed, "retract_speed": speed}
     return {"trajectory": motion | both, "time": {"step": "adaptive", "tolerance": 1e-3}}
