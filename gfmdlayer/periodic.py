@@ -220,7 +220,7 @@ class Case:
         """The time integrator over the relaxing modes of the body.
 
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-        material; see `verification.third_order` for the equation itself.
+        material; see `verification.crosschecks` for the equation itself.
         """
         adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
         reduced, curved = self.reduced_time, self.interface.attracts

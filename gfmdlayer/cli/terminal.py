@@ -1,4 +1,4 @@
-"""Parts that the verbs share: exit statuses, options, the refusal of bad input, lists cut short."""
+"""Shared by the verbs: exit statuses, options, messages about bad input, long lists."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STATUSES = (
     "exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable"
 )
 LISTED = 20  # entries of a list before it is cut short
-REPORTED = 100  # problems of a configuration, likewise
+REPORTED = 100  # problems of a configuration before the list is cut short
 
 
 def folder_name(name: str) -> str:
@@ -42,7 +42,9 @@ def interval(text: str) -> float:
 
 def add_config(parser: argparse.ArgumentParser) -> None:
     """Add the configuration, and --set, to a verb."""
-    parser.add_argument("config", metavar="CONFIG", help="YAML file, or a case's result file to run it again")
+    parser.add_argument(
+        "config", metavar="CONFIG", help="YAML file, or the result file of a case to run it again"
+    )
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -61,18 +63,18 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 
 
 def refuse(*problems: str) -> int:
-    """Print what is wrong with the input, a line each, and return the exit status."""
+    """Print each problem of the input on a line and return the exit status."""
     for problem in problems[:REPORTED]:
         print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     if (further := len(problems) - REPORTED) > 0:
-        print(f"gfmdlayer: ... and {further} more of these", file=sys.stderr)
+        print(f"gfmdlayer: ... and {further} more", file=sys.stderr)
     return REFUSED
 
 
 def input_problems(error: Exception) -> Sequence[str]:
-    """Return the messages of an error in the input or the results, and nothing for an error of the program.
+    """Return the messages of an error in the input or the results; empty for any other error.
 
-    The error classes are imported only here, after an error, so that a verb loads no module for them.
+    The error classes are imported only after an error, so that a verb loads no module for them.
     """
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import FolderError
@@ -83,12 +85,12 @@ def input_problems(error: Exception) -> Sequence[str]:
     if isinstance(error, ConfigError):
         return error.problems
     if isinstance(error, PermissionError):
-        return [f"{error}; this user must be allowed to read it, or to write there"]
+        return [f"{error}; you need permission to read it, or to write there"]
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
-    """Read the configuration named on the command line, or that of a case's result file."""
+    """Read the configuration on the command line, from YAML or from the result file of a case."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
 
@@ -104,7 +106,7 @@ def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:
-    """Return --out, or results/NAME; results/NAME-NNNN for a case that is run again."""
+    """Return --out, or results/NAME; results/NAME-NNNN when a case is run again."""
     from gfmdlayer.execution.folder import is_result
 
     rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
@@ -117,7 +119,7 @@ def count_cases(number: int) -> str:
 
 
 def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
-    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
+    """Return the first lines of a list, and how many of `number` lines (default: all) are left out."""
     every = list(map(printable, lines))
     further = (len(every) if number is None else number) - LISTED
     return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]

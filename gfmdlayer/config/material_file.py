@@ -65,7 +65,7 @@ def read_material(path: Path) -> Law:
     if isinstance(held.get("layer"), dict):
         held, at = held["layer"], ("layer", "material")
     if not isinstance(held.get("material"), dict):
-        _refuse([f"{path}:1:1: holds no material; must be YAML with a section layer: {{material: ...}}"])
+        _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
     try:
         law = _Holder.model_validate({"material": held["material"]}).material
         found = [problem.within(("material",)) for problem in contradictions(law)]

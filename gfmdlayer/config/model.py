@@ -19,13 +19,13 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
-from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
-from gfmdlayer.config.output import Output
+from gfmdlayer.config.sections import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.solvers import Choice, choose
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose
 from gfmdlayer.indentation import admissible
+from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -43,6 +43,36 @@ from gfmdlayer.validation.sections import (
     sections_in,
 )
 from gfmdlayer.validation.units import Units
+
+# Whether an interface law goes with the rest of a configuration.
+
+
+def attracting(interface: Interface | tuple[Interface, ...] | None) -> tuple[Interface, ...]:
+    """Return the laws that attract, which the hard wall does not."""
+    every = interface if isinstance(interface, tuple) else () if interface is None else (interface,)
+    return tuple(law for law in every if law.attracts)
+
+
+def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+    """Yield contradictions between the interface laws of a `Config` and its other sections."""
+    if config.interface == ():
+        yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+    if not config.interfaces:
+        return
+    for at, law in sections_in(config):
+        if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
+            yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+    if config.grid.axisymmetric:
+        message = (
+            "not available for grid.geometry: axisymmetric; remove it "
+            "(gfmdlayer.indent takes a work of adhesion)"
+        )
+        yield Problem(("interface",), message, ("grid.geometry",))
+    elif config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+        able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
+        message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
+        yield Problem(("solver", "method"), message, ("interface",))
+
 
 Name = Annotated[
     str,
@@ -74,7 +104,7 @@ class Config(Section):
     """
 
     name: Name
-    """names the folder of the results"""
+    """name of the results folder"""
     units: Annotated[Units | None, given] = None
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
@@ -82,7 +112,7 @@ class Config(Section):
     layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
-    """layers from the surface down, in place of layer"""
+    """layers from the surface downwards, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
         default_factory=lambda data: Layer() if data.get("layers") is None else None
     )
@@ -90,21 +120,21 @@ class Config(Section):
     halfspace: Halfspace = Field(default_factory=Halfspace)
     """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
-    """temperature of the body, over time; for materials with a shift"""
+    """temperature of the body over time, for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """attraction across the gap, beside the hard wall: a law or several"""
+    """attraction across the gap, besides the hard wall: one law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
-    """what is prescribed over time"""
+    """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
-    """the contact problem of each step"""
+    """solver of the contact problem in each step"""
     output: Output = Field(default_factory=Output)
-    """what is kept besides the curves"""
+    """output besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
-    """dotted keys and their values; the cases are their product"""
+    """dotted keys with values; the cases are all combinations"""
 
     @field_validator("time")
     @classmethod
@@ -137,7 +167,7 @@ class Config(Section):
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
-            message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
+            message = "fixed steps write every row; remove it or set time.step: adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):

@@ -39,8 +39,7 @@ from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.forward import Prediction
-from gfmdlayer.fitting.indentation.parameters import Free, Model
+from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance

@@ -23,7 +23,7 @@ from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.preparation import warm_up
-from gfmdlayer.verification.peers import TamaasHalfspace
+from gfmdlayer.verification.crosschecks import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=240, repetitions=5)
