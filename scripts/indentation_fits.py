@@ -23,10 +23,8 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.fitting.indentation import problem as problems
-from gfmdlayer.fitting.indentation.estimates import BAND
-from gfmdlayer.fitting.indentation.estimates import covariance, quantile
-from gfmdlayer.fitting.indentation.problem import Model, free_parameters
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
 from gfmdlayer.indentation.solve import on_steps
 from gfmdlayer.indentation.space import History, find_space
 from gfmdlayer.punch.revolution import paraboloid

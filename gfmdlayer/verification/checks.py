@@ -64,7 +64,7 @@ _GROUPS = {
     ),
     "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics),
 }
-_PEERS = {crosschecks.tamaas: "tamaas", crosschecks.contact_mechanics: "ContactMechanics"}
+_PEERS: dict[object, str] = {crosschecks.tamaas: "tamaas", crosschecks.contact_mechanics: "ContactMechanics"}
 CHECKS = tuple(Check(group, find, _PEERS.get(find, "")) for group, found in _GROUPS.items() for find in found)
 
 

@@ -114,8 +114,8 @@ def pavement(_quick: bool) -> Iterator[Row]:
 def runs(quick: bool) -> Iterator[Row | Curve]:
     """Order of the time steps and balance of the energy in whole runs of a stack, as of one layer.
 
-    See `orders.time_steps` and `energy.balance` for the bounds. Merging the modes changes K by a part
-    epsilon at most, and so the pressure by less than two epsilon, see `limits.limiting_bodies`.
+    See `orders.time_steps` and `orders.balance` for the bounds. Merging the modes changes K by a part
+    epsilon at most, and so the pressure by less than two epsilon, see `closed_forms.limiting_bodies`.
     """
     n = 2**10 if quick else 2**13
     values = {**_BODY, "grid.points": n, "time.end": 2.0, "solver.tolerance": 1e-7}

@@ -19,9 +19,7 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.indentation.curve import Drive, in_si
 from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import detect
-from gfmdlayer.fitting.indentation.problem import Prediction
-from gfmdlayer.fitting.indentation.problem import Model, free_parameters
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
 from gfmdlayer.fitting.indentation.report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 

@@ -211,7 +211,7 @@ def _doubts(
             side, bound = ("an upper", least) if below else ("a lower", most)
             yield f"{each.name}: the data give only {side} limit; the interval reaches {bound:g}"
         elif each.relative and high > 10 * low:
-            yield f"{each.name}: the data hardly determine it; its interval spans a factor of {high / low:.2g}"
+            yield f"{each.name}: the data hardly determine it; the interval spans a factor {high / low:.2g}"
     for i, j in combinations(range(len(estimates)), 2):
         if abs(correlation[i, j]) > 0.99:
             pair = f"{estimates[i].name} and {estimates[j].name}"
