@@ -19,12 +19,12 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
+from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.sections import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
-from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
@@ -62,13 +62,7 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
     for at, law in sections_in(config):
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
             yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
-    if config.grid.axisymmetric:
-        message = (
-            "not available for grid.geometry: axisymmetric; remove it "
-            "(gfmdlayer.indent takes a work of adhesion)"
-        )
-        yield Problem(("interface",), message, ("grid.geometry",))
-    elif config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+    if config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
         yield Problem(("solver", "method"), message, ("interface",))
@@ -158,7 +152,7 @@ class Config(Section):
         """Yield contradictions between sections."""
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        yield from admissible.problems(self)
+        yield from self.geometry.problems(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
@@ -176,7 +170,12 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        return admissible.plainly_possible(self)
+        return self.geometry.plainly_possible(self)
+
+    @property
+    def geometry(self) -> Geometry:
+        """The geometry of the contact, of `grid.geometry`."""
+        return GEOMETRIES[self.grid.geometry or "periodic"]
 
     @property
     def stacked(self) -> tuple[Layer, ...]:
@@ -228,7 +227,7 @@ class Config(Section):
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
+        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

@@ -23,6 +23,7 @@ from pydantic import (
     field_validator,
 )
 
+from gfmdlayer.config.geometries import GEOMETRIES
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -58,10 +59,10 @@ Step = Annotated[
 class Grid(Section):
     """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact."""
 
-    geometry: Annotated[Annotated[str, Word("periodic", "axisymmetric")] | None, given] = None
+    geometry: Annotated[Annotated[str, Word(*GEOMETRIES)] | None, given] = None
     """periodic (default), or axisymmetric: one isolated indenter"""
     points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = Field(
-        default_factory=lambda data: (256 if data.get("geometry") == "axisymmetric" else 16384,)
+        default_factory=lambda data: (GEOMETRIES[data.get("geometry") or "periodic"].points,)
     )
     """number of points, or [nx, ny]; axisymmetric: points of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
@@ -87,24 +88,12 @@ class Grid(Section):
         return values[0] if same else values
 
     @property
-    def axisymmetric(self) -> bool:
-        """Whether the contact is isolated instead of periodic."""
-        return self.geometry == "axisymmetric"
-
-    @property
     def cell(self) -> Cell:
         """The cell, for shapes of the punch."""
         return Cell(self.points, self.period)
 
     def problems(self) -> Iterator[Problem]:
         """Refuse periods that do not match the directions, and more points than FFTW counts."""
-        if self.axisymmetric and len(self.points) > 1:
-            message = f"got {shown(self.points)}; must be one number for geometry: axisymmetric"
-            yield Problem(("points",), message, ("geometry",))
-            return
-        if self.extent is not None and not self.axisymmetric:
-            message = "only for geometry: axisymmetric; remove it or set geometry: axisymmetric"
-            yield Problem(("extent",), message, ("geometry",))
         if len(self.period) != len(self.points):
             message = (
                 f"got {len(self.period)} lengths for {len(self.points)} "
