@@ -118,12 +118,12 @@ REFUSED = {
     ),
     "swept beyond the list": (
         STACK + "sweep: {layers.2.thickness: [1, 2]}\n",
-        "7:9: sweep.layers.2.thickness: layers is a list of 2 entries, and 2 is none of its places",
+        "7:9: sweep.layers.2.thickness: layers has 2 entries, and 2 is not one of them",
         "layers.0 or layers.1",
     ),
     "no place": (
         STACK + "sweep: {layers.top.thickness: [1, 2]}\n",
-        "sweep.layers.top.thickness: layers is a list of 2 entries, and top is none of its places",
+        "sweep.layers.top.thickness: layers has 2 entries, and top is not one of them",
         "layers.0 or layers.1",
     ),
     "swept key misspelt": (
@@ -167,9 +167,9 @@ def test_all_errors_of_a_list_are_reported_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("layers.2.thickness=1", "--set: layers.2.thickness: layers is a list of 2 entries, and 2 is none"),
-        ("layers.x.thickness=1", "--set: layers.x.thickness: layers is a list of 2 entries, and x is none"),
-        ("layers.0.material.branches.1.G=2", "is a list of 1 entry, and 1 is none of its places"),
+        ("layers.2.thickness=1", "--set: layers.2.thickness: layers has 2 entries, and 2 is not one"),
+        ("layers.x.thickness=1", "--set: layers.x.thickness: layers has 2 entries, and x is not one"),
+        ("layers.0.material.branches.1.G=2", "has 1 entry, and 1 is not one of them"),
         ("layers.0.thicknes=1", "--set: layers[0].thicknes: unknown key"),
         ("grid.0=1", "--set: grid.0: grid is not a list"),
     ],
