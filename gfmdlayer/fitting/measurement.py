@@ -240,8 +240,8 @@ class WLF:
         if self.temperature - self.reference <= -self.C2:
             raise FitError(
                 f"temperature {self.temperature:g} is {self.reference - self.temperature:g} below the "
-                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, the limit of the "
-                "WLF equation"
+                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, the limit "
+                "of the WLF equation"
             )
         if abs(self.decades) > 100:
             raise FitError(

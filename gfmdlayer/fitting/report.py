@@ -185,8 +185,8 @@ def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator
     decades = np.log(fitted.measurement.abscissa)
     if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
         yield (
-            f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]} and "
-            "dominate the fit; spread the rows evenly over the decades"
+            f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]}"
+            " and dominate the fit; spread the rows evenly over the decades"
         )
     if elastic.max() * PLATEAU < material.glassy < math.inf:
         yield (

@@ -1,4 +1,4 @@
-"""Adhesion of elastic bodies: JKR's line contact, Johnson's wave, Maugis' sphere, Bradley's limit."""
+"""Adhesion: elastic bodies (JKR, Johnson, Maugis, Bradley), viscoelastic pull-off, films across a gap."""
 
 from __future__ import annotations
 
@@ -323,7 +323,7 @@ def thin_films(quick: bool) -> Iterator[Row]:
         yield Row(f"tension at pull-off, d = {thickness:g}", tension, largest, bound * tension, _KENDALL)
 
 
-# Films that are attracted across a gap: uniform pull-in, the wavelength of the instability, its delay.
+# Films attracted across a gap: uniform pull-in, wavelength of the instability, its delay.
 
 _PULL_IN = "V^2 = 8 K (g0 + h0)^3/(27 eps0)"
 _FILM = "Shenoy and Sharma, Phys. Rev. Lett. 86 (2001) 119"
@@ -410,7 +410,7 @@ def flat_film(_quick: bool) -> Iterator[Row]:
 
 
 def delayed_pull_in(_quick: bool) -> Iterator[Row]:
-    """A film that is stable while it is glassy, and snaps to the punch late, because it relaxes.
+    """A film that is stable while it is glassy, and snaps to the punch when it has relaxed.
 
     The punch is brought at once to a distance between those of pull-in of the glassy and of the relaxed
     film. The uniform mode, a Zener spring of K(0) times G(t)/G0, sinks towards it until no equilibrium is

@@ -37,8 +37,8 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
     """The paper's punch on an elastic halfspace.
 
     pbar = -(E* L/(2 pi R)) ln cos psi and depth = (L^2/(4 pi^2 R)) [pi^2/6 - Li2(cos^2 psi)], psi = pi a/L.
-    Either edge of contact lies within a cell of its place. The mean pressure has the error of the grid and
-    that of the solver, whose bounds are derived above.
+    Each edge of contact is known within a cell. The mean pressure has the errors of grid and solver, whose
+    bounds are derived above.
     """
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)
@@ -52,9 +52,9 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
 def hertz_line(quick: bool) -> Iterator[Row]:
     """Hertz's line contact, where the contact is small.
 
-    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the computed load P. Neighbours a period away change either
-    by a part psi^2/6, the next term of ln cos psi. The edge lies within a cell; so does the profile, which
-    at its top is flat: off by (D/a)^2 and less.
+    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the computed load P. Neighbours a period away change both
+    by the fraction psi^2/6, the next term of ln cos psi. The edge is known within a cell. The top of the
+    profile is flat, so its error is at most (D/a)^2.
     """
     n, depth = (2**12, 1e-3) if quick else (2**14, 1e-3)
     values = {"grid.points": n, "trajectory.depth": depth, "output.snapshots": [1.0]}
@@ -73,11 +73,11 @@ def hertz_line(quick: bool) -> Iterator[Row]:
 def hertz_sphere(quick: bool) -> Iterator[Row]:
     """Hertz's contact under a sphere, in a periodic cell.
 
-    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the displacement by the neighbours:
-    F/(pi E*) (S_1 + S_3 r^2/4), S_1 and S_3 lattice sums of 1/r less its mean and of 1/r^3; the rest is
-    of the order (a/L)^5. The rim is known to half a cell: the area to 1/m of itself, m points in a radius.
-    Depth and peak are off by m^-2, as in a line contact, times a periodic function of the places of the rim,
-    which is below 0.06 and 0.15.
+    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the displacement due to the neighbours,
+    F/(pi E*) (S_1 + S_3 r^2/4). S_1 and S_3 are lattice sums of 1/r minus its mean and of 1/r^3; the rest is
+    of the order (a/L)^5. The rim is known to half a cell, and the area to the fraction 1/m, with m points in
+    a radius. Depth and peak have errors of m^-2, as in a line contact, times a periodic function of the
+    position of the rim, which is below 0.06 and 0.15.
     """
     n, a = (64, 0.1) if quick else (512, 0.1)
     lattice_1, lattice_3 = -3.90026492, 9.03362168
@@ -102,8 +102,8 @@ def westergaard(quick: bool) -> Iterator[Row]:
     """A sinusoidal punch on an elastic halfspace.
 
     pbar = (pi E* h/lambda) S, S = sin^2 psi; growing contact has the compliance of a flat strip, -(2
-    lambda/(pi E*)) ln sin psi, which adds up to depth = h S (1 - ln S). Bounds as for the parabola, with
-    d pbar/da = 2 pbar (pi/lambda) cot psi; p_max = 2 pbar/sin psi.
+    lambda/(pi E*)) ln sin psi, which adds up to depth = h S (1 - ln S). The bounds are those of the parabola,
+    with d pbar/da = 2 pbar (pi/lambda) cot psi; p_max = 2 pbar/sin psi.
     """
     n, h = (1536 if quick else 3 * 2**12), 0.01
     source = f"Westergaard (1939); {JOHNSON}, ch. 13"
@@ -126,8 +126,9 @@ def westergaard(quick: bool) -> Iterator[Row]:
 def thin_layer(quick: bool) -> Iterator[Row]:
     """A thin, bonded, incompressible layer on a rigid base.
 
-    Where d is small against a, the layer is squeezed like a lubricant: P = 2 G a^5/(15 R d^3) and depth =
-    a^2/(6 R). That theory fails near the edge, over a length of the order of the thickness: by a part d/a.
+    If d is small against a, the layer is squeezed like a lubricant: P = 2 G a^5/(15 R d^3) and depth =
+    a^2/(6 R). This theory fails near the edge, over a length of the order of the thickness, so by a fraction
+    d/a.
     """
     n, d = (2**12, 0.005) if quick else (2**14, 0.0025)
     a = 0.2
@@ -141,9 +142,9 @@ def thin_layer(quick: bool) -> Iterator[Row]:
 def full_contact(_quick: bool) -> Iterator[Row]:
     """A wave pressed flat at once: the pressure relaxes as the sum of the layer's modes.
 
-    p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the wave's own q, K the paper's Eq. (11) at the modulus
-    G(s). The load comes on within 1e-9 tau, which is the bound, in parts of the glassy stiffness; the mode of
-    the displacement is that of the punch to rounding, and the exponential steps are exact.
+    p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the q of the wave, with K from the paper's Eq. (11) at the
+    modulus G(s). The load rises within 1e-9 tau, which is the bound relative to the glassy stiffness. The
+    mode of the displacement is that of the punch within rounding, and the exponential steps are exact.
     """
     n, h, times = 2**14, 0.01, [0.25, 1.0, 4.0]
     punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1.0}
@@ -234,7 +235,7 @@ def _creep(time: float) -> float:
     return time + 9 * float(np.expm1(-time / 10))
 
 
-# The stiffness of the layered body, and whole runs, in the limits of a simpler body.
+# Limits: stiffness and whole runs of bodies that approach a simpler body.
 
 _EPS = float(np.finfo(float).eps)
 _ROUNDING = 40 * _EPS / 2  # some forty operations, none of which cancels
@@ -319,12 +320,13 @@ def relaxing_modes(_quick: bool) -> Iterator[Row]:
 
 
 def limiting_bodies(quick: bool) -> Iterator[Row]:
-    """Whole runs of bodies close to a simpler one.
+    """Whole runs of bodies that are close to a simpler body.
 
-    Where K is within a part epsilon of the simpler body's at every q, the Cauchy-Schwarz inequality puts the
-    mean pressure within epsilon [2 E p'(depth)]^(1/2)/pbar, p' = d pbar/d(depth), E the energy: less than 2
-    epsilon. The error of both solvers is added. The base under a layer many wavelengths thick has no effect,
-    to the last bit.
+    If K differs from the simpler body's by at most a fraction epsilon at every q, the Cauchy-Schwarz
+    inequality
+    bounds the relative difference of the mean pressure by epsilon [2 E p'(depth)]^(1/2)/pbar, p' =
+    d pbar/d(depth), E the energy: less than 2 epsilon. The errors of both solvers are added. The base under a
+    layer many wavelengths thick has no effect, to the last bit.
     """
     n = 2**10 if quick else 2**14
     steps: dict[str, object] = {"time.end": 2.0, "time.step": 0.1, "solver.tolerance": _TIGHT}
@@ -351,10 +353,10 @@ def limiting_bodies(quick: bool) -> Iterator[Row]:
 def fast_and_slow(quick: bool) -> Iterator[Row]:
     """The glassy response at t = 0+ and the relaxed one at t = inf.
 
-    A punch pressed in within 1e-9 tau meets Ginf: with G_bulk = Ginf a halfspace of that modulus, for any
-    thickness (Fig. 2), but for a part 1e-9 that has relaxed. In the end it meets G0: with G_bulk = G0 a
-    halfspace of that modulus (Fig. 4). At 300 tau exp(-299/10) of the slowest mode remains, and adaptive
-    steps err by their tolerance of the largest pressure.
+    A punch pressed in within 1e-9 tau meets Ginf. With G_bulk = Ginf the body is then a halfspace of that
+    modulus for any thickness (Fig. 2), except for the fraction 1e-9 that has relaxed. In the end the punch
+    meets G0; with G_bulk = G0 the body is a halfspace of that modulus (Fig. 4). At 300 tau exp(-299/10) of
+    the slowest mode remains, and adaptive steps err by their tolerance times the largest pressure.
     """
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)

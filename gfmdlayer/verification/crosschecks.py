@@ -1,4 +1,4 @@
-"""The same problem by independent methods; laws and temperature against theirs."""
+"""Independent methods: other solvers, the paper's integrator, other codes; laws and temperature."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _PAPER: dict[str, object] = {"time.end": 1.0, "time.step": 0.005, "time.integrat
 def three_solvers(quick: bool) -> Iterator[Row]:
     """The active set, conjugate gradients and FIRE on the same steps.
 
-    Each has the solver's error at its residual, Ginf/G0 of that with the history: two of them differ by twice
-    as much at most, most of all at full depth. Relative to the largest ptilde. The edge may differ by a cell
-    where it passes close to a point.
+    Each has the solver's error at its residual, times Ginf/G0 with the history. Two of them differ by twice
+    as much at most, and most at full depth. Errors are relative to the largest ptilde. The edge may differ by
+    a cell where it passes close to a point.
     """
     n, tolerance, source = (2**10 if quick else 2**14), 1e-7, "same problem, other method"
     values = {"grid.points": n, "time.end": 2.0, "time.step": 0.1}
@@ -57,9 +57,9 @@ def three_solvers(quick: bool) -> Iterator[Row]:
 def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
     """The paper's third-order equation against the relaxing modes.
 
-    Backward Euler on each mode is Eq. (24) with backward differences, to rounding. In the paper's form the
-    error of a step grows as a third sum, (j + 1)(j + 2)/2 after j steps, until j passes theta/dt: summed over
-    i steps min((i + 3)^3/6, prod_k (1 + theta_k/dt)) times, of ten roundings a step at the scale of the
+    Backward Euler on each mode is Eq. (24) with backward differences, within rounding. In the paper's form
+    the error of a step grows as a third sum, (j + 1)(j + 2)/2 after j steps, until j passes theta/dt: summed
+    over i steps min((i + 3)^3/6, prod_k (1 + theta_k/dt)) times, of ten roundings a step at the scale of the
     glassy stress. The three times theta_k are tau and two up to tau Ginf/G0.
     """
     n, steps = (2**10, 100) if quick else (2**14, 400)
@@ -89,10 +89,10 @@ def stress_difference(body: LayeredHalfspace, q: FloatArray, step: float, steps:
 
 
 def load_against_depth(quick: bool) -> Iterator[Row]:
-    """The loads that a depth needs, put on as loads, give that depth.
+    """The loads of a run at prescribed depth, prescribed in a second run, give the same depth.
 
-    Both runs have the solver's error of the pressure, Ginf/G0 of it with the history; the depth rises more
-    slowly than the pressure, so its error, in parts of the largest depth, is no larger.
+    Both runs have the solver's error of the pressure, times Ginf/G0 with the history. The depth rises more
+    slowly than the pressure, so its error relative to the largest depth is no larger.
     """
     n, tolerance = (2**9 if quick else 2**13), 1e-8
     values = {"grid.points": n, "time.end": 2.0, "time.step": 0.05, "solver.tolerance": tolerance}
@@ -108,8 +108,8 @@ def load_against_depth(quick: bool) -> Iterator[Row]:
 def lines_and_surfaces(quick: bool) -> Iterator[Row]:
     """A ridge on a surface in two directions is a line contact.
 
-    The same discrete problem, solved on other transforms: twice the solver's error, with the history,
-    relative to the largest ptilde.
+    It is the same discrete problem on other transforms. The bound is twice the solver's error, with the
+    history, relative to the largest ptilde.
     """
     n, tolerance = (2**8 if quick else 2**11), 1e-7
     values = {"grid.points": n, "time.end": 1.5, "time.step": 0.125, "solver.tolerance": tolerance}
@@ -314,7 +314,7 @@ class ThirdOrder:
         self._past = np.stack([value, first, self._rate * (first - self._past[:, 1])], axis=1)
 
 
-# Comparison with other codes, where they are installed.
+# Comparison with other codes, if they are installed.
 
 _LOAD = 0.05
 _TRAJECTORY = {"trajectory": {"control": "load", "load": _LOAD}}
@@ -336,7 +336,7 @@ class TamaasHalfspace:
         self.version = str(tamaas.__version__)
         self._model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_1d, [1.0], [heights.size])
         self._model.E, self._model.nu = 3.0, 0.5
-        self._surface = -heights  # which the solver refers to
+        self._surface = -heights  # kept here, since the solver refers to it
         self._solver = tamaas.MaxwellViscoelastic(self._model, self._surface, tolerance, step, [9.0], [1.0])
         self._solver.max_iter = 100_000
 
@@ -360,9 +360,9 @@ class TamaasHalfspace:
 def tamaas(quick: bool) -> Iterator[Row]:
     """A viscoelastic halfspace under a load, by Tamaas and by backward Euler here.
 
-    Frerot et al., J. Open Source Softw. 5 (2020) 2121. The same discrete problem and the same steps: the
-    difference is the error of both solvers, Ginf/G0 of it with the history, and smaller in the depth than in
-    the pressure. Tamaas is asked for a tenth of our residual.
+    Frerot et al., J. Open Source Softw. 5 (2020) 2121. Problem and steps are the same. The difference is the
+    error of both solvers, times Ginf/G0 with the history, and smaller in the depth than in the pressure.
+    Tamaas runs to a tenth of our residual.
     """
     n, step, steps, tolerance = (2**9 if quick else 2**11), 0.1, 15, 1e-7
     peer = TamaasHalfspace(Parabola(radius=RADIUS).heights(Grid((n,), (1.0,))), step, tolerance / 100)
@@ -379,8 +379,8 @@ def tamaas(quick: bool) -> Iterator[Row]:
 def contact_mechanics(quick: bool) -> Iterator[Row]:
     """An elastic halfspace under a load, by ContactMechanics and here.
 
-    The same discrete problem: twice the solver's error. The depth in ContactMechanics is the mean height of
-    the punch less the mean gap.
+    The discrete problem is the same; the bound is twice the solver's error. The depth in ContactMechanics is
+    the mean height of the punch minus the mean gap.
     """
     from ContactMechanics import PeriodicFFTElasticHalfSpace
     from ContactMechanics.Systems import NonSmoothContactSystem

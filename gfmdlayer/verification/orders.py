@@ -1,4 +1,4 @@
-"""Orders of convergence in the time step, the grid spacing and the tolerances."""
+"""Orders of convergence in time step, grid spacing and tolerances; the balance of energy."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def _error(found: Recording, exact: Recording) -> float:
     return largest
 
 
-# The energy: stored energy of an elastic halfspace, and the balance work = stored + dissipated.
+# Energy: stored energy of an elastic halfspace, and the balance work = stored + dissipated.
 
 _BALANCE_STEPS = (0.05, 0.025, 0.0125)
 _CYCLE = Table(np.array([0.0, 1.0, 1.5, 2.5, 3.0]), np.array([0.0, 0.01, 0.002, 0.01, 0.01]))
@@ -163,10 +163,10 @@ _CYCLE = Table(np.array([0.0, 1.0, 1.5, 2.5, 3.0]), np.array([0.0, 0.01, 0.002, 
 def stored_energy(quick: bool) -> Iterator[Row]:
     """The elastic energy of the surface, and the work of the punch.
 
-    On an elastic halfspace both are int pbar d(depth) of the closed form. The work is summed over steps of
-    equal depth: by Simpson's parabolas its error is below dt^2 of it, from the first steps, where pbar has no
-    Taylor series. The stored energy has the grid's relative error, and the solver's, which is no larger than
-    that of the pressure.
+    On an elastic halfspace both are int pbar d(depth) of the closed form. The work is a sum over steps of
+    equal depth by Simpson's parabolas; its relative error is below dt^2 and comes from the first steps, where
+    pbar has no Taylor series. The stored energy has the relative errors of grid and solver, which are no
+    larger than those of the pressure.
     """
     n, steps = (2**10, 50) if quick else (2**14, 200)
     values = {"grid.points": n, "time.end": 1.0, "time.step": 1 / steps, "solver.tolerance": 1e-8}
@@ -208,9 +208,9 @@ def balance(quick: bool) -> Iterator[Row | Curve]:
 def cycle(quick: bool) -> Iterator[Row]:
     """A punch that is pressed in, drawn out and pressed in again.
 
-    The dissipated heat only grows, and the stored energy is never negative: to the last bit, for both are
-    sums of squares. An elastic body returns all the work: at the same depth on the way in and out the work is
-    the same but for its quadrature, of the second order of the step over the length of a ramp.
+    The dissipated heat never decreases and the stored energy is never negative, to the last bit, since both
+    are sums of squares. An elastic body returns all the work: at the same depth on the way in and out the
+    work is the same within its quadrature, of second order in the step over the length of a ramp.
     """
     n, step = (2**10, 0.025) if quick else (2**13, 0.0125)
     values = {"grid.points": n, "time.end": 3.0, "time.step": step, "solver.tolerance": 1e-7}

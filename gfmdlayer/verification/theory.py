@@ -55,7 +55,10 @@ def parabola_half_width(depth: float) -> float:
 
 
 def grid_error(points: int, half_width: float, steepness: float, waves: int = 1) -> float:
-    """Bound on the grid's error of a mean pressure."""
+    """Bound on the grid's error of a mean pressure.
+
+    `half_width` of contact in periods, `steepness` d pbar/da of the punch, `waves` contacts in a period.
+    """
     psi, spacing = np.pi * half_width * waves, waves / points
     return float(GRID * spacing**2 * steepness / waves / math.tan(psi) / -math.log(math.sin(psi)))
 
