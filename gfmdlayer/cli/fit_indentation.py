@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, add_out, cut_short, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, STATUSES, add_out, conclude, input_problems, refuse
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.run import Summary
     from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 EXAMPLE = (
@@ -148,7 +147,6 @@ def _prepare() -> None:
 
 
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
-    from gfmdlayer.cli.terminal import input_problems
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.indentation.fit import read_model
@@ -167,19 +165,4 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) 
         if not (problems := input_problems(error)):
             raise
         return refuse(*problems)
-    return _conclude(summary, directory)
-
-
-def _conclude(summary: Summary, directory: Path) -> int:
-    """Print the end of the fits and return the exit status."""
-    if stopped := summary.count("stopped"):
-        left = f"{stopped} curves wait" if stopped > 1 else "1 curve waits"
-        print(f"stopped: {left}; the same command continues")
-        return RESUMABLE
-    if summary.failures:
-        print(f"{len(summary.failures)} of {len(summary.outcomes)} curves failed:")
-        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"map of the others: {directory / 'sweep.h5'}; the same command retries the failed ones")
-        return FAILED
-    print(f"complete: {directory / 'sweep.h5'}")
-    return COMPLETE
+    return conclude(summary, directory, "curve")

@@ -17,8 +17,7 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     add_config,
     add_out,
-    count_cases,
-    cut_short,
+    conclude,
     input_problems,
     interval,
     read_config,
@@ -28,7 +27,6 @@ from gfmdlayer.cli.terminal import (
 from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.run import Summary
     from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
@@ -148,25 +146,4 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
     except (ResultsError, PermissionError) as error:  # the folder became read-only during the run
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED
-    return _conclude(summary, directory, options.shard)
-
-
-def _conclude(summary: Summary, directory: Path, shard: Shard | None) -> int:
-    """Print the end of the run and return the exit status."""
-    print("".join(f"note: {line}\n" for line in summary.notes), end="")
-    if stopped := summary.count("stopped"):
-        left = f"{stopped} cases wait" if stopped > 1 else "1 case waits"
-        print(f"stopped: {left}; the same command continues")
-        return RESUMABLE
-    if summary.failures:
-        print(f"{len(summary.failures)} of {len(summary.outcomes)} cases failed:")
-        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"complete cases are in {directory}; the same command retries the failed ones")
-        return FAILED
-    if waiting := summary.count("waiting"):
-        print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
-    elif not summary.collected:
-        print(f"shard {shard} complete; sweep.h5 follows when all shards are complete")
-    else:
-        print(f"complete: {directory / 'sweep.h5'}")
-    return COMPLETE
+    return conclude(summary, directory, "case", options.shard)

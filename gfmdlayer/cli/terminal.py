@@ -13,6 +13,8 @@ from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
+    from gfmdlayer.execution.run import Summary
+    from gfmdlayer.execution.sweep import Shard
 
 COMPLETE, FAILED, REFUSED, RESUMABLE = 0, 1, 2, 75
 STATUSES = (
@@ -123,3 +125,24 @@ def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
     every = list(map(printable, lines))
     further = (len(every) if number is None else number) - LISTED
     return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]
+
+
+def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None = None) -> int:
+    """Print the end of a run over cases or curves (`noun`), and return the exit status."""
+    print("".join(f"note: {line}\n" for line in summary.notes), end="")
+    if stopped := summary.count("stopped"):
+        left = f"{stopped} {noun}s wait" if stopped > 1 else f"1 {noun} waits"
+        print(f"stopped: {left}; the same command continues")
+        return RESUMABLE
+    if summary.failures:
+        print(f"{len(summary.failures)} of {len(summary.outcomes)} {noun}s failed:")
+        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
+        print(f"complete {noun}s are in {directory}; the same command retries the failed ones")
+        return FAILED
+    if waiting := summary.count("waiting"):
+        print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
+    elif not summary.collected:
+        print(f"shard {shard} complete; sweep.h5 follows when all shards are complete")
+    else:
+        print(f"complete: {directory / 'sweep.h5'}")
+    return COMPLETE
