@@ -203,7 +203,7 @@ def test_bad_usage_is_explained(arguments: list[str]) -> None:
             "tiny.yaml: is a configuration; must be results, such as the folder results/NAME",
         ),
         (["plot", "absent", "--kind", "map", "--log-time"], "--log-time: only with --kind curves"),
-        (["plot", "absent", "--movie", "--time", "1"], "must be with --kind map"),
+        (["plot", "absent", "--movie", "--time", "1"], "--time: only with --kind map"),
         (["plot", "absent", "--fps", "25"], "--fps: only with --kind movie"),
         (["plot", "absent", "--movie", "--fps", "0"], "--fps: got 0; must be a whole number from 1 to 100"),
         (["plot", "absent", "--select", "thickness"], "must be KEY=VALUE, such as thickness=0.1"),

@@ -538,7 +538,21 @@ _SIGNS = "[]{}:,-?!&*#|>%@`'\" \n\t\x85\u2028"
 _KEYS = (
     "name:~sweep: ~layer: ~thickness: ~punch: ~shape: ~output: {times: ~grid: ~points: ~material: ~model: "
 )
-_VALUES = ".inf .nan 1e400 0x 0o9 !!int << &a *a 2001-99-99 null true layer.thickness".split()
+_VALUES = [
+    ".inf",
+    ".nan",
+    "1e400",
+    "0x",
+    "0o9",
+    "!!int",
+    "<<",
+    "&a",
+    "*a",
+    "2001-99-99",
+    "null",
+    "true",
+    "layer.thickness",
+]
 _scraps = st.lists(
     st.one_of(
         st.sampled_from(_SIGNS),
