@@ -1,7 +1,7 @@
-"""The material in a file, such as fit-material and fit-indentation write, where the file is named.
+"""A material in a file of its own, as fit-material and fit-indentation write it.
 
-The configuration holds the material itself, so that results, digests and the configuration stored with them
-rest on the contents of the file and not on its name.
+The configuration takes the material itself, so that results, digests and the stored configuration depend on
+the contents of the file and not on its name.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class MaterialFile(Section):
 
 
 class _LawOrFile(OneOf[Any]):
-    """Annotation of a field that holds a law, or names a file that does."""
+    """Annotation of a field with a law, or with a file that contains one."""
 
     def word(self, value: object) -> str:
-        """Return the model; a mapping that names a file needs none."""
+        """Return the word of the law; {file: ...} needs none."""
         if isinstance(value, MaterialFile) or (isinstance(value, Mapping) and {*value} == {"file"}):
             return "file"
         return super().word(value)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Put the law in the place of the file that holds it."""
+        """Replace a file by the law in it."""
         schema = super().__get_pydantic_core_schema__(source, handler)
         return core_schema.no_info_after_validator_function(_read, schema)
 
@@ -51,7 +51,7 @@ class _Holder(Section):
 
 
 def _read(given: Law | MaterialFile) -> Law:
-    """Return a law itself, or that in a file."""
+    """Return a law, or the law in a file."""
     return given if isinstance(given, Law) else read_material(given.file)
 
 

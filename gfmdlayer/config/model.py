@@ -1,7 +1,7 @@
-"""The whole configuration: its sections, the cases made from it, and its text in YAML.
+"""The whole configuration: its sections, its cases, and its text in YAML.
 
-A `Config` that exists is sound: every value allowed, no two in contradiction, every case of its sweep as good
-as itself. See `gfmdlayer.config.sections` for the keys.
+Every `Config` is valid: all values are allowed, none contradicts another, and so for every case of its sweep.
+See `gfmdlayer.config.sections` for the keys.
 """
 
 from __future__ import annotations
@@ -179,12 +179,12 @@ class Config(Section):
 
     @property
     def stacked(self) -> tuple[Layer, ...]:
-        """The layers from the surface down: those of `layers`, or `layer` alone."""
+        """The layers from the surface down: `layers`, or the one `layer`."""
         return self.layers or (() if self.layer is None else (self.layer,))
 
     @property
     def surface(self) -> Layer:
-        """The uppermost layer: its modulus is the unit of dimensionless pressures, its time that of times."""
+        """The uppermost layer; its modulus and time are the units of dimensionless pressures and times."""
         return self.stacked[0]
 
     @property
@@ -195,12 +195,12 @@ class Config(Section):
 
     @property
     def interfaces(self) -> tuple[Interface, ...]:
-        """The interface laws that attract, which add; none with the hard wall alone."""
+        """The interface laws that attract; they add. Empty for the hard wall."""
         return attracting(self.interface)
 
     @property
     def contact_solver(self) -> Choice:
-        """The solver that `solver.method` means, and why."""
+        """The solver for `solver.method`, and the reason."""
         return self.solver_where(bool(self.interfaces))
 
     def solver_where(self, attracts: bool) -> Choice:
@@ -271,9 +271,9 @@ class Config(Section):
 
 
 def digest(config: Config) -> str:
-    """Return a hash of everything that determines a case's results, and of nothing else.
+    """Return a hash of all input of a case's results, and of nothing else.
 
-    The name and the sweep do not enter; files enter by their contents, not by their paths.
+    Name and sweep do not enter; files enter by their contents, not by their paths.
     """
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
@@ -296,7 +296,7 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces:  # a hard wall that is named is the paper's all the same
+    if not config.interfaces:  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
     data["solver"]["method"] = config.contact_solver.method
@@ -304,7 +304,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     def contents(value: object) -> str:
         if isinstance(value, Path):
             return hashlib.sha256(value.read_bytes()).hexdigest()
-        raise TypeError(f"{type(value).__name__} does not belong in a configuration")
+        raise TypeError(f"{type(value).__name__} is no part of a configuration")
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()

@@ -557,7 +557,7 @@ _scraps = st.lists(
     st.one_of(
         st.sampled_from(_SIGNS),
         st.sampled_from(_KEYS.split("~")),
-        st.sampled_from([*_VALUES, '"\\UFFFFFFFF"', "%YAML 1.1\n---\n"]),
+        st.sampled_from([*_VALUES, "layer.thickness", '"\\UFFFFFFFF"', "%YAML 1.1\n---\n"]),
     )
 ).map("".join)
 
