@@ -190,7 +190,7 @@ def test_options_and_sweeps_set_entries(tmp_path: Path) -> None:
         {"layer.material": {"model": "prony", "branches": [{"G": 1, "tau": 1}]}}
     )
     assert single.with_values({"layer.material.branches.0.tau": 3}).laws[0].branches[0].tau == 3  # type: ignore[attr-defined]
-    with pytest.raises(ConfigError, match=r"branches is a list of 1 entry, and 4 is none"):
+    with pytest.raises(ConfigError, match=r"branches has 1 entry, and 4 is not one"):
         single.with_values({"layer.material.branches.4.tau": 3})
 
 
