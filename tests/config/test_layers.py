@@ -104,7 +104,7 @@ REFUSED = {
     "two moduli of the base": (
         "name: x\nhalfspace: {shear_modulus: 2, material: {G0: 1}}\n",
         "2:28: halfspace.shear_modulus: given beside material",
-        "left out",
+        "remove one",
     ),
     "unknown law": (
         "name: x\nlayers: [{thickness: 1, material: {model: zenner}}]\n",
