@@ -23,7 +23,7 @@ from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observa
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.config.output import Histogram
+    from gfmdlayer.config.sections import Histogram
 
 
 MEAN_GAP = Column(
