@@ -23,7 +23,7 @@ from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observa
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.config.output import Histogram
+    from gfmdlayer.config.sections import Histogram
 
 
 MEAN_GAP = Column(
@@ -119,7 +119,7 @@ class ContactMeans(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._unit = 2 * case.config.surface.material.unit
+        self._unit = 2 * case.config.solid.unit
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns of the solution."""
