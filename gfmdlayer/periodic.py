@@ -14,11 +14,10 @@ from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
-from gfmdlayer.contact.loss_stiffness import with_loss
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
-from gfmdlayer.contact.problem import Solver, why_not_converged
-from gfmdlayer.contact.solvers import SOLVERS, choose, contrast, finer
-from gfmdlayer.contact.tightened import tightened
+from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.slab_transforms import transforms_of
@@ -251,20 +250,28 @@ class Case:
     @cached_property
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
-        given, transforms = self.config.solver, self.transforms
-        rough, attracts, time = self.config.punch.rough, self.interface.attracts, self.config.time
-        chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
-        declared = SOLVERS[chosen.method]
+        inertia, attracts = self.config.solver.inertia, self.interface.attracts
+        declared = SOLVERS[self.config.solver_where(attracts).method]
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
-        if given.inertia is not None:
+        if inertia is not None:
             start = "gap" if attracts else "displacement"
-            options |= {"mass_weighted": given.inertia == "mass_weighted", "starts_from": start}
-        made = partial(declared.load(), transforms, **options)
-        if self.velocity is not None and not declared.nonsymmetric:
-            made = partial(with_loss, made, transforms, self.grid.parseval_weights)
-        stiffened = contrast(self.config.laws, time.end)
-        aim = finer(given.tolerance, time.tolerance, stiffened, attracts=attracts)
-        return tightened(made, given.tolerance, given.max_iterations, aim)
+            options |= {"mass_weighted": inertia == "mass_weighted", "starts_from": start}
+        solver: Solver = declared.load()(self.transforms, **options)
+        if self.velocity is None or declared.nonsymmetric:
+            return solver
+        return LossStiffnessSolver(solver, self.transforms, self.grid.parseval_weights)
+
+    @cached_property
+    def finer_tolerance(self) -> float:
+        """Residual that the solver aims at."""
+        given = self.config.solver.tolerance
+        return given if self.interface.attracts else self.config.finer_tolerance
+
+    def solve(self, problem: Problem, time: float) -> Solution:
+        """Solve a contact problem from the guess for its time."""
+        given, start = self.config.solver, self.guess.at(time)
+        finer = self.finer_tolerance
+        return solve_finer(self.solver, problem, start, finer, given.tolerance, given.max_iterations)
 
     @cached_property
     def guess(self) -> DisplacementPrediction:
@@ -458,7 +465,7 @@ def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tupl
     """
     problem = case.loading.problem(kappa, b, time, loss_stiffness=case.integrator.loss_stiffness)
     before, given = case.solver.state(), case.config.solver
-    solution = case.solver.solve(problem, case.guess.at(time))
+    solution = case.solve(problem, time)
     if not solution.converged and not pulled_off(problem, solution):
         case.solver.restore(before)  # the state as a whole is then that before the step
         reason = why_not_converged(problem, solution, case.config.contact_solver.method, given.tolerance)

@@ -158,7 +158,7 @@ def solve(
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     problem = loading.problem(kappa, nothing, 0.0)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
-    solution = case.solver.solve(problem, case.guess.at(0.0))
+    solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)

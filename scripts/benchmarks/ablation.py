@@ -350,8 +350,7 @@ def with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
 
 
 def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
-    given = case.config.solver
-    return {"solver": kind(case.transforms, given.tolerance, given.max_iterations, **options)}
+    return {"solver": kind(case.transforms, **options)}
 
 
 ACTIVE_SET = (
