@@ -47,7 +47,7 @@ class ReducedTime:
         Before t = 0 the temperature is the one at t = 0.
         """
         end = begin + length
-        inside = [time for time in self.temperature.kinks if begin < time < end]
+        inside = [time for time in self.temperature.breakpoints if begin < time < end]
         if not inside and self.temperature(begin) == self.temperature(end):
             return length / self.factor(end)
         edges = [begin, *inside, end] if begin >= 0 or end <= 0 else [begin, 0.0, *inside, end]

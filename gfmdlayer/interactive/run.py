@@ -30,8 +30,8 @@ from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch, with_voltages
 from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
+from gfmdlayer.model import ConvergenceError
 from gfmdlayer.notes import notes
-from gfmdlayer.periodic import ConvergenceError
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.sweep_file import labelled
