@@ -115,7 +115,7 @@ class AdaptiveSteps:
             step = left if now.next_step >= left else min(now.next_step, left / 2)
             self._lands = step == left
             time = stop.time if self._lands else now.time + step
-            self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.kink)
+            self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.breakpoint)
             yield self._given
 
     def accepts(
@@ -147,7 +147,7 @@ class AdaptiveSteps:
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
             now.response, now.last_step = response, self._given.step
             now.time = self._given.time
-            now.after_breakpoint = self._given.kink
+            now.after_breakpoint = self._given.breakpoint
             now.next_stop += self._lands
             now.reach = 0.0 if self._lands else now.reach
         return accepted

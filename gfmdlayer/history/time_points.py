@@ -26,7 +26,7 @@ class Instant:
     time: float
     step: float
     snapshot: bool = False
-    kink: bool = False
+    breakpoint: bool = False
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def landing_stops(
     for stop in rest:
         span = stop.time - found[-1].time
         length = span / max(1, math.ceil(span / step - 1e-6))
-        found.append(Instant(stop.time, length, stop.snapshot, stop.kink))
+        found.append(Instant(stop.time, length, stop.snapshot, stop.breakpoint))
     return found
 
 
@@ -196,7 +196,7 @@ def stops(
     found = [0.0]
     at_snapshot, at_breakpoint = [False], [False]
     marked = [(time, "snapshot") for time in snapshots] + [
-        (time, "kink") for time in breakpoints if 0 < time < end
+        (time, "breakpoint") for time in breakpoints if 0 < time < end
     ]
     for time, reason in sorted([*marked, *((time, "row") for time in (*times, end))]):
         # A time right after the start is moved away from it: only the step to the start has no length.
@@ -205,5 +205,5 @@ def stops(
             at_snapshot.append(False)
             at_breakpoint.append(False)
         at_snapshot[-1] |= reason == "snapshot"
-        at_breakpoint[-1] |= reason == "kink"
+        at_breakpoint[-1] |= reason == "breakpoint"
     return [Instant(t, 0.0, *marks) for t, *marks in zip(found, at_snapshot, at_breakpoint, strict=True)]

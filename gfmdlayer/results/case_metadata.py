@@ -18,7 +18,7 @@ from h5py import h5a, h5f, h5g
 from numpy.typing import NDArray
 
 from gfmdlayer.observables import known_numbers
-from gfmdlayer.observables.contact_statistics import TIME, ContactMeans
+from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.reader import attribute, column, opened
 from gfmdlayer.results.schema import FIELDS
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
-from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.results.case_metadata import (
     INCOMPLETE,
     OF_ONE_CASE,
