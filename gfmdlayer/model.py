@@ -8,11 +8,13 @@ and the result files use this protocol only; a further geometry is one class wit
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.body.body import Body, layered_body
 from gfmdlayer.body.stack import Layer
@@ -93,70 +95,91 @@ class Footprint:
     seconds: float = 0.0
 
 
-class Model(Protocol):
+class Model(ABC):
     """One case of a geometry: its columns, its cost, its checks and its run.
 
-    Parts are made when they are first used, so that `columns`, `footprint` and `problems` are cheap.
+    A subclass makes its parts when they are first used, so that `columns`, `footprint` and `problems` are
+    cheap.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration of one case.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    ranks : Ranks
+        The processes that compute the case together.
     """
 
-    config: Config
-
     def __init__(
-        self, config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks = ALONE
-    ) -> None: ...
+        self,
+        config: Config,
+        wisdom: str | None = None,  # noqa: ARG002
+        threads: int = 1,  # noqa: ARG002
+        ranks: Ranks = ALONE,  # noqa: ARG002
+    ) -> None:
+        self.config = config
 
-    @property
+    @cached_property
     def programme(self) -> Programme:
         """The imposed quantities over time."""
-        ...
+        return Programme(self.config)
 
     @property
+    @abstractmethod
     def columns(self) -> tuple[Column, ...]:
-        """The columns of a row, in their order."""
-        ...
+        """The columns of a row, in their order; the first is the time."""
 
     @property
+    @abstractmethod
     def coordinates(self) -> Mapping[str, FloatArray]:
         """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
-        ...
 
     @property
     def grid(self) -> Grid | None:
         """The periodic grid of the snapshots, of which each rank has a part; None where there is none."""
-        ...
+        return None
 
     @property
     def wisdom(self) -> str:
         """FFTW's wisdom after the run; empty without transforms."""
-        ...
+        return ""
 
     @property
     def attributes(self) -> Mapping[str, str | float]:
         """Attributes of the result file that this geometry adds."""
-        ...
+        return {}
 
     @property
+    @abstractmethod
     def footprint(self) -> Footprint:
         """Estimated steps, FFT pairs, memory and disk."""
-        ...
 
     def methods(self) -> Iterator[str]:
-        """Yield lines for `gfmdlayer check` on the numerical methods and why they are taken."""
-        ...
+        """Yield lines for `gfmdlayer check` on the numerical methods and the reasons for them."""
+        yield from ()
 
     def problems(self) -> Iterator[tuple[str, str]]:
-        """Read the input files; yield the key that cannot be used, and why."""
-        ...
+        """Read the input files; yield each key that cannot be used, and why."""
+        yield from ()
 
-    def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
+    def warm_up(
+        self,
+        folder: Path | None = None,  # noqa: ARG002
+        results: Path | None = None,  # noqa: ARG002
+        *,
+        plan: bool = True,  # noqa: ARG002
+    ) -> str:
         """Compile the kernels and plan the transforms of the case.
 
         Parameters
         ----------
         folder : Path, optional
-            Where plans are kept; by default the user's cache.
+            Folder of the plans; by default the user's cache.
         results : Path, optional
-            Folder of plans of some results, which come first.
+            Folder of the plans of some results, which come first.
         plan : bool
             Whether to plan transforms.
 
@@ -165,8 +188,9 @@ class Model(Protocol):
         str
             FFTW's wisdom; runs with the same wisdom agree in every bit.
         """
-        ...
+        return ""
 
+    @abstractmethod
     def run(
         self,
         recorder: Recorder,
@@ -174,7 +198,6 @@ class Model(Protocol):
         resume: Callable[[CompositeState], None] | None = None,
     ) -> list[str]:
         """Compute the case into a recorder; arguments and result are those of `gfmdlayer.simulate`."""
-        ...
 
 
 def model_of(config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks = ALONE) -> Model:

@@ -45,7 +45,7 @@ from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.model import ConvergenceError, Footprint, compile_by, make_body, series_of
+from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Column, Observable, columns, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
@@ -79,7 +79,7 @@ class Parts(TypedDict, total=False):
     observables: dict[str, Observable]
 
 
-class Case:
+class Case(Model):
     """The parts of one simulation, each made when it is first used; for one run.
 
     Parameters

@@ -1,13 +1,14 @@
-"""The geometries of a contact, as a configuration sees them: what each allows. Imports no numerics.
+"""The geometries of a contact, as a configuration sees them. Imports no numerics.
 
-A geometry names its `Model` (`gfmdlayer/model.py`), which computes it. `GEOMETRIES` is the one table of both.
+`GEOMETRIES` is the one table of `grid.geometry`. Each geometry names its `Model` (`gfmdlayer/model.py`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.punch.shapes import SHAPES
 from gfmdlayer.validation.problems import Problem, shown
@@ -15,93 +16,6 @@ from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
-
-
-class Geometry(Protocol):
-    """A value of `grid.geometry`.
-
-    Attributes
-    ----------
-    model : str
-        Module and class of its model, "package.module:Class".
-    points : int
-        Default of `grid.points`.
-    on_grid : bool
-        Whether the surface has a periodic grid: a cell, Fourier transforms and a contact solver.
-    """
-
-    model: str
-    points: int
-    on_grid: bool
-
-    def problems(self, config: Any) -> Iterator[Problem]:
-        """Yield contradictions between this geometry and the rest of a `Config`."""
-        ...
-
-    def plainly_possible(self, config: Any) -> bool:
-        """Whether a `Config` needs no check of its punch and files against the geometry before it runs."""
-        ...
-
-
-class Periodic:
-    """A periodic cell in one or two directions."""
-
-    model, points, on_grid = "gfmdlayer.periodic:Case", 16384, True
-
-    def problems(self, config: Any) -> Iterator[Problem]:
-        """Yield why a punch does not fit into the cell."""
-        if config.grid.extent is not None:
-            message = "only for geometry: axisymmetric; remove it or change the geometry"
-            yield Problem(("grid", "extent"), message, _GEOMETRY)
-        fit = config.punch.misfits(config.grid.cell)
-        yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
-
-    def plainly_possible(self, config: Any) -> bool:
-        """Whether no file has to be read, and the depth is well below a mean height in closed form."""
-        given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
-        if files_named(config) or mean_height is None:
-            return False
-        return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
-
-
-class Axisymmetric:
-    """One isolated indenter, a convex body of revolution."""
-
-    model, points, on_grid = "gfmdlayer.indentation.isolated:IsolatedContact", 256, False
-
-    def problems(self, config: Any) -> Iterator[Problem]:
-        """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
-        if len(config.grid.points) > 1:
-            message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
-            yield Problem(("grid", "points"), message, _GEOMETRY)
-        yield from _periodic_keys(config)
-        if config.temperature is not None:
-            message = "not available with grid.geometry: axisymmetric; remove it"
-            yield Problem(("temperature",), message, _GEOMETRY)
-        if config.interfaces:
-            message = (
-                "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
-                "(gfmdlayer.indent has a work of adhesion)"
-            )
-            yield Problem(("interface",), message, _GEOMETRY)
-        if config.trajectory.control == "load":
-            message = (
-                "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
-            )
-            yield Problem(("trajectory", "control"), message, _GEOMETRY)
-        if config.output.snapshots == "every":
-            message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
-            yield Problem(("output", "snapshots"), message, _GEOMETRY)
-        yield from _of_the_punch(config.punch)
-        yield from _of_the_base(config)
-
-    def plainly_possible(self, config: Any) -> bool:
-        """Whether no table has to be read."""
-        return config.trajectory.file is None and not hasattr(config.punch, "file")
-
-
-# `grid.geometry` -> geometry; the first is the default.
-GEOMETRIES: Mapping[str, Geometry] = {"periodic": Periodic(), "axisymmetric": Axisymmetric()}
 
 _GEOMETRY = ("grid.geometry",)
 # Keys that describe a periodic cell, its contact solver, or observables of its surface.
@@ -112,6 +26,80 @@ _PERIODIC = {
     "time": ("integrator", "steady"),
     "output": ("patches", "histograms", "keep_state"),
 }
+
+
+def _nothing(_config: Any) -> Iterator[Problem]:
+    """Find no contradiction."""
+    yield from ()
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A value of `grid.geometry`.
+
+    Attributes
+    ----------
+    model : str
+        Module and class of its `Model`, "package.module:Class".
+    points : int
+        Default of `grid.points`.
+    on_grid : bool
+        Whether the surface has a periodic grid: a cell, Fourier transforms and a contact solver.
+    problems : callable
+        From a `Config` to its contradictions with this geometry, which have a place in the YAML file.
+    plainly_possible : callable
+        From a `Config` to whether `Model.problems` need not look at it before the run.
+    """
+
+    model: str
+    points: int = 256
+    on_grid: bool = False
+    problems: Callable[[Any], Iterator[Problem]] = _nothing
+    plainly_possible: Callable[[Any], bool] = lambda _config: False
+
+
+def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
+    """Yield why a punch does not fit into the periodic cell."""
+    if config.grid.extent is not None:
+        message = "only for geometry: axisymmetric; remove it or change the geometry"
+        yield Problem(("grid", "extent"), message, _GEOMETRY)
+    fit = config.punch.misfits(config.grid.cell)
+    yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+
+
+def _plainly_possible_in_a_cell(config: Any) -> bool:
+    """Whether no file has to be read, and the depth is well below a mean height in closed form."""
+    given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
+    if files_named(config) or mean_height is None:
+        return False
+    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+
+def _problems_of_revolution(config: Any) -> Iterator[Problem]:
+    """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
+    if len(config.grid.points) > 1:
+        message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
+        yield Problem(("grid", "points"), message, _GEOMETRY)
+    yield from _periodic_keys(config)
+    if config.temperature is not None:
+        message = "not available with grid.geometry: axisymmetric; remove it"
+        yield Problem(("temperature",), message, _GEOMETRY)
+    if config.interfaces:
+        message = (
+            "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
+            "(gfmdlayer.indent has a work of adhesion)"
+        )
+        yield Problem(("interface",), message, _GEOMETRY)
+    if config.trajectory.control == "load":
+        message = (
+            "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
+        )
+        yield Problem(("trajectory", "control"), message, _GEOMETRY)
+    if config.output.snapshots == "every":
+        message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
+        yield Problem(("output", "snapshots"), message, _GEOMETRY)
+    yield from _of_the_punch(config.punch)
+    yield from _of_the_base(config)
 
 
 def _periodic_keys(config: Any) -> Iterator[Problem]:
@@ -148,3 +136,20 @@ def _of_the_base(config: Any) -> Iterator[Problem]:
     if depth is not None and modulus == math.inf and depth >= thickness:
         message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
         yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
+
+
+def _plainly_possible_of_revolution(config: Any) -> bool:
+    """Whether no table has to be read."""
+    return config.trajectory.file is None and not hasattr(config.punch, "file")
+
+
+GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
+    "periodic": Geometry(
+        "gfmdlayer.periodic:Case", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
+    ),
+    "axisymmetric": Geometry(
+        "gfmdlayer.indentation.isolated:IsolatedContact",
+        problems=_problems_of_revolution,
+        plainly_possible=_plainly_possible_of_revolution,
+    ),
+}

@@ -27,6 +27,7 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
+    from gfmdlayer.config import Config
     from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.model import Model
@@ -203,8 +204,7 @@ class _Run:
         case, config = self.case, self.case.config
         if not self.ranks.first:
             return PartWriter(model.grid, model.columns)
-        described = attributes(model, surfaces=self.ranks.count == 1)
-        described |= {"digest": hashed, "config": (case.given or config).dump()}
+        described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": hashed}
         return CaseWriter(
             self.folder.case(case.index),
             model.coordinates,
@@ -216,10 +216,13 @@ class _Run:
         )
 
 
-def attributes(model: Model, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
+def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
+
+    The configuration is stored as it was `given`, where it differs.
+    """
     config = model.config
-    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
+    found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
     found["G0"] = config.surface.material.unit

@@ -16,7 +16,6 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.footprint import HEADER, REAL, ROWS, count_steps
-from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.indentation.profiles import Profiles, profiles
 from gfmdlayer.indentation.solve import (
     Indentation,
@@ -27,10 +26,9 @@ from gfmdlayer.indentation.solve import (
     work_done,
 )
 from gfmdlayer.indentation.space import History, Space, find_space
-from gfmdlayer.model import PROGRAM, ConvergenceError, Footprint, compile_by, make_body, series_of
+from gfmdlayer.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
 from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import Column
-from gfmdlayer.programme import Programme
 from gfmdlayer.punch.revolution import Revolution
 from gfmdlayer.results.journal import Recording
 from gfmdlayer.resumable import CompositeState
@@ -187,18 +185,8 @@ class IsolatedIndentation:
         ]
 
 
-class IsolatedContact:
+class IsolatedContact(Model):
     """The model of a case with grid.geometry: axisymmetric: it runs as a whole, faster than a checkpoint."""
-
-    def __init__(
-        self, config: Config, _wisdom: str | None = None, _threads: int = 1, _ranks: Ranks = ALONE
-    ) -> None:
-        self.config, self.grid, self.wisdom = config, None, ""
-
-    @cached_property
-    def programme(self) -> Programme:
-        """The imposed quantities over time."""
-        return Programme(self.config)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -249,10 +237,6 @@ class IsolatedContact:
         fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshots))
         storage = HEADER + REAL * (len(INDENTATION) * max(steps, ROWS) + fields)
         return Footprint(steps, 0.0, _WORK * steps, PROGRAM, storage, _SECONDS * steps)
-
-    def methods(self) -> Iterator[str]:
-        """Yield nothing: there is one method."""
-        yield from ()
 
     def problems(self) -> Iterator[tuple[str, str]]:
         """Yield a profile or a table that cannot be used: negative forces, depths beyond a rigid base."""
