@@ -30,7 +30,7 @@ class ContactMeans(Observable):
     COLUMNS = TIME, AREA, PRESSURE, DEPTH, RESIDUAL
 
     def __init__(self, case: Parts) -> None:
-        self._unit = 2 * case.config.surface.material.unit
+        self._unit = 2 * case.config.solid.unit
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns of the solution."""
