@@ -243,7 +243,7 @@ class Case(Model):
         """The time integrator over the relaxing modes of the body.
 
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-        material; see `verification.third_order` for the equation itself.
+        material; see `verification.crosschecks` for the equation itself.
         """
         given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
         scheme, reduced = SCHEMES[given.integrator], self.reduced_time

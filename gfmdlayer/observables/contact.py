@@ -11,7 +11,7 @@ from gfmdlayer.resumable import State
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.config.output import Histogram
+    from gfmdlayer.config.sections import Histogram
 
 TIME = Column("time", "time", "time", origin="from the beginning of the run")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
