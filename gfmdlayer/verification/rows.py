@@ -63,8 +63,8 @@ class Check:
     """Rows that share a theory."""
 
     group: str  # section of the report
-    # Yields rows and curves; the argument asks for small grids. The first line of its docstring is the title of
-    # the check, the rest derives the bounds.
+    # Yields rows and curves; the argument asks for small grids. The first line of its docstring is the title
+    # of the check, the rest derives the bounds.
     find: Callable[[bool], Iterable[Row | Curve]]
     peer: str = ""  # optional module that the check needs
 
