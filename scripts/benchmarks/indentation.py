@@ -1,7 +1,7 @@
 """An isolated sphere on a Zener layer: time of the isolated and of the periodic run.
 
 The history is ramp, hold and retraction. Times are CPU times after a first run. The periodic run has equal
-steps on a cell of 12 thicknesses; its images shift the force. A finer grid or a larger cell would take even longer.
+steps on a cell of 12 thicknesses; its images shift the force. Finer grids and larger cells take longer.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ def measure(effort: Effort) -> list[Table]:
     title = f"Whole run / its bare FFT pairs, {effort.steps} steps of {STEP} tau"
     note = (
         "The time contains history, observables and HDF5 output, after compilation and planning. Transforms "
-        "of a window count by their points, so the other work has a larger share. The time of a step is in bare "
-        "pairs; its target is 1.6 times 8 pairs in the ramp and 5 in the hold."
+        "of a window count by their points, so the other work has a larger share. The time of a step is in "
+        "bare pairs; its target is 1.6 times 8 pairs in the ramp and 5 in the hold."
     )
     return [Table("whole_run", title, rows, note)]
 
