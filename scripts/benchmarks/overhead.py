@@ -42,8 +42,8 @@ def measure(effort: Effort) -> list[Table]:
     title = f"Overhead of a case of {effort.steps} steps in a sweep of {effort.cases}"
     note = (
         "Wall time x ranks minus the time in the solves, per case: start-up, configuration, set-up, "
-        "scheduling, files and disk, the sweep file. Start-up is the time before the first case, once per run. The "
-        "processor time shows the load of machine and disk. The best repetition counts."
+        "scheduling, files and disk, the sweep file. Start-up is the time before the first case, once "
+        "per run. The processor time shows the load of machine and disk. The best repetition counts."
     )
     return [Table("overhead", title, rows, note)]
 

@@ -32,6 +32,7 @@ punch: {{shape: flat, width: 0.25, edge_radius: 1.0e-6}}
 trajectory: {{depth: 0.01, ramp_time: 0.5}}
 time: {{end: 2.0, step: 0.125}}
 solver: {{tolerance: 1.0e-9}}""",
+    "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
     "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
     "a solver": f"{GRID}\nsolver: {{method: projected_gradient}}\n{STEPS}",
     "a geometry": f"grid: {{geometry: spring}}\nlayer: {{material: {{model: elastic, G: 3.0}}}}\n{STEPS}",
@@ -104,6 +105,17 @@ def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(
     slow, fast = (4 * tau * (np.exp(-(t - 0.5) / tau) - np.exp(-t / tau)) for tau in (1.0, 0.25))
     modulus = 1 + slow + fast
     np.testing.assert_allclose(pressure / pressure[-1], modulus / modulus[-1], rtol=1e-7)
+
+
+def test_each_point_of_a_winkler_bed_carries_its_own_overlap(results: dict[str, xr.Dataset]) -> None:
+    """In contact from t0 on a point moves at v, and p = k v (t - t0) + k v tau (1 - exp(-(t - t0)/tau))."""
+    last = results["a body"].isel(snapshot=-1)
+    speed, x = 0.01, last["x"].to_numpy()
+    since = np.maximum(1 - x**2 / (2 * 0.25) / speed, 0.0)
+    exact = 5 * speed * (since + 1 - np.exp(-since))
+    # A point is touched within a step of 1/4: it is wrong by less than k v dt^2/tau.
+    np.testing.assert_allclose(last["pressure"], exact, rtol=0, atol=5 * speed * 0.25**2)
+    assert exact.max() > 10 * 5 * speed * 0.25**2
 
 
 def test_a_sum_of_two_ranges_attracts(results: dict[str, xr.Dataset]) -> None:
