@@ -22,11 +22,9 @@ from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
-from gfmdlayer.fitting.indentation import forward
-from gfmdlayer.fitting.indentation.estimates import BAND
-from gfmdlayer.fitting.indentation.intervals import covariance, quantile
-from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation import problem as problems
+from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
 from gfmdlayer.indentation.solve import on_steps
 from gfmdlayer.indentation.space import History, find_space
 from gfmdlayer.punch.revolution import paraboloid
@@ -71,10 +69,10 @@ RAMP_HOLD_BACK = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, -0.02))
 def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the force of a model, with many steps."""
     times, depth = motion
-    prediction = forward.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
-    steps, forward.STEPS = forward.STEPS, FINE
+    prediction = problems.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
+    steps, problems.STEPS = problems.STEPS, FINE
     prediction.adapt(Model(data).config)
-    forward.STEPS = steps
+    problems.STEPS = steps
     return prediction.force(Model(data).config)
 
 
@@ -98,7 +96,7 @@ def at_truth(
     curve = ForceCurve("a", *motion, force, noise=noise * float(force.max()))
     spans = {"contact_point": (-DEPTH, DEPTH), "force_offset": (-float(force.max()), float(force.max()))}
     problem = LeastSquares(
-        Model(data), free_parameters(Model(data), free, ["a"], spans), [forward.Prediction(curve)]
+        Model(data), free_parameters(Model(data), free, ["a"], spans), [problems.Prediction(curve)]
     )
     problem.adapt(problem.start)
     return problem

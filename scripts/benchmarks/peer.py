@@ -23,7 +23,7 @@ from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.periodic import Case
-from gfmdlayer.verification.peers import TamaasHalfspace
+from gfmdlayer.verification.crosschecks import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=240, repetitions=5)
