@@ -451,7 +451,7 @@ class Case(Model):
                     surface = loading.surface(solution, kappa, b, instant.time)
                 history.advance(surface.spectrum)  # 8, 9
                 guess.remember(
-                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
+                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.breakpoint
                 )
                 self.changes.remember(prescribed, problem, solution)
                 row: dict[str, float | FloatArray] = {}
