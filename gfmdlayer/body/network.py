@@ -75,20 +75,11 @@ class Network:
         return amplitudes**2 / slowness**2, 1 / slowness**2
 
     def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return times of the modes at one wavenumber, fastest first, and the springs' parts in them.
+        """Return times and axes of the modes at one wavenumber, fastest first, for other theta_j.
 
-        Parameters
-        ----------
-        i : int
-            Number of the wavenumber.
-        times : ndarray, shape (internal,)
-            theta_j in place of `times`.
-
-        Returns
-        -------
-        ndarray, ndarray, shape (internal,), (internal + redundant, internal)
-            theta' and the orthonormal columns U, the left singular vectors of (1; B) theta^(-1/2): the
-            springs (-xi; g u - B xi) hold their energy in the modes by Y = U^T (-xi; g u - B xi).
+        The axes are the orthonormal columns U, (internal + redundant, internal): the left singular vectors of
+        (1; B) theta^(-1/2). The springs (-xi; g u - B xi) hold their energy in the modes by
+        Y = U^T (-xi; g u - B xi).
         """
         order = np.argsort(times)
         system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
@@ -193,16 +184,8 @@ class Member(NamedTuple):
 def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displacements: int) -> Network:
     """Eliminate the displacements of the interfaces, and give each spring the elements of its material.
 
-    Parameters
-    ----------
-    members : sequence of Member
-        From the surface down.
-    free : ndarray, shape (nq,)
-        Stiffness of the uppermost layer alone, for a unit modulus.
-    q : ndarray, shape (nq,)
-        Wavenumbers, not negative, the unit of the springs' stiffness.
-    displacements : int
-        Number of displacements: that of the surface, and two of each interface that moves.
+    `members` stand from the surface down, `free` (nq,) is the stiffness of the uppermost layer alone for a
+    unit modulus. There is one displacement of the surface, and two of each interface that moves.
     """
     if not members:
         none = np.zeros((q.size, 0))

@@ -272,24 +272,10 @@ def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
 def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compliances J_k and retardation times theta_k of Prony solids that differ in their relaxed modulus.
+    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,).
 
-    Parameters
-    ----------
-    moduli, times : ndarray, shape (n,)
-        G_k > 0 and ascending, distinct tau_k of the branches.
-    relaxed : ndarray, shape (m,)
-        Relaxed moduli A > 0.
-
-    Returns
-    -------
-    ndarray, ndarray, shape (n, m)
-        J_k > 0, with sum_k J_k = 1/A - 1/(A + sum_k G_k), and theta_k > tau_k.
-
-    Raises
-    ------
-    ArithmeticError
-        If the iteration does not converge.
+    All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k G_k).
+    Raises ArithmeticError if the iteration does not converge.
     """
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     width = max(1, _CHUNK // moduli.size**2)

@@ -43,19 +43,7 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 def temperature_problems(
     config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
 ) -> Iterator[Problem]:
-    """Yield why a temperature and the shifts of materials do not go together.
-
-    Parameters
-    ----------
-    config : Section
-        The configuration.
-    temperature : Temperature, optional
-        Its temperature.
-    moves : bool
-        Whether the punch moves along the surface.
-    layered : bool
-        Whether the body is made of layers.
-    """
+    """Yield why a temperature and the shifts of materials do not go together."""
     found = shifts(config)
     if temperature is None:
         for at, law in sections_in(config):
