@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 import traceback
 import warnings
-from collections.abc import Sequence
-from contextlib import closing, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.config import Config, digest
 from gfmdlayer.config.model import stem
@@ -18,7 +20,6 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.groups.share import ending_together
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
@@ -27,10 +28,9 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.periodic import Case as Simulation
-    from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.results.journal import Journal
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -129,19 +129,19 @@ class _Run:
     ranks: Ranks
 
     def simulate(self, checkpoint_every: float) -> str:
-        """Run the case; return the warnings of its observables."""
+        """Run the case into its file; return the warnings of its observables."""
         from gfmdlayer.periodic import ConvergenceError
         from gfmdlayer.results.checkpoint import CheckpointError
 
         case, folder, config = self.case, self.folder, self.case.config
-        hashed, kept = digest(config), stem(config) if config.output.keep_state else ""
+        kept = stem(config) if config.output.keep_state else ""
         with (
             self._status() as status,
             closing(
                 Checkpoints(
                     folder,
                     case.index,
-                    hashed,
+                    self._digest,
                     checkpoint_every,
                     status.advance,
                     kept,
@@ -155,19 +155,21 @@ class _Run:
                     folder.case(case.index, kind).unlink(missing_ok=True)
             try:
                 try:
-                    checkpoints.find()
-                    note = self._compute(checkpoints, hashed)
+                    note = self._compute(checkpoints)
                 except CheckpointError as error:
                     checkpoints.set_aside(str(error))
-                    note = self._compute(checkpoints, hashed)
+                    note = self._compute(checkpoints)
             except ConvergenceError as error:
                 if (kept_at := checkpoints.kept()) is None:
                     raise
                 message = f"{error}; state kept at t = {kept_at:.6g}"
                 raise ConvergenceError(message, error.problem, error.solution, error.time) from error
-            self.ranks.all_of(None)  # the case is complete
             checkpoints.remove()
         return note
+
+    @cached_property
+    def _digest(self) -> str:
+        return digest(self.case.config)
 
     def _status(self) -> StatusFile | Listener:
         if not self.ranks.first:
@@ -182,42 +184,44 @@ class _Run:
             together=self.ranks.count > 1,
         )
 
-    def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:
+    def _compute(self, checkpoints: Checkpoints) -> str:
         from gfmdlayer.grid.wisdom import RankWisdom
+        from gfmdlayer.observables import columns
         from gfmdlayer.periodic import Case as Simulation
         from gfmdlayer.periodic import simulate
+        from gfmdlayer.results.schema import ResultsError
 
-        plans = RankWisdom(self.ranks, self.case.config.grid.points, self.folder.wisdom, self.threads)
-        simulation = Simulation(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
-        with self._writer(simulation, checkpoints, hashed) as writer:
-            recorder = checkpoints.recorder(writer)
-            warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
-            if ended := str(writer.noted.get("ended", "")):
-                _record(self.folder, self.case, "ended", ended)
+        config, ranks = self.case.config, self.ranks
+        plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
+        simulation = Simulation(config, plans.read() or self.wisdom, self.threads, ranks)
+        grid = simulation.grid if ranks.count > 1 else None
+        journal = checkpoints.journal((column.name for column in columns(config)), grid)
+        warnings = simulate(simulation, journal, checkpoints.advance, resume=checkpoints.resume)
+        with ranks.agreeing(ResultsError):
+            if ranks.first:
+                self._write(simulation, journal, checkpoints)
         plans.keep(simulation.transforms)
         return "; ".join(warnings)
 
-    def _writer(
-        self, simulation: Simulation, checkpoints: Checkpoints, hashed: str
-    ) -> CaseWriter | PartWriter:
-        from gfmdlayer.execution.groups.share import PartWriter
+    def _write(self, simulation: Simulation, journal: Journal, checkpoints: Checkpoints) -> None:
+        """Write the file of the case from its journal."""
         from gfmdlayer.observables import columns
         from gfmdlayer.results.writer import CaseWriter
 
         case, config = self.case, self.case.config
-        if not self.ranks.first:
-            return PartWriter(simulation.grid, columns(config))
         described = attributes(config, surfaces=self.ranks.count == 1)
-        described |= {"digest": hashed, "config": (case.given or config).dump()}
-        return CaseWriter(
+        described |= {"digest": self._digest, "config": (case.given or config).dump()}
+        with CaseWriter(
             self.folder.case(case.index),
             simulation.coordinates,
             described | {"started": checkpoints.started},
             columns(config),
             elapsed=checkpoints.elapsed,
             unit=config.unit,
-            grid=None if self.ranks.count == 1 else simulation.grid,
-        )
+        ) as writer:
+            journal.replay(writer)
+            if ended := str(journal.noted.get("ended", "")):
+                _record(self.folder, case, "ended", ended)
 
 
 def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
@@ -273,3 +277,49 @@ def warm_up(
                 wisdom[config.grid.points] = warm_up(config, threads=threads, results=results, plan=plan)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))
+
+
+# Ranks of a case fail together: an error of one of them ends the case on all.
+
+PATIENCE = 8.0  # seconds in which the other ranks come to the same error, or to the end
+_POLL = 0.002  # seconds between two looks at the other ranks
+
+
+class RankError(RuntimeError):
+    """Another rank of the case failed; the message says how."""
+
+
+@contextmanager
+def ending_together(ranks: Ranks) -> Iterator[None]:
+    """End a block on all ranks, or raise on all of them.
+
+    Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
+    the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
+    """
+    error: Exception | None = None
+    try:
+        yield
+    except Exception as caught:
+        error = caught
+    if ranks.count > 1:
+        said = "" if error is None else f"{type(error).__name__}: {error}"
+        other = _first_error(ranks, said, error)
+        if error is None and other:
+            error = RankError(f"another rank of the case failed: {other}")
+    if error is not None:
+        raise error
+
+
+def _first_error(ranks: Any, said: str, error: Exception | None) -> str:
+    """Return what the first rank with an error says, when all have come here."""
+    request, begun = ranks.control.Ibarrier(), time.monotonic()
+    while not request.Test():
+        if error is not None and time.monotonic() - begun > PATIENCE:
+            if isinstance(error, OSError | MemoryError):
+                sys.stderr.write(f"gfmdlayer: {type(error).__name__}: {error}; all ranks end\n")
+            else:
+                traceback.print_exception(error)
+            sys.stderr.flush()
+            ranks.control.Abort(1)
+        time.sleep(_POLL)
+    return next(filter(None, ranks.control.allgather(said)), "")

@@ -6,7 +6,7 @@
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.ended   why a complete case ended early (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
-    DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
+    DIR/cases/NNNN.checkpoint, .journal  an unfinished case: its state, its rows and snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/wisdom/            FFTW's plans, with which later cases agree in every bit
@@ -88,7 +88,7 @@ class Folder:
         return self.cases / f"stop{own}"
 
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal0."""
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Mapping[str, set[int]]:

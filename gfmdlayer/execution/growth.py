@@ -303,7 +303,8 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 # user and other programs' files are never removed.
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
+# Version 0.2 had a journal0, and a checkpoint1a or b and journal1 of a second rank.
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d*|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
@@ -312,7 +313,7 @@ _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(
     rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint(\d+[ab])?|state){_PART})"
 )
-_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d+)")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d*)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
 _FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")

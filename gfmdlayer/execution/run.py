@@ -19,7 +19,7 @@ from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
-from gfmdlayer.execution.groups.pool import refuse_other_ranks, run_case_together
+from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule

@@ -166,7 +166,7 @@ def test_a_truncated_checkpoint_is_set_aside_and_the_case_begins_anew(
     checkpoint = Path("out/cases/0000.checkpoint")
     checkpoint.write_bytes(checkpoint.read_bytes()[:-1000])
     log = is_mended()
-    assert "case 0000 begins anew, its checkpoint is set aside: it cannot be read: BadZipFile" in log
+    assert "case 0000 begins anew, its checkpoint is set aside: it is damaged" in log
     assert names() >= {"0000.h5", "0001.h5", "0000.checkpoint.aside"}
 
 
@@ -205,7 +205,7 @@ def test_a_case_that_raises_is_recorded_and_goes_on_from_its_checkpoint_when_tri
         once.setattr(ActiveSet, "solve", exhausted)
         outcome = case_run.run_case(case, folder, checkpoint_every=0)
     assert (outcome.state, outcome.reason) == ("failed", "MemoryError: no room")
-    assert names() == {"0003.failed", "0003.checkpoint", "0003.journal0"}
+    assert names() == {"0003.failed", "0003.checkpoint", "0003.journal"}
     assert case_run.run_case(case, folder).state == "complete"
     assert "case 0003 goes on from time" in capsys.readouterr().err
     assert names() == {"0003.h5"}
@@ -241,7 +241,7 @@ def test_a_killed_run_leaves_complete_cases_alone_and_the_next_one_resumes(
 ) -> None:
     gfmdlayer(KILL)
     assert {path.name: is_complete(path) for path in Path("out/cases").glob("*.h5")} == {"0000.h5": True}
-    assert list(Path("out/cases").glob("0001.h5.*.part"))
+    assert {"0001.running", "0001.checkpoint", "0001.journal"} <= names()
     assert "case 0001 goes on from time" in is_mended()
     assert names() == {".lock", "0000.h5", "0001.h5"}
 

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.case_run import ending_together, run_case
 from gfmdlayer.execution.folder import Folder, FolderError
-from gfmdlayer.execution.groups.share import ending_together
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.schedule import Outcome
 from gfmdlayer.execution.sweep import Case, cases, input_errors
