@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.relaxation import relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.stack import Layer, LayerStack
+    from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.config import Config, ConfigError, load
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
@@ -63,6 +64,7 @@ __all__ = [
     "Sinusoid",
     "Sphere",
     "ViscoelasticLayer",
+    "Wavevectors",
     "Wedge",
     "Zener",
     "bonded_layer",
@@ -108,6 +110,7 @@ _MODULES = {
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
+    "gfmdlayer.body.wavevectors": ("Wavevectors",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

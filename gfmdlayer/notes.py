@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.solvers import contrast, finer
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Location, dotted
 from gfmdlayer.validation.sections import Section, files_named, sections_in
@@ -132,9 +131,8 @@ def _on_values(config: Config) -> Iterator[str]:
             "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
         )
     if given.tolerance is not None and not config.grid.axisymmetric:
-        stiffened, tolerance = contrast(config.laws, given.end), config.solver.tolerance
-        enough, attracts = given.tolerance / stiffened, bool(config.interfaces)
-        aim = finer(tolerance, given.tolerance, stiffened, attracts=attracts)
+        stiffened, tolerance, aim = config.contrast, config.solver.tolerance, config.finer_tolerance
+        enough = given.tolerance / stiffened
         if tolerance > _NOISE * enough:
             many = f"steps may be very many; solver.tolerance: {enough:.1g} would do"
             yield (

@@ -5,39 +5,36 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from gfmdlayer import inputs
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body
+from gfmdlayer.body.body import Body, internal_variables
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.config.stops import output_times, stops
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
-from gfmdlayer.contact.loss_stiffness import with_loss
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
-from gfmdlayer.contact.problem import Solver, why_not_converged
-from gfmdlayer.contact.solvers import SOLVERS, choose, contrast, finer
-from gfmdlayer.contact.tightened import tightened
+from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.slab_transforms import transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
-from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.error_control import ErrorControl, Integrator
 from gfmdlayer.history.instabilities import Changes
-from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes, SlidingModes
-from gfmdlayer.history.stack_modes import stack_modes
+from gfmdlayer.history.sliding_modes import SlidingModes
+from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import FixedSteps, Instant, Steps, equal_steps, landing_steps
 from gfmdlayer.interface.law import InterfaceLaw
 from gfmdlayer.observables import AcceptedStep, Observable, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
-from gfmdlayer.observables.observable import Energy
 from gfmdlayer.results.journal import Recorder
-from gfmdlayer.resumable import CompositeState, Resumable
+from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
@@ -45,23 +42,6 @@ if TYPE_CHECKING:
 
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.indentation.isolated import IsolatedIndentation
-
-
-class Integrator(Energy, Resumable, Protocol):
-    """Time integration of the history: slopes and intercepts of the stress at the end of a step."""
-
-    @property
-    def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the slopes at the end of the last step; None where the punch does not move."""
-        ...
-
-    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step of this length."""
-        ...
-
-    def advance(self, spectrum: ComplexArray) -> None:
-        """Carry the history on with the accepted displacement."""
-        ...
 
 
 class Parts(TypedDict, total=False):
@@ -110,7 +90,7 @@ class Case:
     Examples
     --------
     >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
-    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    >>> case.body.stiffness(case.grid.waves, 0.0).shape
     (5,)
     """
 
@@ -222,39 +202,45 @@ class Case:
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
         material; see `verification.third_order` for the equation itself.
         """
-        adaptive, waves, sums = self.config.time.step == "adaptive", self.grid.wavenumbers, self.grid.sums
-        reduced, curved = self.reduced_time, self.interface.attracts
+        given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
+        scheme, reduced = SCHEMES[given.integrator], self.reduced_time
         if reduced is None and any(self.clocks):
-            scheme = None if adaptive else SCHEMES[self.config.time.integrator]
-            return stack_modes(self.body, waves, self.clocks, scheme, sums, curved=curved)
+            internal = internal_variables(self.body, waves)
+            adaptive = given.step == "adaptive"
+            return StackModes(internal, scheme, sums, reduced_times=self.clocks, halved=adaptive)
         spectrum = self.body.spectrum(waves)
-        if self.velocity is not None:
-            along = self.grid.wavenumbers_x
-            velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
-            if adaptive:
-                return ErrorControlledSlidingModes(spectrum, sums, wavenumbers_x=along, velocity=velocity)
-            return SlidingModes(spectrum, exponential, sums, wavenumbers_x=along, velocity=velocity)
-        if adaptive:
-            return ErrorControlledModes(spectrum, sums, curved=curved)
-        return Modes(spectrum, SCHEMES[self.config.time.integrator], sums)
+        if self.velocity is None:
+            return Modes(spectrum, scheme, sums)
+        velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
+        return SlidingModes(spectrum, sums, wavenumbers_x=self.grid.wavenumbers_x, velocity=velocity)
+
+    @cached_property
+    def error_control(self) -> ErrorControl | None:
+        """The control of the integrator's error; None with fixed steps."""
+        tolerance, curved = self.config.time.tolerance, self.interface.attracts and self.velocity is None
+        if tolerance is None:
+            return None
+        return ErrorControl(self.integrator, self.grid.sums, tolerance, curved=curved)
+
+    @property
+    def history(self) -> Integrator | ErrorControl:
+        """The integrator, under its error control where the steps are adaptive."""
+        return self.error_control or self.integrator
 
     @cached_property
     def steps(self) -> Steps:
         """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
         time, snapshots = self.config.time, self.config.output.snapshot_times
-        if isinstance(time.step, str):
-            assert isinstance(self.integrator, ErrorControlledModes)
-            assert time.tolerance is not None
-            landings = snapshots, self.kinks, output_times(self.config)
-            slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
-            reach = self.interface.range if self.interface.attracts else 0.0
-            least = reach if self.config.trajectory.control != "depth" else 0.0, reach
-            return AdaptiveSteps(
-                self.integrator, time.tolerance, time.end, *landings, slowdown=slowdown, least=least
-            )
-        steps = equal_steps if time.integrator == "backward_euler" else landing_steps
-        instants = steps(time.end, time.step, snapshots, self.kinks)
-        return FixedSteps(instants, stops(self.config, self.kinks), time.step)
+        if self.error_control is None:
+            step, points = float(time.step), stops(self.config, self.kinks)
+            steps = equal_steps if time.integrator == "backward_euler" else landing_steps
+            return FixedSteps(steps(time.end, step, snapshots, self.kinks), points, step)
+        slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
+        reach = self.interface.range if self.interface.attracts else 0.0
+        least = reach if self.config.trajectory.control != "depth" else 0.0, reach
+        return AdaptiveSteps(
+            self.error_control, stops(self.config, self.kinks), slowdown=slowdown, least=least
+        )
 
     @cached_property
     def changes(self) -> Changes:
@@ -264,20 +250,28 @@ class Case:
     @cached_property
     def solver(self) -> Solver:
         """Solver of the contact problem, within the iterations for a loss stiffness."""
-        given, transforms = self.config.solver, self.transforms
-        rough, attracts, time = self.config.punch.rough, self.interface.attracts, self.config.time
-        chosen = choose(given.method, axes=len(self.grid.points), rough=rough, attracts=attracts)
-        declared = SOLVERS[chosen.method]
+        inertia, attracts = self.config.solver.inertia, self.interface.attracts
+        declared = SOLVERS[self.config.solver_where(attracts).method]
         options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
-        if given.inertia is not None:
+        if inertia is not None:
             start = "gap" if attracts else "displacement"
-            options |= {"mass_weighted": given.inertia == "mass_weighted", "starts_from": start}
-        made = partial(declared.load(), transforms, **options)
-        if self.velocity is not None and not declared.nonsymmetric:
-            made = partial(with_loss, made, transforms, self.grid.parseval_weights)
-        stiffened = contrast(self.config.laws, time.end)
-        aim = finer(given.tolerance, time.tolerance, stiffened, attracts=attracts)
-        return tightened(made, given.tolerance, given.max_iterations, aim)
+            options |= {"mass_weighted": inertia == "mass_weighted", "starts_from": start}
+        solver: Solver = declared.load()(self.transforms, **options)
+        if self.velocity is None or declared.nonsymmetric:
+            return solver
+        return LossStiffnessSolver(solver, self.transforms, self.grid.parseval_weights)
+
+    @cached_property
+    def finer_tolerance(self) -> float:
+        """Residual that the solver aims at."""
+        given = self.config.solver.tolerance
+        return given if self.interface.attracts else self.config.finer_tolerance
+
+    def solve(self, problem: Problem, time: float) -> Solution:
+        """Solve a contact problem from the guess for its time."""
+        given, start = self.config.solver, self.guess.at(time)
+        finer = self.finer_tolerance
+        return solve_finer(self.solver, problem, start, finer, given.tolerance, given.max_iterations)
 
     @cached_property
     def guess(self) -> DisplacementPrediction:
@@ -296,7 +290,7 @@ class Case:
         return CompositeState(
             transforms=self.transforms,
             solver=self.solver,
-            integrator=self.integrator,
+            integrator=self.history,
             steps=self.steps,
             guess=self.guess,
             changes=self.changes,
@@ -406,8 +400,8 @@ def simulate(
     case = config if isinstance(config, Case) else Case(config, wisdom, threads)
     if case.config.grid.axisymmetric:
         return _indent(case, recorder, progress, resume)
-    loading, integrator, steps, solver, guess = (
-        case.loading, case.integrator, case.steps, case.solver, case.guess,
+    loading, history, steps, solver, guess = (
+        case.loading, case.history, case.steps, case.solver, case.guess,
     )  # fmt: skip
     shape, observables = case.grid.shape, tuple(case.observables.values())
     keeps_all, ended = case.config.output.snapshots == "every", ""
@@ -415,7 +409,7 @@ def simulate(
         resume(case.resumable)
 
     for instant in steps:  # 4, 10
-        kappa, b = integrator.terms(case.elapsed(instant))  # 5, 6
+        kappa, b = history.terms(case.elapsed(instant))  # 5, 6
         problem, solution = _solved(case, kappa, b, instant.time)  # 0, 7
         lost = pulled_off(problem, solution)
         for observable in observables:
@@ -433,13 +427,14 @@ def simulate(
                     break
                 problem, solution = _solved(case, kappa, b, instant.time)
                 surface = loading.surface(solution, kappa, b, instant.time)
-            integrator.advance(surface.spectrum)  # 8, 9
+            history.advance(surface.spectrum)  # 8, 9
             guess.remember(
                 instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
             )
             case.changes.remember(prescribed, problem, solution)
             row: dict[str, float | FloatArray] = {}
-            step, finished = AcceptedStep(instant.time, problem, solution, surface, integrator, row), False
+            step = AcceptedStep(instant.time, problem, solution, surface, case.integrator, row)
+            finished = False
             for observable in observables:
                 row |= observable.measure(step)
                 finished = finished or observable.finished
@@ -470,7 +465,7 @@ def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tupl
     """
     problem = case.loading.problem(kappa, b, time, loss_stiffness=case.integrator.loss_stiffness)
     before, given = case.solver.state(), case.config.solver
-    solution = case.solver.solve(problem, case.guess.at(time))
+    solution = case.solve(problem, time)
     if not solution.converged and not pulled_off(problem, solution):
         case.solver.restore(before)  # the state as a whole is then that before the step
         reason = why_not_converged(problem, solution, case.config.contact_solver.method, given.tolerance)

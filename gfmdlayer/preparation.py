@@ -65,9 +65,7 @@ def _compile(config: Config) -> None:
         simulate(_indented_in_small(config), _NoRecorder())
         return
     small = _in_small(config)
-    solver = Case(small).solver
-    if hasattr(solver, "compile"):
-        solver.compile()
+    Case(small).solver.compile()
     with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
         simulate(small, _NoRecorder())
 

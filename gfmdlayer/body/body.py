@@ -1,7 +1,7 @@
 """Bodies: linear viscoelastic solids by the stiffness K(q, s) of their surface.
 
 A normal traction sigma(q), positive where it compresses, and the displacement u(q) of the surface, positive
-upward, obey sigma = -K(q, s) u at the wavenumber q and the Laplace variable s. The history needs K as a sum
+upward, obey sigma = -K(q, s) u at the wavevector q and the Laplace variable s. The history needs K as a sum
 of relaxing modes, a `Spectrum`.
 """
 
@@ -10,41 +10,63 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Elastic, Law, Material
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.body.stack import Layer, LayerStack
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.validation.problems import ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from gfmdlayer.body.network import InternalVariables
+
 
 class Body(Protocol):
-    """A solid with a plane surface, homogeneous and isotropic along the surface."""
+    """A solid with a plane surface, homogeneous along it."""
 
     @property
     def mean_stiffness(self) -> float:
         """K(q = 0, s = 0) of the relaxed body; 0 where the mean displacement is prescribed."""
         ...
 
-    def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s), stress per displacement.
 
         Parameters
         ----------
-        q : array_like
-            Wavenumbers, not negative.
+        waves : Wavevectors or array_like
+            Wavevectors q, or magnitudes of waves along x. K(-q) = K(q).
         s : array_like
             Laplace variable, real or complex; broadcast against q.
         """
         ...
 
-    def spectrum(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavenumbers q, of any shape."""
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes at the wavevectors, of any shape."""
         ...
+
+
+def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
+    """Return the internal variables of a body whose layers may have reduced times of their own.
+
+    Such a body has the method `internal_variables(waves)`, like `LayerStack`.
+
+    Raises
+    ------
+    TypeError
+        If the body does not offer them.
+    """
+    offered = getattr(body, "internal_variables", None)
+    if offered is None:
+        raise TypeError(
+            f"layers with different shifts: a {type(body).__name__} has one reduced time; "
+            "must be a body with the method internal_variables, like LayerStack"
+        )
+    return cast("InternalVariables", offered(waves))
 
 
 @dataclass(frozen=True)
@@ -73,13 +95,13 @@ class ViscoelasticLayer:
         """K(q = 0, s = 0), which differs from 0 for a compressible layer on a rigid base."""
         return self.layer.mean_stiffness * self.material.relaxed
 
-    def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s) of the layer with the modulus G(s), see `Body`."""
-        return self.layer.stiffness(q, self.material.laplace(s))
+        return self.layer.stiffness(waves, self.material.laplace(s))
 
-    def spectrum(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavenumbers q: `relaxed`, `glassy`, `times` and `weights`."""
-        return relaxation_spectrum(self.layer, self.material, q)
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes: `relaxed`, `glassy`, `times` and `weights`."""
+        return relaxation_spectrum(self.layer, self.material, waves)
 
 
 def bonded_layer(

@@ -37,7 +37,7 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.relaxation import distinct_branches, retardation_spectrum
+from gfmdlayer.body.relaxation import Spectrum, distinct_branches, retardation_spectrum
 from gfmdlayer.body.springs import Springs
 
 
@@ -98,6 +98,27 @@ class Network:
         system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
         slowness, vectors = singular_values(system[:, order], left=True)
         return 1 / slowness**2, vectors
+
+
+class InternalVariables(NamedTuple):
+    """The internal variables of a body whose layers may have reduced times of their own, at wavenumbers q.
+
+    Attributes
+    ----------
+    uppermost : Spectrum
+        Relaxed stiffness of the body, and modes of the uppermost layer parallel to the network, shape (nq,).
+    network : Network
+        The other internal variables, at different wavenumbers where they are not negligible.
+    number : ndarray of int, shape (nq,)
+        Place of each q in the network; -1 where the network is negligible.
+    laws : tuple of int
+        For each layer of the network the number of its law, counted from the surface.
+    """
+
+    uppermost: Spectrum
+    network: Network
+    number: IntArray
+    laws: tuple[int, ...]
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.network import Member, Network, assemble, singular_values
+from gfmdlayer.body.network import InternalVariables, Member, Network, assemble, singular_values
 from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches
 from gfmdlayer.body.springs import (
     halfspace_minors,
@@ -27,6 +27,7 @@ from gfmdlayer.body.springs import (
     minors,
     surface_springs,
 )
+from gfmdlayer.body.wavevectors import Wavevectors
 
 # Fewer relaxing modes, with a bound on the error of K that holds for all s: balanced truncation.
 #
@@ -156,17 +157,9 @@ class LayerStack:
         """K(q = 0, s = 0): not 0 for layers on a rigid base of which one is compressible."""
         return float(self._confined(np.array(0.0)))
 
-    def stiffness(self, q: ArrayLike, s: ArrayLike) -> NDArray[Any]:
-        """Return K(q, s), stress per displacement.
-
-        Parameters
-        ----------
-        q : array_like
-            Wavenumbers, not negative.
-        s : array_like
-            Laplace variable, real or complex; broadcast against q.
-        """
-        q, s = np.broadcast_arrays(np.asarray(q, dtype=float), np.asarray(s))
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s), stress per displacement, see `Body`."""
+        q, s = np.broadcast_arrays(np.asarray(waves, dtype=float), np.asarray(s))
         positive = np.where(q > 0, q, 1.0)
         vector = np.broadcast_to(_RIGID if self.rigid else _FREE, (*q.shape, 5))
         for layer in reversed(self.present):
@@ -179,26 +172,19 @@ class LayerStack:
             vector = vector / np.abs(vector[..., 3:4])
         return np.where(q > 0, positive * (vector[..., 4] / vector[..., 3]), self._confined(s))
 
-    def spectrum(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxing modes at the wavenumbers q, of any shape.
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes at the wavevectors, of any shape.
 
-        Modes other than those of the uppermost layer have weight zero where their weights sum to no more than
-        `NEGLIGIBLE` of the relaxed stiffness, and are merged to the `accuracy` of the stack.
+        They are found once for each magnitude. Modes other than those of the uppermost layer have weight zero
+        where their weights sum to no more than `NEGLIGIBLE` of the relaxed stiffness, and are merged to the
+        `accuracy` of the stack.
         """
-        q = np.asarray(q, dtype=float)
+        q = np.asarray(waves, dtype=float)
         different, where = np.unique(q, return_inverse=True)
         found = _spectrum(self, different.tobytes())
         each = (found.relaxed, found.weights, found.times)
         relaxed, weights, times = (values[..., where.reshape(q.shape)] for values in each)
         return Spectrum(relaxed, weights, times, found.error)
-
-    def uppermost_layer(self, q: ArrayLike) -> Spectrum:
-        """Return the relaxed stiffness at the wavenumbers q, and of the modes those beside the network."""
-        q = np.ravel(np.asarray(q, dtype=float))
-        moduli, times = distinct_branches(self.present[0].material)
-        _, free = self._members(np.where(q > 0, q, 1.0))
-        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
-        return Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
 
     def network(self, q: ArrayLike) -> Network:
         """Return the network of springs and dashpots at the wavenumbers q, shape (nq,)."""
@@ -207,7 +193,19 @@ class LayerStack:
         finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
 
-    def coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
+    def internal_variables(self, waves: Wavevectors | ArrayLike) -> InternalVariables:
+        """Return the internal variables of all layers at the wavevectors, of any shape."""
+        q = np.ravel(np.asarray(waves, dtype=float))
+        moduli, times = distinct_branches(self.present[0].material)
+        _, free = self._members(np.where(q > 0, q, 1.0))
+        each = np.repeat(times[:, np.newaxis], q.size, axis=1)
+        uppermost = Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
+        different, where = np.unique(q, return_inverse=True)
+        network, number = self._coupled(different)
+        laws = tuple(i for i, layer in enumerate(self.layers) if layer.thickness)
+        return InternalVariables(uppermost, network, number[where], laws)
+
+    def _coupled(self, q: FloatArray) -> tuple[Network, IntArray]:
         """Return the network where it is not negligible, and for each of the q its number there, or -1."""
         parts, numbers, count = [], np.full(q.size, -1, dtype=np.intp), 0
         for start in range(0, q.size, _CHUNK):

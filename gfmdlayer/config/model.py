@@ -24,7 +24,7 @@ from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.solvers import Choice, choose
+from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
 from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
@@ -172,8 +172,23 @@ class Config(Section):
     @property
     def contact_solver(self) -> Choice:
         """The solver that `solver.method` means, and why."""
-        axes, attracts = len(self.grid.points), bool(self.interfaces)
-        return choose(self.solver.method, axes=axes, rough=self.punch.rough, attracts=attracts)
+        return self.solver_where(bool(self.interfaces))
+
+    def solver_where(self, attracts: bool) -> Choice:
+        """The solver where the interface attracts, or does not."""
+        axes, rough = len(self.grid.points), self.punch.rough
+        return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts)
+
+    @property
+    def contrast(self) -> float:
+        """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
+        return contrast(self.laws, self.time.end)
+
+    @property
+    def finer_tolerance(self) -> float:
+        """Residual that the solver aims at: a finer one than the given where adaptive steps need it."""
+        given, attracts = self.solver.tolerance, bool(self.interfaces)
+        return finer(given, self.time.tolerance, self.contrast, attracts=attracts)
 
     def unit(self, words: str) -> str:
         """Return the label of a unit whose dimension is declared in words; the force on a line is per length.

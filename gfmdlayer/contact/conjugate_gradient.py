@@ -58,37 +58,27 @@ class ConjugateGradient(Stateless):
     ----------
     transforms : Transforms
         Plans for the grid's shape.
-    tolerance : float
-        Residual at which a step is accepted.
-    max_iterations : int
-        Iterations after which the step counts as not converged.
     """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
-    def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
+    def __init__(self, transforms: Transforms) -> None:
         self._transforms = transforms
-        self._tolerance = tolerance
-        self._max_iterations = max_iterations
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         self._at, self._search = Iterate(field(), field(), spectrum()), make_search(transforms)
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the pressure; see `Solution` for what is returned.
-
-        Raises
-        ------
-        ValueError
-            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
-        """
-        at, tolerance = self._at, self._tolerance
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
+        """Solve from a first guess of the pressure; see `Solution` for what is returned."""
+        at = self._at
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, free = in_pressures(problem, self._transforms)
         set_pressure(at, system, problem, start)
         transforms, iterations, shift = 1, 0, 0.0
         for within in (CLOSE * tolerance, AIM * tolerance):
-            left = self._max_iterations - iterations
+            left = limit - iterations
             _, more, done = iterate(self._transforms.plans, system, at, self._search, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
             solution = feasible_solution(

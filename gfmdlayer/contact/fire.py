@@ -270,10 +270,6 @@ class Fire(Stateless):
     ----------
     transforms : Transforms
         Plans for the grid's shape.
-    tolerance : float
-        Residual at which a step is accepted.
-    max_iterations : int
-        Iterations after which the step counts as not converged.
     mass_weighted : bool
         Inertia by mode, or one for all.
     starts_from : {"displacement", "gap"}
@@ -283,29 +279,21 @@ class Fire(Stateless):
     def __init__(
         self,
         transforms: Transforms,
-        tolerance: float = 1e-6,
-        max_iterations: int = 20_000,
         *,
         mass_weighted: bool = True,
         starts_from: Literal["displacement", "gap"] = "displacement",
     ) -> None:
         self.starts_from: Literal["displacement", "gap"] = starts_from
         self._transforms = transforms
-        self._tolerance = tolerance
-        self._max_iterations = max_iterations
         self._mass_weighted = mass_weighted
         u, v, stress, force = (transforms.empty_field() for _ in range(4))
         acceleration = transforms.empty_field() if mass_weighted else stress
         self._fields = Fields(u, v, stress, force, acceleration, transforms.empty_spectrum())
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Minimise from a first guess of the displacement.
-
-        Raises
-        ------
-        ValueError
-            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
-        """
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
+        """Minimise from a first guess of the displacement or the gap."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         fields = self._fields
@@ -317,16 +305,16 @@ class Fire(Stateless):
         chunk = max(16, _CHUNK // fields.u.size)
         iterations = pairs = 0
         accepted, projected = False, True
-        while not accepted and iterations < self._max_iterations:
-            limit = min(chunk, self._max_iterations - iterations)
-            state, converged, done, more = self._iterate(problem, constants, state, self._tolerance, limit)
+        while not accepted and iterations < limit:
+            most = min(chunk, limit - iterations)
+            state, converged, done, more = self._iterate(problem, constants, state, tolerance, most)
             iterations += done
             pairs += more
             # The loop keeps the mean to first order only.  An accepted state has it exactly, and is judged as
             # it is.
             projected = projected and done == 0
             accepted = converged and projected
-            if not projected and (converged or iterations == self._max_iterations):
+            if not projected and (converged or iterations == limit):
                 project(fields.u, problem.obstacle, problem.mean_is_fixed)
                 state = state._replace(drift=0.0)
                 projected = True
@@ -345,6 +333,9 @@ class Fire(Stateless):
             spent=(pairs + 1, iterations),
             within=np.inf if accepted else -1.0,
         )
+
+    def compile(self) -> None:
+        """Do nothing: an ordinary step calls every kernel."""
 
     def _iterate(
         self, problem: Problem, constants: Constants, state: State, tolerance: float, limit: int

@@ -17,7 +17,6 @@ found so far.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -246,41 +245,30 @@ _SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
 _MIXED = 6  # surfaces at most
 
 
-def with_loss(
-    made: Callable[[float, int], Solver],
-    transforms: Transforms,
-    weights: FloatArray,
-    tolerance: float,
-    iterations: int,
-) -> LossStiffnessSolver:
-    """Return the solver around one that `made` makes for a tolerance and a maximum of iterations."""
-    return LossStiffnessSolver(made(SHARE * tolerance, iterations), transforms, tolerance, weights)
-
-
 class LossStiffnessSolver:
     """Solves problems with a loss stiffness by a solver for problems without.
 
     Parameters
     ----------
     solver : Solver
-        To `SHARE` of the tolerance.
+        For problems without.
     transforms : Transforms
         Of the grid.
-    tolerance : float
-        On the residual, with the loss stiffness in the force.
     weights : ndarray, one value a mode
         Weight of each mode in the mean over the surface.
     """
 
-    def __init__(self, solver: Solver, transforms: Transforms, tolerance: float, weights: FloatArray) -> None:
+    def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
         self.starts_from = solver.starts_from
         self._solver, self._transforms = solver, transforms
-        self._tolerance, self._weights = tolerance, np.ravel(weights)
+        self._weights = np.ravel(weights)
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
         """Solve from a first guess of the field that the solver starts from."""
         if problem.loss_stiffness is None:
-            return self._solver.solve(problem, start)
+            return self._solver.solve(problem, start, SHARE * tolerance, limit)
         stiff = problem.stiffness > 0
         extra = np.divide(problem.loss_stiffness**2, problem.stiffness, where=stiff, out=np.zeros(stiff.size))
         symmetric = problem.stiffness + extra
@@ -291,7 +279,10 @@ class LossStiffnessSolver:
         for _ in range(_MOST_ATTRACTED if problem.interface.attracts else _MOST_PROBLEMS):
             intercept = problem.intercept + difference * last
             solution = self._solver.solve(
-                replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None), start
+                replace(problem, stiffness=symmetric, intercept=intercept, loss_stiffness=None),
+                start,
+                SHARE * tolerance,
+                limit,
             )
             change = self._transforms.backward(difference * (solution.spectrum - last)) / start.size
             transforms += solution.transforms + 1
@@ -303,7 +294,7 @@ class LossStiffnessSolver:
                 solution.pressure + change,
                 solution.spectrum,
                 spent=(transforms, iterations),
-                within=self._tolerance,
+                within=tolerance,
             )
             if state.converged or not solution.converged:
                 break
@@ -313,14 +304,13 @@ class LossStiffnessSolver:
             return replace(state, released_energy=released, margin=solution.margin)
         contact = solution.pressure > 0
         if not state.converged:
-            state, contact = self._by_pivoting(problem, state, contact)
+            state, contact = self._by_pivoting(problem, state, contact, tolerance)
         # Out of contact, stress within the tolerance is set to zero.
         return replace(state, pressure=np.where(contact, np.maximum(state.pressure, 0), 0.0))
 
     def compile(self) -> None:
         """Compile the solver's own kernels."""
-        if hasattr(self._solver, "compile"):
-            self._solver.compile()
+        self._solver.compile()
 
     def state(self) -> State:
         """Return the state of the solver."""
@@ -331,7 +321,7 @@ class LossStiffnessSolver:
         self._solver.restore(state)
 
     def _by_pivoting(
-        self, problem: Problem, so_far: Solution, contact: BoolArray
+        self, problem: Problem, so_far: Solution, contact: BoolArray, tolerance: float
     ) -> tuple[Solution, BoolArray]:
         state = so_far
         for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
@@ -339,22 +329,27 @@ class LossStiffnessSolver:
                 problem,
                 loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
             )
-            state, contact = self._attempt(problem, part, state, contact)
+            state, contact = self._attempt(problem, part, state, contact, tolerance)
             if share == 1 and state.converged:
                 return state, contact
-        return self._attempt(problem, problem, state, None)
+        return self._attempt(problem, problem, state, None, tolerance)
 
     def _attempt(
-        self, problem: Problem, part: Problem, so_far: Solution, contact: BoolArray | None
+        self,
+        problem: Problem,
+        part: Problem,
+        so_far: Solution,
+        contact: BoolArray | None,
+        tolerance: float,
     ) -> tuple[Solution, BoolArray]:
         """State of a problem with a part of the loss, from a contact, or followed from first touch."""
-        pivoting = Pivoting(part, self._transforms, self._tolerance)
+        pivoting = Pivoting(part, self._transforms, tolerance)
         if contact is None:
             contact = pivoting.pressed_in() if pivoting.follows else so_far.pressure > 0
         found = pivoting.solve(contact)
         spent = so_far.transforms + pivoting.transforms, so_far.iterations + pivoting.rounds
         for u, spectrum, pressure, contact in found:  # noqa: B007
-            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=self._tolerance)
+            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=tolerance)
             if state.converged:
                 break
         return state, contact

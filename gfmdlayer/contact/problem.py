@@ -18,7 +18,7 @@ zero in the third. The mean pressure is mean(f) + lambda in each.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -164,9 +164,59 @@ class Solver(Resumable, Protocol):
         """The field that a first guess is of."""
         ...
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess; `Solution.converged` says whether the tolerance was reached."""
+    def solve(self, problem: Problem, start: FloatArray, tolerance: float, limit: int) -> Solution:
+        """Solve from a first guess.
+
+        Parameters
+        ----------
+        problem : Problem
+            The contact problem of a step.
+        start : ndarray, one value a point
+            First guess of the field `starts_from`; may be overwritten.
+        tolerance : float
+            Largest residual of a solution.
+        limit : int
+            Most iterations.
+
+        Returns
+        -------
+        Solution
+            `converged` tells whether the tolerance was reached.
+
+        Raises
+        ------
+        ValueError
+            If the punch displaces more than the cell holds: mean(h) < 0 for a body of fixed mean.
+        """
         ...
+
+    def compile(self) -> None:
+        """Compile the kernels that an ordinary step does not call, before a run."""
+        ...
+
+
+_FINER_LIMIT = 1000  # iterations of a solve that may fail
+
+
+def solve_finer(
+    solver: Solver, problem: Problem, start: FloatArray, finer: float, tolerance: float, limit: int
+) -> Solution:
+    """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one.
+
+    Adaptive steps need the finer one for a body that is much stiffer glassy than relaxed. The error of the
+    displacement comes back in the stress of the next steps, times the glassy over the relaxed modulus. Above
+    the tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
+    """
+    if not finer < tolerance:
+        return solver.solve(problem, start, tolerance, limit)
+    tight = solver.solve(problem, start.copy(), finer, min(_FINER_LIMIT, limit))
+    if tight.converged:
+        return tight
+    if tight.residual <= tolerance:  # the second solve confirms that its state keeps the constraints too
+        start = getattr(tight, solver.starts_from)
+    given = solver.solve(problem, start, tolerance, limit)
+    pairs, iterations = tight.transforms + given.transforms, tight.iterations + given.iterations
+    return replace(given, transforms=pairs, iterations=iterations)
 
 
 def make_solution(

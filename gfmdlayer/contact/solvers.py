@@ -21,7 +21,7 @@ class Declaration:
     Attributes
     ----------
     place : str
-        Module and class, "package.module:Class"; made with transforms, tolerance and maximum of iterations.
+        Module and class, "package.module:Class"; made with transforms.
     starts_from : {"displacement", "pressure", "gap"}
         Of what the first guess is.
     pairs, power : float
@@ -111,7 +111,7 @@ SOLVERS: Mapping[str, Declaration] = {
 # nested gradients take where it is small, in 0.8 to 0.95 of it where it is wide. Lines keep the active set; a
 # moving punch changes nothing in the rule.
 #
-# And the tolerance to which that solver is asked to go, see `tightened`.
+# And the tolerance that this solver aims at, see `problem.solve_finer`.
 
 AUTO = "auto"
 _CONTRAST = 1e5  # of moduli, above which adaptive steps take more than the given tolerance

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.kernels import kernel
@@ -82,10 +83,14 @@ class Grid:
         )
 
     @property
+    def waves(self) -> Wavevectors:
+        """Wavevector of each mode that this process holds, of shape ``spectral_shape``."""
+        return Wavevectors.of_components(*self.wavevectors)
+
+    @property
     def wavenumbers(self) -> FloatArray:
         """Magnitude q = |q| of the wavevector of each mode, of shape ``spectral_shape``."""
-        squares = sum(np.square(axis) for axis in self.wavevectors)
-        return np.asarray(np.sqrt(squares), dtype=np.float64)
+        return self.waves.magnitude
 
     @cached_property
     def wavenumbers_x(self) -> FloatArray:

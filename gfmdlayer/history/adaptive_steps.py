@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from gfmdlayer.arrays import ComplexArray
-from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.instabilities import Change
-from gfmdlayer.history.time_points import SAME_TIME, Course, Instant, fingerprint, stops
+from gfmdlayer.history.time_points import SAME_TIME, Course, Instant, fingerprint
 from gfmdlayer.resumable import State
 
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
@@ -69,17 +69,12 @@ class AdaptiveSteps:
 
     Parameters
     ----------
-    integrator : ErrorControlledModes
-        Estimates the error of a step.
-    tolerance : float
-        Largest error of the mean pressure relative to its largest value so far (of the depth, in load
-        control), and of the displacement relative to the largest depth so far.
-    end : float
-        Last time.
-    snapshots, kinks, times : iterable of float
-        Times to land on.
+    control : ErrorControl
+        Estimates the error of a step, and holds the tolerance.
+    stops : sequence of Instant
+        Times to land on, from the start to the end.
     slowdown : float
-        Factor by which relaxation times are longer at the start than those of the integrator.
+        Factor by which relaxation times are longer at the start than `control.shortest_time`.
     least : float, float
         Scales of response and depth at least. The latter is the range of an interface that attracts, and
         zero beside a hard wall.
@@ -87,17 +82,13 @@ class AdaptiveSteps:
 
     def __init__(
         self,
-        integrator: ErrorControlledModes,
-        tolerance: float,
-        end: float,
-        snapshots: Iterable[float],
-        kinks: Iterable[float],
-        times: Iterable[float] = (),
+        control: ErrorControl,
+        stops: Sequence[Instant],
         slowdown: float = 1.0,
         least: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        self._integrator, self._tolerance, self._slowdown = integrator, tolerance, slowdown
-        self._stops = stops(end, snapshots, kinks, times)
+        self._control, self._stops, self._slowdown = control, stops, slowdown
+        self._tolerance = tolerance = control.tolerance
         self._attracted = least[1] > 0
         self._separation = min(_SEPARATION * (tolerance / 1e-4) ** (1 / 3), _WIDEST_SEPARATION)
         self._position = _Position(largest_response=least[0], largest_depth=least[1])
@@ -107,11 +98,11 @@ class AdaptiveSteps:
         while self._position.next_stop < len(self._stops):
             now = self._position
             if now.after_kink:
-                self._integrator.discard_velocity()
+                self._control.discard_velocity()
                 now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
                 now.last_step = 0.0
             if now.after_jump:
-                self._integrator.discard_velocity()
+                self._control.discard_velocity()
                 now.steps_since_kink, now.after_jump = 0, False
             if now.jump_by - now.time > self._shortest:
                 now.next_step = min(now.next_step, self._towards_jump())
@@ -152,9 +143,9 @@ class AdaptiveSteps:
         if self._given.step == 0:
             accepted = True
             # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
-            pressed = depth_scale > 0 and self._integrator.deforms(spectrum)
+            pressed = depth_scale > 0 and self._control.deforms(spectrum)
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
-            now.next_step = self._integrator.shortest_time * self._slowdown * first
+            now.next_step = self._control.shortest_time * self._slowdown * first
         else:
             error = self._error(spectrum, response, depth, (response_scale, depth_scale))
             if change is not None and (change.jumps or change.separation > self._separation):
@@ -210,11 +201,9 @@ class AdaptiveSteps:
         """Estimate the error of the last step, relative to the scales of response and depth."""
         moving, deep = depth != self._position.depth, depth >= _RETRACTED * scales[1]
         if self._attracted:
-            relative, displacement = self._integrator.error(
-                spectrum, moving=moving, deep=True, attracted=True
-            )
+            relative, displacement = self._control.error(spectrum, moving=moving, deep=True, attracted=True)
             return max(relative, displacement / scales[1])
-        relative, displacement = self._integrator.error(spectrum, moving=moving, deep=deep)
+        relative, displacement = self._control.error(spectrum, moving=moving, deep=deep)
         return max(_ratio(relative * abs(response), scales[0]), _ratio(displacement, scales[1]))
 
     def _accepts_abrupt(self, error: float, change: Change) -> bool:

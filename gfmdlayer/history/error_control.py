@@ -1,18 +1,18 @@
-"""The exponential integrator for steps of varying length: the curvature of u(t), and the error of a step.
+"""Error control for steps of varying length: the curvature of u(t), and the error of a step.
 
 The exponential scheme of `modes` takes u as linear over the step. The curvature that it neglects,
 c = dt^2 u''/2, follows after the step is solved from the divided difference of the last three accepted
 displacements. It has two uses:
 
-* The history is advanced with it (`Modes.advance`), to third order, so that errors do not accumulate.
+* The history is advanced with it, to third order, so that errors do not accumulate.
 * The truncation error of the step remains: at its end the stress -sigma is too small by
   delta f = sum_j w_j curvature_gain_j c.
 
 At given depth a small delta f changes the mean pressure by -<v, delta f>, where v is the derivative of the
 displacement with respect to the depth: -1 all over the contact, free of stress outside it, and zero in the
 mean. While the punch moves, the change of u over the step is proportional to v. While it rests, the contact
-grows beyond that of the last step in which it moved, and the displacement u itself, in place of v, is in
-error to the other side. (It is not used where the punch is all but withdrawn: the dent that is left does not
+grows beyond the contact of the last step in which it moved. The displacement u itself, in place of v, is in
+error to the other side. (u is not used where the punch is all but withdrawn: the dent that is left does not
 follow the punch.) Divided by <v, f>, which is proportional to the mean pressure, either gives a relative
 error, and the larger one counts.
 
@@ -21,33 +21,33 @@ earlier errors add to that, so that the same number serves (measured: half of it
 delta f that changes neither pressure nor depth moves the free surface: with r the quotient above, by
 (delta f - r f)/kappa.
 
-Under an interface that attracts the mean pressure is a difference, and goes through zero. There the part of
+Under an interface that attracts, the mean pressure is a difference and goes through zero. There the part of
 delta f along v, <v, delta f>/|v|, counts relative to the largest stress so far, and r as zero. And the edge
-of the contact moves by the tractions around it: an error delta f there, alike in all steps, is one of the
-work that it takes to open the contact. So c is a part of the stress of a step there, as it is of the history:
+of the contact moves by the tractions around it: if all steps have the same error delta f there, they change
+the work that it takes to open the contact. So c is then a part of the stress of a step, as of the history:
 
     c = rho (u - u_0 - dt v_0),        rho = dt/(dt + dt_0),        sum_j w_j (y_j + curvature_gain_j c)
 
 with the displacement u_0 and the velocity v_0 before, over the last step dt_0. c is linear in u, and kappa
-grows by rho sum_j w_j curvature_gain_j. The estimate of the error stays, and is then on the safe side.
+grows by rho sum_j w_j curvature_gain_j. The estimate of the error is not changed: it is then an upper bound.
+
+Under a punch that moves along the surface the tangential force counts too: the mean of the slope of the
+surface times delta f, relative to the largest tangential force so far.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history import mode_kernels as kernels
-from gfmdlayer.history.mode_kernels import exponential
-from gfmdlayer.history.modes import Modes
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import Resumable, State
 
-# Part of the change over a step after a kink, without an earlier displacement, that may be curvature:
+# Part of the change over a step that may be curvature, where no earlier displacement is known:
 # measured, it is 0.1 where contact begins and less elsewhere.
 _UNKNOWN_CURVATURE = 0.25
 
@@ -55,71 +55,131 @@ _UNKNOWN_CURVATURE = 0.25
 _NO_CONTACT = 1e-10
 _TINY = 1e-300  # in place of a division by zero
 
-# Part of the glassy stiffness from which on the first step has to resolve the relaxation time of a mode.
-RELEVANT = 1e-3
+# Smallest scale of a tangential force, as a part of the product of the norms of slopes and stresses.
+_SMALLEST_FORCE = 1e-4
 
 
-class ErrorControlledModes(Modes):
-    """The relaxing modes of a surface for steps of varying length.
+class Integrator(Resumable, Protocol):
+    """Integrates the history of a body over time: the stress at the end of a step is -(kappa u - b).
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Relaxing modes at the grid's wavenumbers.
-    sums : Sums
-        Sums over the grid.
-    curved : bool
-        Whether the stress of a step takes u as a parabola through the last steps, where these predict it.
+    `Modes` at rest, `SlidingModes` under a moving punch, `StackModes` for layers of different temperatures.
 
     Attributes
     ----------
+    u : ndarray of complex, shape (nq,)
+        Transform of the displacement after the last step.
+    step : float
+        Length of the step of the last `terms`, in reduced time.
+    stiffness : ndarray, shape (nq,)
+        kappa of the last `terms`.
+    stored, dissipated : float
+        Elastic energy after the last step, and heat since the start, per area.
+    spectrum_error : float
+        Bound on the relative error of the stiffness K(q, s).
     shortest_time : float
         Shortest relevant relaxation time; infinite for an elastic body.
     """
 
-    def __init__(self, spectrum: Spectrum, sums: Sums, *, curved: bool = False, **motion: Any) -> None:
-        super().__init__(spectrum, exponential, sums, **motion)
-        self._curved = curved
-        relevant = spectrum.weights > RELEVANT * spectrum.glassy
-        self.shortest_time = sums.minimum(float(spectrum.times[relevant].min(initial=math.inf)))
-        self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
-        self._velocity: ComplexArray | None = None
-        self._last_step = self._largest_stress = 0.0
+    u: ComplexArray
+    step: float
+    stiffness: FloatArray
+    stored: float
+    dissipated: float
+    spectrum_error: float
+    shortest_time: float
+
+    @property
+    def slope(self) -> ComplexArray | None:
+        """Factors i q of the slope along the motion of the punch, shape (nq,); None for a punch at rest."""
+        ...
+
+    @property
+    def loss_stiffness(self) -> FloatArray | None:
+        """Imaginary part of the stiffness at the end of the last step; None for a punch at rest."""
+        ...
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b at the end of a step, see `Modes`; with the curvature where it counts."""
-        stiffness, b = super().terms(step)
-        if not self._curved or self._velocity is None:
-            return stiffness, b
-        gain = self.curvature_stress(np.full(self.u.shape, self._ratio, dtype=np.complex128)).real
-        return stiffness + gain, b + gain * (self.u + self.step * self._velocity)
+        """Return kappa and b at the end of a step of this length."""
+        ...
+
+    def force(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return -sigma at the end of the step of the last `terms`, for this displacement."""
+        ...
+
+    def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
+        """Return the part of -sigma at the end of the step that is due to dt^2 u''/2."""
+        ...
+
+    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
+        """Return the part of -sigma that `force` leaves out, for this displacement and dt^2 u''/2."""
+        ...
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Advance the history over the step of the last `terms`.
+
+        Parameters
+        ----------
+        spectrum : ndarray of complex, shape (nq,)
+            Transform of the displacement at the end of the step.
+        curvature : ndarray of complex, optional
+            dt^2 u''/2 over the step; without it u is linear.
+        """
+        ...
+
+
+class ErrorControl:
+    """Controls the error of an integrator whose steps vary in length, and corrects its history.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        With the exponential scheme.
+    sums : Sums
+        Sums over the grid.
+    tolerance : float
+        Largest error of the mean pressure relative to its largest value so far (of the depth, in load
+        control), and of the displacement relative to the largest depth so far.
+    curved : bool
+        Whether the stress of a step takes u as a parabola through the last steps, where these predict it.
+    """
+
+    def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
+        self._integrator, self._sums, self._curved = integrator, sums, curved
+        self.tolerance = tolerance
+        self._contact_motion: ComplexArray | None = None  # change of u over the last step of a moving punch
+        self._velocity: ComplexArray | None = None
+        self._last_step = self._largest_stress = self._largest_force = 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """Shortest relevant relaxation time of the body."""
+        return self._integrator.shortest_time
+
+    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b at the end of a step, with the curvature where it counts."""
+        integrator = self._integrator
+        stiffness, b = integrator.terms(step)
+        if not self._curved or self._velocity is None:
+            return stiffness, b
+        gain = integrator.curvature_stress(np.full(integrator.u.shape, self._ratio, dtype=np.complex128)).real
+        return stiffness + gain, b + gain * (integrator.u + integrator.step * self._velocity)
+
+    def advance(self, spectrum: ComplexArray) -> None:
         """Advance the history over the step of the last `terms`, with the curvature that is now known."""
-        velocity = (spectrum - self.u) * (1 / self.step) if self.step > 0 else None
-        super().advance(spectrum, self._curvature(spectrum) if curvature is None else curvature)
+        integrator, velocity = self._integrator, None
+        if integrator.step > 0:
+            velocity = (spectrum - integrator.u) * (1 / integrator.step)
+        integrator.advance(spectrum, self._curvature(spectrum))
         if velocity is not None:
-            self._velocity, self._last_step = velocity, self.step
+            self._velocity, self._last_step = velocity, integrator.step
 
     def discard_velocity(self) -> None:
-        """Discard the velocity of the surface, which does not predict its displacement after a kink."""
+        """Discard the velocity of the surface, which does not predict its displacement after a breakpoint."""
         self._velocity = None
 
     def deforms(self, spectrum: ComplexArray) -> bool:
         """Return whether a displacement is not zero."""
         return bool(self._sums.maximum(int(spectrum.any())))
-
-    def force(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return -sigma at the end of the step of the last `terms` for this displacement, for a linear u."""
-        b = self._b.view(np.float64)
-        return kernels.force(self._stiffness, spectrum.view(np.float64), b).view(np.complex128)
-
-    def truncation_error(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return delta f, by which that force is too small because u is not linear over the step."""
-        curvature = self._curvature(spectrum)
-        return self.curvature_stress(
-            _UNKNOWN_CURVATURE * (spectrum - self.u) if curvature is None else curvature
-        )
 
     def error(
         self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
@@ -141,12 +201,14 @@ class ErrorControlledModes(Modes):
         -------
         float, float
             Relative error of the mean pressure (at given load, of the depth; of the stress, where the
-            interface attracts), and root mean square error of the displacement, a length.
+            interface attracts) or of the tangential force, and root mean square error of the displacement,
+            a length.
         """
-        error, force = self.truncation_error(spectrum), self.force(spectrum)
+        integrator, error = self._integrator, self._truncation_error(spectrum)
+        force = integrator.force(spectrum)
         if moving:  # the change over a step that is then rejected serves as well
-            self._contact_motion = spectrum - self.u
-        weights, kappa = self._sums.weights, self._stiffness
+            self._contact_motion = spectrum - integrator.u
+        weights, kappa = self._sums.weights, integrator.stiffness
         norm = self._sums.total(kernels.stress_norm(weights, kappa, spectrum.view(np.float64)))
         self._largest_stress = max(self._largest_stress, math.sqrt(norm)) if attracted else 0.0
         ratio = part = 0.0
@@ -161,30 +223,53 @@ class ErrorControlledModes(Modes):
         square = kernels.displacement_error(
             weights, kappa, error.view(np.float64), ratio, force.view(np.float64)
         )
-        return part if attracted else abs(ratio), math.sqrt(self._sums.total(square))
+        relative = part if attracted else abs(ratio)
+        if integrator.slope is not None:
+            relative = max(relative, self._tangential_error(integrator.slope * spectrum, force, error))
+        return relative, math.sqrt(self._sums.total(square))
+
+    def _truncation_error(self, spectrum: ComplexArray) -> ComplexArray:
+        """Stress delta f by which the force is too small, because u is not linear over the step."""
+        curvature = self._curvature(spectrum)
+        if curvature is None:
+            curvature = _UNKNOWN_CURVATURE * (spectrum - self._integrator.u)
+        return self._integrator.missing_stress(spectrum, curvature)
+
+    def _tangential_error(self, slope: ComplexArray, force: ComplexArray, error: ComplexArray) -> float:
+        """Error of the tangential force, relative to the largest so far."""
+        mean = self._sums.spectral_mean
+        smallest = _SMALLEST_FORCE * math.sqrt(mean(slope, slope) * mean(force, force))
+        self._largest_force = max(self._largest_force, smallest, abs(mean(slope, force)))
+        off = abs(mean(slope, error))
+        return off / self._largest_force if off > 0 else 0.0
 
     def state(self) -> State:
         """Return the history and the last motion of the surface."""
         motion = {"contact_motion": self._contact_motion, "velocity": self._velocity}
-        known = {name: value for name, value in motion.items() if value is not None}
-        stress = {"largest_stress": self._largest_stress} if self._largest_stress else {}
-        return {**super().state(), **known, **stress, "last_step": self._last_step}
+        scales = {"largest_stress": self._largest_stress, "largest_force": self._largest_force}
+        return {
+            **self._integrator.state(),
+            **{name: value for name, value in motion.items() if value is not None},
+            **{name: value for name, value in scales.items() if value},
+            "last_step": self._last_step,
+        }
 
     def restore(self, state: State) -> None:
         """Continue from there."""
-        super().restore(state)
+        self._integrator.restore(state)
         self._contact_motion, self._velocity = state.get("contact_motion"), state.get("velocity")
         self._last_step = float(state["last_step"])
         self._largest_stress = float(state.get("largest_stress", 0.0))
+        self._largest_force = float(state.get("largest_force", 0.0))
 
     def _curvature(self, spectrum: ComplexArray) -> ComplexArray | None:
         """dt^2 u''/2 from the divided difference of the last three displacements, this one included."""
         if self._velocity is None:
             return None
-        numbers = (each.view(np.float64) for each in (spectrum, self.u, self._velocity))
-        return kernels.curvature(self._ratio, self.step, *numbers).view(np.complex128)
+        numbers = (each.view(np.float64) for each in (spectrum, self._integrator.u, self._velocity))
+        return kernels.curvature(self._ratio, self._integrator.step, *numbers).view(np.complex128)
 
     @property
     def _ratio(self) -> float:
-        """Length of the step over that of the last two."""
-        return self.step / (self.step + self._last_step)
+        """Length of the step over the length of the last two."""
+        return self._integrator.step / (self._integrator.step + self._last_step)

@@ -45,6 +45,7 @@ local modes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -58,6 +59,9 @@ from gfmdlayer.resumable import State
 
 # Relative to the relaxed stiffness, the rounding up to which weights are products of a modulus and a shape.
 _ROUNDING = 1e-14
+
+# Part of the glassy stiffness from which on the first step has to resolve the relaxation time of a mode.
+RELEVANT = 1e-3
 
 _NO_CURVATURE = np.empty(0, dtype=np.complex128)
 
@@ -74,7 +78,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy.
+    """The relaxing modes of a surface: their history, stiffness and energy (an `error_control.Integrator`).
 
     Parameters
     ----------
@@ -89,6 +93,8 @@ class Modes:
     ----------
     step : float
         Length of the last step of `terms`.
+    stiffness : ndarray, shape (nq,)
+        kappa of the last `terms`.
     u : ndarray of complex, shape (nq,)
         Transform of the displacement after the last step.
     stored : float
@@ -97,17 +103,22 @@ class Modes:
         Heat from all dashpots since the start.
     spectrum_error : float
         Bound on the relative error of the stiffness K(q, s) of the spectrum.
-    loss_stiffness : ndarray, optional
-        Imaginary part of the stiffness, for a punch that moves along the surface.
+    shortest_time : float
+        Shortest relevant relaxation time; infinite for an elastic body.
+    loss_stiffness, slope : None
+        Of a punch that moves along the surface alone, see `SlidingModes`.
     """
 
+    stiffness: FloatArray
     loss_stiffness: FloatArray | None = None
+    slope: ComplexArray | None = None
 
     def __init__(self, spectrum: Spectrum, scheme: Scheme, sums: Sums | None = None) -> None:
         self.relaxed = np.ravel(spectrum.relaxed)
         size = self.relaxed.size
         self._sums = Sums(np.ones(size)) if sums is None else sums
         self.spectrum_error = self._sums.maximum(spectrum.error)
+        self.shortest_time = shortest_time(spectrum, self._sums)
         weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)
         missing = self._sums.maximum(len(weights)) - len(weights)  # modes without weight on this rank
         weights = np.concatenate((weights, np.zeros((missing, size)))) if missing else weights
@@ -151,7 +162,7 @@ class Modes:
         self.prepare(step)
         self._b = np.empty_like(self.u)
         kernels.intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(self._b))
-        return self._stiffness, self._b
+        return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms` (lines 8 and 9).
@@ -192,6 +203,10 @@ class Modes:
         self._local.stretch[:] = state["local_stretch"]
         self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
 
+    def force(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return -sigma at the end of the step of the last `terms` for this displacement."""
+        return kernels.force(self.stiffness, _numbers(spectrum), _numbers(self._b)).view(np.complex128)
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
         """Part of the stress -sigma at the end of the step that is due to dt^2 u''/2."""
         gain = float(self._branches.moduli @ self._factors.curvature_gain)
@@ -199,6 +214,10 @@ class Modes:
         shape, index = self._branches.shape, self._local.position
         stress = kernels.curvature_stress(gain, shape, index, local_gains, _numbers(curvature))
         return np.asarray(stress.view(np.complex128))
+
+    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:  # noqa: ARG002
+        """Part of -sigma that `force` leaves out: for modes at rest only the curvature of u(t)."""
+        return self.curvature_stress(curvature)
 
     def prepare(self, step: float) -> None:
         """Compute the stiffness and the factors for the length of a step."""
@@ -210,10 +229,16 @@ class Modes:
         self._local_factors = Factors(*(factor[count:] for factor in factors))
         gain = self._branches.shape[::2] * float(self._branches.moduli @ self._factors.gain)
         np.add.at(gain, self._local.position, self._local.weights * self._local_factors.gain)
-        self._stiffness = self.relaxed + gain
+        self.stiffness = self.relaxed + gain
         branch_decay = self._branches.moduli * self._factors.decay
         local_decay = self._local.weights * self._local_factors.decay
         self._terms = StepTerms(np.repeat(gain, 2), branch_decay, local_decay)
+
+
+def shortest_time(spectrum: Spectrum, sums: Sums) -> float:
+    """Return the shortest relevant relaxation time on all ranks; infinite for an elastic body."""
+    relevant = spectrum.weights > RELEVANT * spectrum.glassy
+    return sums.minimum(float(spectrum.times[relevant].min(initial=math.inf)))
 
 
 def _branch_modes(weights: FloatArray, times: FloatArray, relaxed: FloatArray, sums: Sums) -> BoolArray:

@@ -32,7 +32,7 @@ A mode at the grid's largest wavenumber along x stands for two waves, +q and -q;
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -40,14 +40,11 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.modes import Modes, Scheme
+from gfmdlayer.history.mode_kernels import exponential
+from gfmdlayer.history.modes import Modes, shortest_time
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 from gfmdlayer.time_functions import Trajectory
-
-# Smallest scale of a tangential force, as a part of the product of the norms of slopes and stresses.
-_SMALLEST_FORCE = 1e-4
 
 # phi_5 by its series where |z| < 1: the first term left out is below rounding.
 _SERIES = [(-1) ** k / math.factorial(k + 5) for k in range(18)]
@@ -65,14 +62,12 @@ class Waves(NamedTuple):
 
 
 class SlidingModes(Modes):
-    """The relaxing modes of a surface in the frame of a punch that moves along it.
+    """The relaxing modes of a surface in the frame of a punch that moves along it, by the exponential scheme.
 
     Parameters
     ----------
     spectrum : Spectrum
         Relaxing modes at the grid's wavenumbers.
-    scheme : callable
-        `exponential`.
     sums : Sums
         Sums over the grid.
     wavenumbers_x : ndarray, shape (2, *q.shape)
@@ -84,22 +79,21 @@ class SlidingModes(Modes):
     ----------
     loss_stiffness : ndarray, shape (nq,)
         Imaginary part of the stiffness at the end of the step of the last `terms`.
+    slope : ndarray of complex, shape (nq,)
+        i q, with the mean q of the two waves of a mode.
     """
 
     loss_stiffness: FloatArray
+    slope: ComplexArray
 
     def __init__(
-        self,
-        spectrum: Spectrum,
-        scheme: Scheme,
-        sums: Sums,
-        *,
-        wavenumbers_x: FloatArray,
-        velocity: Trajectory,
+        self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory
     ) -> None:
         # The base class has the springs K_0, and no mode with a dashpot.
         springs = Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0], spectrum.error)
-        super().__init__(springs, scheme, sums)
+        super().__init__(springs, exponential, sums)
+        self.shortest_time = shortest_time(spectrum, sums)
+        self.slope = 1j * np.ravel(wavenumbers_x.mean(axis=0))
         self._velocity_at, self._time, self._prepared_for = velocity, 0.0, (np.nan, np.nan, np.nan)
         size = self.relaxed.size
         weights, times = spectrum.weights.reshape(-1, size), spectrum.times.reshape(-1, size)
@@ -136,7 +130,7 @@ class SlidingModes(Modes):
         gain = (1 - steady) * phi[1]
         self._acceleration = -1j * self._q * (after - before) * step * (phi[2] - phi[1] / 2)
         stiffness = self.relaxed + self._sum_modes(self._weights * (steady + gain))
-        self._stiffness, self.loss_stiffness = stiffness.real.copy(), stiffness.imag.copy()
+        self.stiffness, self.loss_stiffness = stiffness.real.copy(), stiffness.imag.copy()
         self._gain = self._sum_modes(self._weights * (gain + steady * phi[0]))
         self._decay = self._weights * phi[0]
 
@@ -145,7 +139,7 @@ class SlidingModes(Modes):
         self.prepare(step)
         self._b = self._gain * self.u
         _subtract(self._waves.position, self._decay, self._waves.stretch, self._b)
-        return self._stiffness, self._b
+        return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`; arguments as in `Modes.advance`."""
@@ -167,12 +161,20 @@ class SlidingModes(Modes):
         super().restore(state)
         self._waves.stretch[:], self._time = state["stretch"], float(state["time"])
 
+    def force(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return -sigma at the end of the step of the last `terms` for this displacement."""
+        return np.asarray(super().force(spectrum) + 1j * self.loss_stiffness * spectrum)
+
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
-        """Part of -sigma at the end of the step due to dt^2 U''/2 and to the change of the velocity."""
+        """Part of -sigma at the end of the step that is due to dt^2 U''/2."""
         steady, phi = self._waves.steady, self._waves.phi
         gain = self._sum_modes(self._weights * ((1 - steady) * (2 * phi[2] - phi[1])))
+        return np.asarray(gain * curvature)
+
+    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
+        """Part of -sigma due to dt^2 U''/2 and to the change of the velocity over the step."""
         change = self._sum_modes(self._weights * self._change_of_velocity())
-        return np.asarray(gain * curvature + change)
+        return np.asarray(super().missing_stress(spectrum, curvature) + change)
 
     def slowest(self, tolerance: float) -> float:
         """Return the longest time on the way to the steady state, at the last velocity.
@@ -200,39 +202,6 @@ class SlidingModes(Modes):
         index, size = self._waves.position, self.relaxed.size
         real, imaginary = (np.bincount(index, part, size) for part in (values.real, values.imag))
         return np.asarray(real + 1j * imaginary)
-
-
-class ErrorControlledSlidingModes(ErrorControlledModes, SlidingModes):
-    """`SlidingModes` for steps of varying length; see `ErrorControlledModes`."""
-
-    def __init__(self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, **motion: Any) -> None:
-        super().__init__(spectrum, sums, wavenumbers_x=wavenumbers_x, **motion)
-        self._slope = 1j * np.ravel(wavenumbers_x.mean(axis=0))
-        self._largest_force = 0.0  # tangential
-
-    def force(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return -sigma at the end of the step of the last `terms`."""
-        return np.asarray(super().force(spectrum) + 1j * self.loss_stiffness * spectrum)
-
-    def state(self) -> State:
-        """Return the history and the largest tangential force."""
-        return {**super().state(), "largest_force": self._largest_force}
-
-    def restore(self, state: State) -> None:
-        """Continue from there."""
-        super().restore(state)
-        self._largest_force = float(state["largest_force"])
-
-    def error(
-        self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
-    ) -> tuple[float, float]:
-        """Estimate the error as `ErrorControlledModes` does, that of the tangential force included."""
-        relative, displacement = super().error(spectrum, moving=moving, deep=deep, attracted=attracted)
-        mean, slope, force = self._sums.spectral_mean, self._slope * spectrum, self.force(spectrum)
-        smallest = _SMALLEST_FORCE * math.sqrt(mean(slope, slope) * mean(force, force))
-        self._largest_force = max(self._largest_force, smallest, abs(mean(slope, force)))
-        error = abs(mean(slope, self.truncation_error(spectrum)))
-        return max(relative, error / self._largest_force if error > 0 else 0.0), displacement
 
 
 def phi_functions(z: ComplexArray) -> ComplexArray:

@@ -1,4 +1,4 @@
-"""Stacks whose layers have clocks of their own: temperature with different shifts.
+"""Stacks whose layers have reduced times of their own: temperature with different shifts.
 
 The internal vector xi of `body.network` is the state. In a step the reduced time of each layer elapses
 (`reduced_time`), and their ratios are taken as constant over it: the layers' times over these ratios are the
@@ -10,28 +10,26 @@ l^2 with l = U^T (0; g), and the stretch y:
 
 so that terms, energies and heat of the step are those of `modes`, exact for the ratios of the step. Where
 the layers have the same shift they are those in reduced time, and at constant temperature those of the stack
-of shifted times. While the ratios change, the error of a step is of third order in its length, as that of u
-linear over it. The uppermost layer alone, parallel to the network, has one clock and remains as it is.
+of shifted times. While the ratios change, the error of a step is of third order in its length, like the error
+of taking u as linear over it. The uppermost layer alone, parallel to the network, has one reduced time and
+needs no change.
 
 For steps of varying length the error of the ratios is estimated from two halves of the step, 4/3 of the
-difference between them and the whole; the history is carried on with it.
+difference between them and the whole; the history is corrected by it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
-from gfmdlayer.body.body import Body
-from gfmdlayer.body.relaxation import Spectrum
-from gfmdlayer.body.stack import LayerStack
+from gfmdlayer.body.network import InternalVariables
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import RELEVANT, ErrorControlledModes
 from gfmdlayer.history.mode_kernels import LocalModes, exponential
-from gfmdlayer.history.modes import Modes, Scheme
+from gfmdlayer.history.modes import RELEVANT, Modes, Scheme
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.resumable import State
 
@@ -41,47 +39,6 @@ _DIGITS = 12
 # Least weight of a mode, relative to the relaxed stiffness: it does not change the stress, and its stretch is
 # finite in a step in which the surface does not drive it.
 _LEAST = 1e-60
-
-
-def stack_modes(
-    body: Body,
-    wavenumbers: FloatArray,
-    clocks: Sequence[ReducedTime | None],
-    scheme: Scheme | None,
-    sums: Sums,
-    *,
-    curved: bool = False,
-) -> StackModes:
-    """Return the integrator of a stack whose layers have different clocks.
-
-    Parameters
-    ----------
-    body : LayerStack
-        The body.
-    wavenumbers : ndarray
-        Those of the grid.
-    clocks : sequence of ReducedTime or None
-        Of each layer; None for one whose times do not change. Elastic layers below need none.
-    scheme : callable, optional
-        As for `Modes`; without it for steps of varying length.
-    sums : Sums
-        Sums over the grid.
-    curved : bool
-        As for `ErrorControlledModes`, for steps of varying length.
-
-    Raises
-    ------
-    TypeError
-        If the body is of another kind.
-    """
-    if not isinstance(body, LayerStack):
-        raise TypeError(f"different shifts: the body is a {type(body).__name__}; must be a LayerStack")
-    every = (*clocks, *(None,) * len(body.layers))[: len(body.layers)]
-    given: dict[str, Any] = {"stack": body, "wavenumbers": wavenumbers, "clocks": every}
-    spectrum = body.uppermost_layer(wavenumbers)
-    if scheme is None:
-        return ErrorControlledStackModes(spectrum, sums, curved=curved, **given)
-    return StackModes(spectrum, scheme, sums, **given)
 
 
 class _Axes(NamedTuple):
@@ -94,55 +51,59 @@ class _Axes(NamedTuple):
 
 
 class StackModes(Modes):
-    """The relaxing modes of a stack whose layers have different clocks.
+    """The relaxing modes of a stack whose layers have reduced times of their own.
 
     Parameters
     ----------
-    spectrum : Spectrum
-        That of `LayerStack.uppermost_layer`.
+    internal : InternalVariables
+        The internal variables of the body at the grid's wavenumbers.
     scheme : callable
         As for `Modes`.
-    sums : Sums, optional
+    sums : Sums
         As for `Modes`.
-    stack : LayerStack
-        The body.
-    wavenumbers : ndarray
-        Those of the grid.
-    clocks : sequence of ReducedTime or None
-        Of each layer of the stack; None for one whose times do not change.
+    reduced_times : sequence of ReducedTime or None
+        Of each law of the body; None for one whose times do not change. Elastic layers below need none.
+    halved : bool
+        Whether each step is corrected for ratios that change within it, for steps of varying length.
     """
 
     def __init__(
         self,
-        spectrum: Spectrum,
+        internal: InternalVariables,
         scheme: Scheme,
-        sums: Sums | None = None,
+        sums: Sums,
         *,
-        stack: LayerStack,
-        wavenumbers: FloatArray,
-        clocks: Sequence[ReducedTime | None],
+        reduced_times: Sequence[ReducedTime | None],
+        halved: bool = False,
     ) -> None:
-        super().__init__(spectrum, scheme, sums)
-        layers = zip(stack.layers, clocks, strict=True)
-        self._clocks = [clock for layer, clock in layers if layer.thickness]
-        different, where = np.unique(np.ravel(wavenumbers), return_inverse=True)
-        self._network, number = stack.coupled(different)
-        at = number[where]
+        super().__init__(internal.uppermost, scheme, sums)
+        self._network, at, self._halved = internal.network, internal.number, halved
+        known = dict(enumerate(reduced_times))
+        self._reduced_times = [known.get(law) for law in internal.laws]
         self._position = np.argsort(at, kind="stable")[np.count_nonzero(at < 0) :]
         self._wave: IntArray = at[self._position]
         self._edges = np.searchsorted(self._wave, np.arange(self._network.free.size + 1))
-        internal = self._network.times.size
-        self._xi = np.zeros((self._position.size, internal, 2))
+        size = self._network.times.size
+        self._xi = np.zeros((self._position.size, size, 2))
         self._uppermost_times, self._time = self._times, 0.0
         self._ratios: tuple[float, ...] = ()
-        index = np.repeat(self._position, internal)
+        index = np.repeat(self._position, size)
         none = np.zeros(index.size)
         self._local = LocalModes(index, none, none, np.zeros((index.size, 2)))
+        self._found: tuple[ComplexArray, FloatArray, float] | None = None
         self.prepare(0.0)
+        self.shortest_time = self._shortest_time(np.asarray(internal.uppermost.glassy))
+
+    def _shortest_time(self, glassy: FloatArray) -> float:
+        """Shortest relevant relaxation time at t = 0; `glassy` is the stiffness without the network."""
+        glassy = glassy[self._position] + (self._network.force**2).sum(axis=1)[self._wave]
+        weights, times = self._axes.levers[self._wave] ** 2, self._axes.times[self._wave]
+        fastest = float(times[weights > RELEVANT * glassy[:, np.newaxis]].min(initial=np.inf))
+        return min(self.shortest_time, self._sums.minimum(fastest)) / float(self._rates(0.0, 0.0)[0])
 
     def prepare(self, step: float) -> None:
         """Find the modes of a step of this length in time, and the history in them."""
-        rates = self._rates(self._time, step)
+        self._found, rates = None, self._rates(self._time, step)
         if (ratios := _rounded(rates)) != self._ratios:
             self._ratios, self._axes = ratios, self._find(ratios)
             levers, times = (np.ravel(each[self._wave]) for each in (self._axes.levers, self._axes.times))
@@ -156,12 +117,29 @@ class StackModes(Modes):
         self._length = step
         super().prepare(float(rates[0]) * step)
 
+    def missing_stress(self, spectrum: ComplexArray, curvature: ComplexArray) -> ComplexArray:
+        """Part of -sigma due to dt^2 u''/2 and to ratios that change within the step."""
+        found = super().missing_stress(spectrum, curvature)
+        if self._halved:
+            network = self._network
+            of_waves = network.force[self._wave], network.coupling[self._wave]
+            stress = np.einsum("ki,kij,kjp->kp", *of_waves, self._missing(spectrum)[0])
+            found[self._position] -= np.ascontiguousarray(stress).view(np.complex128)[:, 0]
+        return found
+
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
         """Advance the history over the step of the last `terms`, see `Modes`."""
+        missing, heat = self._missing(spectrum) if self._halved else (None, 0.0)
         super().advance(spectrum, curvature)
-        y = self._local.stretch.reshape(self._xi.shape)
-        self._xi = self._each(self._axes.to_internal, self._levers(self._axes) * (self._at(self.u) - y))
+        levers, y = self._levers(self._axes), self._local.stretch.reshape(self._xi.shape)
+        self._xi = self._each(self._axes.to_internal, levers * (self._at(self.u) - y))
         self._time += self._length
+        if missing is not None:
+            weights = self._sums.weights[self._position][:, np.newaxis, np.newaxis]
+            before, change = y * levers, -self._each(self._axes.to_modes, missing)
+            self.stored += self._sums.total(float((weights * change * (before + change / 2)).sum()))
+            self.dissipated += heat
+            self._xi += missing
 
     def state(self) -> State:
         """Return the history, with the internal vectors in place of the modes of a step."""
@@ -176,8 +154,10 @@ class StackModes(Modes):
     def _rates(self, begin: float, length: float) -> FloatArray:
         """Mean rate at which the reduced time of each layer elapses in a step."""
         if length == 0:
-            return np.array([1.0 if each is None else 1 / each.factor(begin) for each in self._clocks])
-        return np.array([1.0 if each is None else each.step(begin, length) / length for each in self._clocks])
+            return np.array([1.0 if each is None else 1 / each.factor(begin) for each in self._reduced_times])
+        return np.array(
+            [1.0 if each is None else each.step(begin, length) / length for each in self._reduced_times]
+        )
 
     def _find(self, ratios: tuple[float, ...]) -> _Axes:
         """Return the modes for these ratios of the layers' reduced times."""
@@ -211,48 +191,8 @@ class StackModes(Modes):
             found[some] = matrix @ vectors[some]
         return found
 
-
-class ErrorControlledStackModes(ErrorControlledModes, StackModes):
-    """The relaxing modes of such a stack for steps of varying length; `shortest_time` is that at t = 0."""
-
-    def __init__(self, spectrum: Spectrum, sums: Sums, **stack: Any) -> None:
-        super().__init__(spectrum, sums, **stack)
-        glassy = np.asarray(spectrum.glassy)[self._position]
-        glassy = glassy + (self._network.force**2).sum(axis=1)[self._wave]
-        weights, times = self._axes.levers[self._wave] ** 2, self._axes.times[self._wave]
-        fastest = float(times[weights > RELEVANT * glassy[:, np.newaxis]].min(initial=np.inf))
-        rate = float(self._rates(0.0, 0.0)[0])
-        self.shortest_time = min(self.shortest_time, self._sums.minimum(fastest)) / rate
-        self._found: tuple[ComplexArray, FloatArray, float] | None = None
-
-    def prepare(self, step: float) -> None:
-        """Find the modes of a step of this length in time."""
-        self._found = None
-        super().prepare(step)
-
-    def truncation_error(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return delta f, with that of ratios that are constant over the step."""
-        found, (missing, _) = super().truncation_error(spectrum), self._missing(spectrum)
-        stress = np.einsum("ki,kij,kjp->kp", *self._of_waves(), missing)
-        found[self._position] -= np.ascontiguousarray(stress).view(np.complex128)[:, 0]
-        return found
-
-    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Advance the history over the step of the last `terms`, with what its halves add."""
-        missing, heat = self._missing(spectrum)
-        super().advance(spectrum, curvature)
-        weights = self._sums.weights[self._position][:, np.newaxis, np.newaxis]
-        before = self._local.stretch.reshape(self._xi.shape) * self._levers(self._axes)
-        change = -self._each(self._axes.to_modes, missing)
-        self.stored += self._sums.total(float((weights * change * (before + change / 2)).sum()))
-        self.dissipated += heat
-        self._xi += missing
-
-    def _of_waves(self) -> tuple[FloatArray, FloatArray]:
-        return self._network.force[self._wave], self._network.coupling[self._wave]
-
     def _missing(self, spectrum: ComplexArray) -> tuple[FloatArray, float]:
-        """Change of xi and of the heat by what the ratios do within the step."""
+        """Change of xi and of the heat because the ratios change within the step."""
         if self._found is None or self._found[0] is not spectrum:
             self._found = (spectrum, *self._by_halves(spectrum))
         return self._found[1:]

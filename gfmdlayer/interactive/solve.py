@@ -153,12 +153,12 @@ def solve(
     if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), law)
-    spectrum = body.spectrum(grid.wavenumbers)
+    spectrum = body.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     problem = loading.problem(kappa, nothing, 0.0)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
-    solution = case.solver.solve(problem, case.guess.at(0.0))
+    solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)

@@ -33,7 +33,8 @@ from gfmdlayer.contact.nested.stencil import stencil
 from gfmdlayer.contact.prediction import DisplacementPrediction, PressurePrediction
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
-from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.periodic import Case, ConvergenceError, simulate
 from gfmdlayer.preparation import warm_up
 from gfmdlayer.verification.runs import Recording
@@ -276,11 +277,11 @@ class _LastSteps(PressurePrediction):
         self._times, self._fields, self._gaps = (type(self._times)(maxlen=past) for _ in range(3))
 
 
-class _LinearHistory(ErrorControlledModes):
+class _LinearHistory(Modes):
     """The history is advanced as if the displacement were linear over the step."""
 
-    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        super().advance(spectrum, np.zeros_like(spectrum) if curvature is None else curvature)
+    def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:  # noqa: ARG002
+        super().advance(spectrum)
 
 
 @nb.njit(nogil=True)
@@ -349,8 +350,7 @@ def with_globals(kernel: Any, replaced: Mapping[str, object]) -> Any:
 
 
 def _solver(case: Case, kind: Any, **options: bool) -> dict[str, Any]:
-    given = case.config.solver
-    return {"solver": kind(case.transforms, given.tolerance, given.max_iterations, **options)}
+    return {"solver": kind(case.transforms, **options)}
 
 
 ACTIVE_SET = (
@@ -380,7 +380,9 @@ ADAPTIVE = (
     _Ablation(
         "curvature of the history",
         parts=lambda case: {
-            "integrator": _LinearHistory(case.body.spectrum(case.grid.wavenumbers), case.grid.sums)
+            "integrator": _LinearHistory(
+                case.body.spectrum(case.grid.wavenumbers), SCHEMES["exponential"], case.grid.sums
+            )
         },
     ),
     _Ablation(
@@ -390,7 +392,7 @@ ADAPTIVE = (
     _Ablation("short step after a kink", patches=lambda: [(adaptive_steps, "_AFTER_KINK", 1.0)]),
     _Ablation(
         "velocity discarded at kinks",
-        patches=lambda: [(ErrorControlledModes, "discard_velocity", lambda _: None)],
+        patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation(
         "part of the unknown curvature: all", patches=lambda: [(error_control, "_UNKNOWN_CURVATURE", 1.0)]

@@ -130,10 +130,10 @@ def _depths(deepest: float, last: float, steps: int) -> FloatArray:
 
 def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
     transforms = Transforms(course.grid.shape)
-    newton = Newton(transforms, _RESIDUAL)
+    newton = Newton(transforms)
     found = _follow(newton, course)
     law, exponential = course.law, course.law.terms.form[0] == EXPONENTIAL
-    fire = _follow(Fire(transforms, _RESIDUAL, starts_from="gap"), course) if exponential else None
+    fire = _follow(Fire(transforms, starts_from="gap"), course) if exponential else None
     taken = min(found.seconds, *(_follow(newton, course).seconds for _ in range(repetitions)))
     smooth = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if not jumps]
     rough = [pairs for pairs, jumps in zip(found.pairs, found.jumps, strict=True) if jumps]
@@ -158,7 +158,7 @@ def _follow(method: Solver, course: _Course) -> _Outcome:
     jumps: list[bool] = []
     for problem in course.problems():
         begun = time.process_time()
-        found = method.solve(problem, start)
+        found = method.solve(problem, start, _RESIDUAL, 20_000)
         seconds += time.process_time() - begun if pairs else 0.0  # without compilation
         if not found.converged:
             raise RuntimeError(f"{course.name}: a residual of {found.residual:g}")
@@ -184,11 +184,13 @@ class _LastDisplacement(Newton):
 
     _last: FloatArray
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
         """Solve from the gap of the last step."""
         if np.isfinite(start).all():
             start = np.where(start > 0, np.maximum(problem.obstacle - self._last, 0.0), 0.0)
-        found = super().solve(problem, start)
+        found = super().solve(problem, start, tolerance, limit)
         self._last = found.displacement
         return found
 

@@ -39,7 +39,11 @@ def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:
     case = Case(config, warm_up(config))
     problem = Problem(*case.integrator.terms(STEP), case.punch - 0.01)
     iterations = max(1, _POINTS_MOVED // points)
-    solver = Fire(case.transforms, tolerance=-1.0, max_iterations=iterations, mass_weighted=mass_weighted)
+    solver = Fire(case.transforms, mass_weighted=mass_weighted)
     start = np.zeros(points)
-    pairs = solver.solve(problem, start).transforms
-    return ratio(lambda: solver.solve(problem, start), bare_pairs(case.transforms, pairs), repetitions)
+
+    def solve() -> int:
+        return solver.solve(problem, start, -1.0, iterations).transforms
+
+    pairs = solve()
+    return ratio(solve, bare_pairs(case.transforms, pairs), repetitions)

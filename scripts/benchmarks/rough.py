@@ -64,8 +64,8 @@ def _cold(points: int) -> Table:
         problem = Problem(stiffness, zero, case.punch, -_LIGHT * float(closing.min()))
         for area in _AREAS:
             problem = _of_area(case, problem, area)
-            solver = NestedGradient(transforms, RESIDUAL, grid=case.grid)
-            solution = solver.solve(problem, np.zeros(case.punch.size))
+            solver = NestedGradient(transforms, case.grid)
+            solution = solver.solve(problem, np.zeros(case.punch.size), RESIDUAL)
             double, single = solver.spent
             rows.append(
                 {
@@ -94,12 +94,12 @@ def _of_area(case: Case, problem: Problem, area: float) -> Problem:
     area : float
         That part, to `_WITHIN`.
     """
-    solver, lower, upper = NestedGradient(case.transforms, _ROUGHLY, grid=case.grid), problem, None
+    solver, lower, upper = NestedGradient(case.transforms, case.grid), problem, None
     pressure = np.zeros(case.punch.size)
     for _ in range(_ROUNDS):
         least, most = (float(each.mean_pressure or 0.0) if each else math.inf for each in (lower, upper))
         tried = replace(problem, mean_pressure=math.sqrt(least * most) if upper else 2.0 * least)
-        found = solver.solve(tried, pressure)
+        found = solver.solve(tried, pressure, _ROUGHLY)
         pressure = found.pressure
         if abs(found.contact_area - area) <= _WITHIN:
             return tried
@@ -115,8 +115,8 @@ def _accuracy(points: int) -> Table:
         zero = np.zeros(math.prod(case.grid.spectral_shape), dtype=np.complex128)
         load = PART * E_STAR * SLOPE
         problem = Problem(E_STAR / 2 * np.ravel(case.grid.wavenumbers), zero, case.punch, load)
-        solver = NestedGradient(case.transforms, RESIDUAL, grid=case.grid)
-        solution = solver.solve(problem, np.zeros(case.punch.size))
+        solver = NestedGradient(case.transforms, case.grid)
+        solution = solver.solve(problem, np.zeros(case.punch.size), RESIDUAL)
         work = (solver.spent[0] + solver.spent[1] / 2) * each**2 / 1e6
         rows.append({"grid": f"{each} x {each}", "contact area": solution.contact_area, "work [1e6]": work})
     for row in rows:

@@ -47,11 +47,10 @@ def test_the_energy_never_rises() -> None:
     n = 200
     problem = hertz(n, load=0.05)
     start = np.random.default_rng(0).uniform(0, 1, n)
-    solver = ConjugateGradient(Transforms((n,)), 1e-9)
-    course = [solver.solve(problem, start)]
+    solver = ConjugateGradient(Transforms((n,)))
+    course = [solver.solve(problem, start, 1e-9)]
     for limit in range(1, 60):
-        solver = ConjugateGradient(Transforms((n,)), 1e-9, max_iterations=limit)
-        course.insert(-1, solver.solve(problem, start))
+        course.insert(-1, solver.solve(problem, start, 1e-9, limit))
     energies = np.array([energy(problem, found.pressure) for found in course])
     assert (np.diff(energies) <= 1e-14 * np.abs(energies).max()).all()
     assert energies[-1] < energies[0]
@@ -66,7 +65,7 @@ def test_the_number_of_iterations_grows_less_than_the_grid() -> None:
 
 
 def test_it_stops_where_only_rounding_is_left() -> None:
-    found = ConjugateGradient(Transforms((128,)), tolerance=1e-18).solve(hertz(128), np.zeros(128))
+    found = ConjugateGradient(Transforms((128,))).solve(hertz(128), np.zeros(128), 1e-18)
     assert found.residual < 1e-12
     assert (found.displacement <= hertz(128).obstacle).all()
 
@@ -80,9 +79,9 @@ def test_steps_carry_the_load_of_the_last_one_however_long_they_become(modulus: 
         grid.wavenumbers, modulus
     )
     kappa[0] = 0.0
-    h, solver = 1 - np.cos(4 * np.pi * grid.coordinates[0]), ConjugateGradient(Transforms((128,)), 1e-3)
+    h, solver = 1 - np.cos(4 * np.pi * grid.coordinates[0]), ConjugateGradient(Transforms((128,)))
     problem = Problem(kappa, np.zeros(kappa.size, complex), h, 1.5 * kappa[2])
     for seed in range(100):
-        found = solver.solve(problem, kappa[2] * np.random.default_rng(seed).uniform(0, 3, 128))
+        found = solver.solve(problem, kappa[2] * np.random.default_rng(seed).uniform(0, 3, 128), 1e-3)
         assert found.converged
         np.testing.assert_allclose(found.mean_pressure, 1.5 * kappa[2], rtol=1e-12)

@@ -48,9 +48,9 @@ halfspaces = pytest.mark.parametrize("body", HALFSPACES, ids=["no layer", "all a
 def pressed(n: int, punch: Floats, depth: float, tolerance: float = 1e-9) -> Solution:
     """A halfspace with E* = 4, under a punch."""
     grid = Grid((n,), (1.0,))
-    solver = Fire(Transforms((n,)), tolerance)
+    solver = Fire(Transforms((n,)))
     problem = Problem(2 * grid.wavenumbers, np.zeros(n // 2 + 1, complex), punch - depth)
-    return solver.solve(problem, np.zeros(n))
+    return solver.solve(problem, np.zeros(n), tolerance)
 
 
 def depth_at(half_width: float) -> float:
@@ -139,7 +139,7 @@ def test_hertz_under_a_sphere() -> None:
     problem = Problem(
         2 * grid.wavenumbers.ravel(), np.zeros(grid.wavenumbers.size, complex), r**2 / 2 - depth
     )
-    found = Fire(Transforms((n, n)), 1e-7).solve(problem, np.zeros(n * n))
+    found = Fire(Transforms((n, n))).solve(problem, np.zeros(n * n), 1e-7)
     load = found.mean_pressure
     a = (3 * load * R / (4 * E)) ** (1 / 3)
     m = a * n  # about ten points in a radius: the edge, rough by a cell, enters with the power 3/2

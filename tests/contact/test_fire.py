@@ -82,12 +82,16 @@ def dense_solution(shape: tuple[int, ...], problem: Problem) -> tuple[Floats, Fl
     return u, pressure
 
 
-def solve(shape: tuple[int, ...], problem: Problem, *, mass_weighted: bool, **options: float) -> Solution:
-    settings = {"tolerance": TOLERANCE, "max_iterations": 20_000} | options
-    solver = Fire(
-        Transforms(shape), settings["tolerance"], int(settings["max_iterations"]), mass_weighted=mass_weighted
-    )
-    return solver.solve(problem, np.zeros(problem.obstacle.size))
+def solve(
+    shape: tuple[int, ...],
+    problem: Problem,
+    *,
+    mass_weighted: bool,
+    tolerance: float = TOLERANCE,
+    limit: int = 20_000,
+) -> Solution:
+    solver = Fire(Transforms(shape), mass_weighted=mass_weighted)
+    return solver.solve(problem, np.zeros(problem.obstacle.size), tolerance, limit)
 
 
 @both_inertias
@@ -120,7 +124,7 @@ def test_what_is_returned_belongs_together(condition: str, mass_weighted: bool) 
     shape = (64,)
     problem = random_problem(1, shape, condition)
     for limit in (1, 2, 7, 40, 20_000):  # converged or not
-        found = solve(shape, problem, mass_weighted=mass_weighted, max_iterations=limit)
+        found = solve(shape, problem, mass_weighted=mass_weighted, limit=limit)
         u, gap = found.displacement, problem.obstacle - found.displacement
         assert found.converged == (found.residual <= TOLERANCE)
         assert found.iterations <= limit
@@ -145,9 +149,7 @@ def test_what_is_returned_belongs_together(condition: str, mass_weighted: bool) 
 
 @both_inertias
 def test_too_few_iterations_are_admitted(mass_weighted: bool) -> None:
-    found = solve(
-        (64,), random_problem(2, (64,), "fixed mean"), mass_weighted=mass_weighted, max_iterations=3
-    )
+    found = solve((64,), random_problem(2, (64,), "fixed mean"), mass_weighted=mass_weighted, limit=3)
     assert not found.converged
     assert found.residual > TOLERANCE
 
@@ -160,9 +162,9 @@ def test_what_is_not_a_number_is_never_an_answer(where: str, mass_weighted: bool
     spoilt["start"] = start
     spoilt[where][3] = np.nan
     start = spoilt.pop("start")
-    solver = Fire(Transforms((32,)), 1e-6, 50, mass_weighted=mass_weighted)
+    solver = Fire(Transforms((32,)), mass_weighted=mass_weighted)
     try:
-        found = solver.solve(replace(problem, **spoilt), start)
+        found = solver.solve(replace(problem, **spoilt), start, 1e-6, 50)
     except ValueError:
         return
     assert not found.converged
@@ -226,14 +228,14 @@ def test_a_cell_that_the_punch_fills_is_in_full_contact(mass_weighted: bool) -> 
 @both_inertias
 def test_one_solver_serves_step_after_step(mass_weighted: bool) -> None:
     shape = (64,)
-    solver = Fire(Transforms(shape), TOLERANCE, mass_weighted=mass_weighted)
+    solver = Fire(Transforms(shape), mass_weighted=mass_weighted)
     first, second = (random_problem(seed, shape, "fixed mean") for seed in (4, 5))
-    alone = solver.solve(first, np.zeros(64))
+    alone = solver.solve(first, np.zeros(64), TOLERANCE)
     kept = alone.displacement.copy(), alone.pressure.copy(), alone.spectrum.copy()
-    solver.solve(second, alone.displacement)
+    solver.solve(second, alone.displacement, TOLERANCE)
     for before, after in zip(kept, (alone.displacement, alone.pressure, alone.spectrum), strict=True):
         np.testing.assert_array_equal(after, before)
-    again = solver.solve(first, np.zeros(64))
+    again = solver.solve(first, np.zeros(64), TOLERANCE)
     np.testing.assert_array_equal(again.displacement, alone.displacement)
 
 

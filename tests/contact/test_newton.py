@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,10 +120,10 @@ def test_a_minimum_is_found_in_each_of_a_thousand_random_problems() -> None:
     for seed in range(334):
         start, K = None, None
         for each, shape in random_problems(seed):
-            solver = Newton(TRANSFORMS[shape], tolerance)
+            solver = Newton(TRANSFORMS[shape])
             start = at_rest(each.obstacle.size) if start is None else start
             K = dense(each.stiffness, shape) if K is None else K
-            found = solver.solve(each, start)
+            found = solver.solve(each, start, tolerance)
             start = found.gap
             # The residual, from K as a matrix; its scales are the strength at least and the range at most.
             assert found.converged, seed
@@ -157,7 +158,7 @@ def test_the_energy_never_rises_along_a_relaxation_at_a_fixed_punch() -> None:
         )
         whole = Newton(TRANSFORMS[shape]).solve(each, at_rest(n))
         states = [
-            Newton(TRANSFORMS[shape], max_iterations=k).solve(each, at_rest(n)).displacement
+            Newton(TRANSFORMS[shape]).solve(each, at_rest(n), limit=k).displacement
             for k in range(1, whole.iterations + 1)
         ]
         found = [energy(each, K, history.ravel(), u) for u in (*states, whole.displacement)]
@@ -179,12 +180,13 @@ def follow(
     *,
     loaded: bool = False,
     noise: float = 0.0,
+    tolerance: float = 1e-6,
 ) -> list[Solution]:
     """Follow a line contact on a halfspace over given depths or loads; shake each start by some noise."""
     rng, start, found = np.random.default_rng(0), at_rest(N), []
     for value in values:
         each = problem(HALFSPACE, h if loaded else h - value, law, value if loaded else None)
-        found.append(solver.solve(each, start))
+        found.append(solver.solve(each, start, tolerance))
         assert found[-1].converged
         shaken = found[-1].gap + noise * law.range * rng.normal(size=N)
         start = np.where(found[-1].gap > 0, np.maximum(shaken, 1e-12), 0.0)
@@ -223,12 +225,13 @@ TWO_BUMPS = np.minimum(3 * (X - 0.25) ** 2, 3 * (X + 0.25) ** 2 + 5e-4)
 def test_landings_depend_neither_on_the_time_step_nor_on_the_start(
     h: Floats, law: InterfaceLaw, turns: Sequence[float], loaded: bool
 ) -> None:
-    tolerance, solver = 1e-7, Newton(Transforms((N,)), 1e-7)
-    reference = follow(solver, h, law, legs(40, *turns), loaded=loaded)
+    tolerance, solver = 1e-7, Newton(Transforms((N,)))
+    given: dict[str, Any] = {"loaded": loaded, "tolerance": tolerance}
+    reference = follow(solver, h, law, legs(40, *turns), **given)
     assert sum(found.released_energy > 0 for found in reference[1:]) > 0 or loaded
-    others = [follow(solver, h, law, legs(count, *turns), loaded=loaded)[-1] for count in (4, 10, 20)]
+    others = [follow(solver, h, law, legs(count, *turns), **given)[-1] for count in (4, 10, 20)]
     # A start that differs by less than the tolerance lets know is another solution of the step before.
-    others.append(follow(solver, h, law, legs(20, *turns), loaded=loaded, noise=0.1 * tolerance)[-1])
+    others.append(follow(solver, h, law, legs(20, *turns), **given, noise=0.1 * tolerance)[-1])
     for other in others:
         # The same minimum, each within the residual; its least curvature is above a hundredth of the largest.
         np.testing.assert_allclose(other.gap, reference[-1].gap, rtol=0, atol=100 * tolerance * law.range)
@@ -263,7 +266,7 @@ def test_an_instability_ends_where_the_overdamped_descent_of_the_energy_does() -
         h = np.sum([0.01 / k * np.cos(2 * np.pi * (k * x + rng.random())) for k in range(1, 12)], axis=0)
         depth = rng.uniform(-0.003, 0.005)
         each = problem(kappa, h - np.min(h) - depth, law)
-        found = Newton(transforms, 1e-8).solve(each, at_rest(n))
+        found = Newton(transforms).solve(each, at_rest(n), 1e-8)
         # One minimum, or gaps that differ by a good part of the range; see above for the tolerance.
         expected = explicit_descent(each, K)
         np.testing.assert_allclose(found.gap, expected, rtol=0, atol=1e-4 * law.range, err_msg=f"{seed}")
@@ -289,8 +292,8 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
         each = problem(kappa, 2 * X**2 - 0.002, law, load, b)
         transforms = Transforms((N,))
         newton, fire = (
-            solver.solve(each, at_rest(N))
-            for solver in (Newton(transforms, 1e-9), Fire(transforms, 1e-9, starts_from="gap"))
+            solver.solve(each, at_rest(N), 1e-9)
+            for solver in (Newton(transforms), Fire(transforms, starts_from="gap"))
         )
         assert newton.converged
         assert fire.converged
@@ -312,11 +315,11 @@ def film() -> tuple[Floats, InterfaceLaw, float]:
 def test_an_even_film_becomes_uneven_though_its_balance_stays() -> None:
     # An even gap g is in balance; where |w''(g)| exceeds the least stiffness it is no minimum.
     kappa, law, gap = film()
-    even = Newton(Transforms((N,)), 1e-9).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N))
+    even = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
     assert np.ptp(even.gap) == 0
     assert 0 < even.margin < 0.1
     assert even.released_energy == 0
-    uneven = Newton(Transforms((N,)), 1e-9).solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N))
+    uneven = Newton(Transforms((N,))).solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
     assert np.ptp(uneven.gap) > 0.1 * law.range
     assert uneven.margin > 0
     assert uneven.released_energy > 0
@@ -331,8 +334,8 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
     kappa, law, gap = film()
     softest = np.cos(2 * np.pi * int(np.argmin(kappa[1:]) + 1) * np.arange(N) / N)
     before, after = (1 - past) * gap, (1 - 2 * past) * gap
-    newton = Newton(Transforms((N,)), 1e-6)
-    found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * softest)
+    newton = Newton(Transforms((N,)))
+    found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * softest, 1e-6)
     assert found.converged
     assert abs(found.displacement.mean()) < 1e-12 * law.range
 
@@ -340,11 +343,11 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
 def test_full_contact_does_not_end_the_search_for_instabilities() -> None:
     # In full contact there is no deformation to follow; the film as above has to be found uneven after it.
     kappa, law, gap = film()
-    solver = Newton(Transforms((N,)), 1e-9)
-    assert solver.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N)).contact_area == 1
-    even = solver.solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N))
+    solver = Newton(Transforms((N,)))
+    assert solver.solve(problem(kappa, np.zeros(N), law, law.strength), at_rest(N), 1e-9).contact_area == 1
+    even = solver.solve(problem(kappa, np.full(N, 1.01 * gap), law), at_rest(N), 1e-9)
     assert 0 < even.margin < 0.1
-    uneven = solver.solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N))
+    uneven = solver.solve(problem(kappa, np.full(N, 0.99 * gap), law), at_rest(N), 1e-9)
     assert np.ptp(uneven.gap) > 0.1 * law.range
 
 
@@ -366,17 +369,16 @@ def test_no_solution_is_claimed_where_nothing_holds_the_load() -> None:
     lost = solver.solve(problem(HALFSPACE, 2 * X**2, ADHESIVE, -0.02), held.gap)
     assert not lost.converged
     assert ADHESIVE.traction(lost.gap).max() < 0.02
-    short = Newton(Transforms((N,)), max_iterations=2).solve(
-        problem(HALFSPACE, 2 * X**2, ADHESIVE), at_rest(N)
-    )
+    each = problem(HALFSPACE, 2 * X**2, ADHESIVE)
+    short = Newton(Transforms((N,))).solve(each, at_rest(N), limit=2)
     assert not short.converged
     assert short.residual > 1e-6
 
 
 def test_a_hard_wall_is_a_law_like_others() -> None:
     each = problem(HALFSPACE, 2 * X**2 - 0.01, HARD_WALL)
-    found = Newton(Transforms((N,)), 1e-9).solve(each, at_rest(N))
-    exact = Fire(Transforms((N,)), 1e-9).solve(each, np.zeros(N))
+    found = Newton(Transforms((N,))).solve(each, at_rest(N), 1e-9)
+    exact = Fire(Transforms((N,))).solve(each, np.zeros(N), 1e-9)
     assert found.converged
     np.testing.assert_allclose(found.pressure, exact.pressure, atol=1e-7 * exact.pressure.max())
     assert found.residual == pytest.approx(
@@ -389,12 +391,12 @@ def test_a_hard_wall_is_a_law_like_others() -> None:
 )
 def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law: InterfaceLaw) -> None:
     n, grid = 64, Grid((64, 8), (1.0, 1.0))
-    line, surface = Newton(Transforms((n,)), 1e-8), Newton(Transforms((n, 8)), 1e-8)
+    line, surface = Newton(Transforms((n,))), Newton(Transforms((n, 8)))
     h = 2 * grid.coordinates[0] ** 2
     start, starts = at_rest(n), at_rest(8 * n)
     for depth in legs(10, -0.012, 0.004, -0.006):
-        one = line.solve(problem(2 * Grid((n,), (1.0,)).wavenumbers, h - depth, law), start)
+        one = line.solve(problem(2 * Grid((n,), (1.0,)).wavenumbers, h - depth, law), start, 1e-8)
         kappa = 2 * np.ravel(grid.wavenumbers)
-        two = surface.solve(problem(kappa, np.repeat(h, 8) - depth, law), starts)
+        two = surface.solve(problem(kappa, np.repeat(h, 8) - depth, law), starts, 1e-8)
         start, starts = one.gap, two.gap
         np.testing.assert_allclose(two.gap.reshape(n, 8), np.tile(one.gap[:, None], 8), atol=1e-5 * law.range)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.loss_stiffness import SHARE, LossStiffnessSolver
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
@@ -24,10 +24,8 @@ def solve(stiffness: np.ndarray, load: float) -> tuple[Problem, Solution]:
         stiffness, stiffness * ripples, 2 * x**2, load, LOSS * stiffness * np.minimum(q / 10, 1), 0.5
     )
     transforms = Transforms((N,))
-    solver = LossStiffnessSolver(
-        ActiveSet(transforms, SHARE * TOLERANCE), transforms, TOLERANCE, GRID.parseval_weights
-    )
-    return problem, solver.solve(problem, np.zeros(N))
+    solver = LossStiffnessSolver(ActiveSet(transforms), transforms, GRID.parseval_weights)
+    return problem, solver.solve(problem, np.zeros(N), TOLERANCE)
 
 
 def test_without_load_the_surface_is_the_free_one() -> None:

@@ -68,7 +68,7 @@ def attempts(monkeypatch: pytest.MonkeyPatch) -> list[windows.WindowResult]:
 
 
 def without_windows(problem: Problem, shape: tuple[int, ...], tolerance: float = TOLERANCE) -> Solution:
-    return ActiveSet(Transforms(shape), tolerance, windows=False).solve(problem, np.zeros(prod(shape)))
+    return ActiveSet(Transforms(shape), windows=False).solve(problem, np.zeros(prod(shape)), tolerance)
 
 
 def assert_same(found: Solution, expected: Solution, problem: Problem, tolerance: float = TOLERANCE) -> None:
@@ -111,7 +111,7 @@ def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre,
     # A guess that is shifted by a point, too large, and has what no guess should have.
     start = 1.5 * np.roll(expected.pressure, 1)
     start[np.argmin(start)] = np.nan
-    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, start)
+    found = ActiveSet(Transforms(shape)).solve(problem, start, TOLERANCE)
     assert [attempt.within for attempt in attempts] == [True]
     assert_same(found, expected, problem)
 
@@ -119,7 +119,7 @@ def test_a_contact_anywhere_is_that_of_a_solve_without(shape, condition, centre,
 @each_shape
 def test_without_a_guess_the_overlap_shows_where_the_window_belongs(shape, attempts) -> None:  # type: ignore[no-untyped-def]
     problem = problem_of(shape, "fixed mean", 0.25)
-    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, np.zeros(prod(shape)))
+    found = ActiveSet(Transforms(shape)).solve(problem, np.zeros(prod(shape)), TOLERANCE)
     assert [attempt.within for attempt in attempts] == [True]
     assert_same(found, without_windows(problem, shape), problem)
 
@@ -129,7 +129,7 @@ def test_a_contact_that_outgrows_its_window_gets_a_larger_one(condition: str, at
     shape, start = (4096,), np.zeros(4096)
     problem = problem_of(shape, condition)
     start[2048] = 1.0
-    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, start)
+    found = ActiveSet(Transforms(shape)).solve(problem, start, TOLERANCE)
     # The shortest window has 32 points.
     assert found.contact_area > 40 / 4096
     assert attempts[0].within
@@ -148,14 +148,14 @@ def test_a_contact_beyond_the_window_is_found(condition: str) -> None:
         )
         expected = without_windows(both, shape)
         start = np.where(Grid(shape, (1.0,)).coordinates[0] > 0, expected.pressure, 0.0)
-        found = ActiveSet(Transforms(shape), TOLERANCE).solve(both, start)
+        found = ActiveSet(Transforms(shape)).solve(both, start, TOLERANCE)
         assert_same(found, expected, both)
 
 
 def test_a_contact_as_wide_as_the_surface_has_no_window(attempts) -> None:  # type: ignore[no-untyped-def]
     shape = (1024,)
     problem = problem_of(shape, "load")
-    found = ActiveSet(Transforms(shape), TOLERANCE).solve(problem, np.ones(1024))
+    found = ActiveSet(Transforms(shape)).solve(problem, np.ones(1024), TOLERANCE)
     assert attempts == [windows.WindowResult()]
     assert_same(found, without_windows(problem, shape), problem)
 
@@ -265,7 +265,7 @@ def test_bits_do_not_depend_on_where_arrays_lie(condition: str) -> None:
     for _ in range(40):
         kept += [np.empty(size, np.uint8) for size in rng.integers(1, 3000, 20)]
         moved = replace(problem, obstacle=problem.obstacle.copy(), intercept=problem.intercept.copy())
-        solution = ActiveSet(transforms, TOLERANCE).solve(moved, start.copy())
+        solution = ActiveSet(transforms).solve(moved, start.copy(), TOLERANCE)
         kept += [solution.pressure.view(np.uint8), moved.obstacle.view(np.uint8)]
         found.add(hash(solution.pressure.tobytes()))
     assert len(found) == 1

@@ -45,12 +45,12 @@ def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
     solve = ActiveSet.solve
     depths: list[float] = []
 
-    def counted(solver: ActiveSet, problem: Any, start: Any) -> Any:
+    def counted(solver: ActiveSet, problem: Any, *given: Any) -> Any:
         depths.append(-float(problem.obstacle.min()))
-        return solve(solver, problem, start)
+        return solve(solver, problem, *given)
 
-    def limited(solver: ActiveSet, problem: Any, start: Any) -> Any:
-        found = counted(solver, problem, start)  # which changes the memory of the solver
+    def limited(solver: ActiveSet, problem: Any, *given: Any) -> Any:
+        found = counted(solver, problem, *given)  # which changes the memory of the solver
         return replace(found, converged=found.converged and depths[-1] < DEEPEST)
 
     monkeypatch.setattr(ActiveSet, "solve", counted)

@@ -14,8 +14,10 @@ from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControlledModes
-from gfmdlayer.history.sliding_modes import ErrorControlledSlidingModes
+from gfmdlayer.history.error_control import ErrorControl
+from gfmdlayer.history.mode_kernels import exponential
+from gfmdlayer.history.modes import Modes
+from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.time_functions import Constant
 
 EPS = np.finfo(float).eps
@@ -66,17 +68,17 @@ def test_modes_on_a_divided_grid_have_the_energy_and_the_error_of_the_whole(velo
 
     def numbers(waves: slice, sums: Sums) -> list[float]:
         mine = Spectrum(spectrum.relaxed[waves], spectrum.weights[:, waves], spectrum.times[:, waves])
-        if velocity is None:
-            modes = ErrorControlledModes(mine, sums)
-        else:
+        modes: Any = Modes(mine, exponential, sums)
+        if velocity is not None:
             motion = {"wavenumbers_x": grid.wavenumbers_x[:, waves], "velocity": Constant(velocity)}
-            modes = ErrorControlledSlidingModes(mine, sums, **motion)
+            modes = SlidingModes(mine, sums, **motion)
+        control = ErrorControl(modes, sums, 1e-4)
         found = [modes.shortest_time, *([modes.slowest(1e-3)] if velocity else [])]
         for step, u in zip((0.0, 0.05, 0.1, 0.2), displacements, strict=True):
-            modes.terms(step)
+            control.terms(step)
             if step:
-                found += modes.error(u[waves], moving=True, deep=True)
-            modes.advance(np.ascontiguousarray(u[waves]))
+                found += control.error(u[waves], moving=True, deep=True)
+            control.advance(np.ascontiguousarray(u[waves]))
             found += [modes.stored, modes.dissipated]
         return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ from gfmdlayer import periodic
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
+from gfmdlayer.history.time_points import stops
 
 Floats = NDArray[np.float64]
 Run = Callable[[dict[str, object]], Any]
@@ -137,10 +138,10 @@ def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch: pytest.Mo
     assert len(seen) >= 5
 
 
-class CubicModes:
-    """An integrator with an error proportional to the third power of the step."""
+class CubicControl:
+    """The control of an error that is proportional to the third power of the step."""
 
-    shortest_time = 1.0
+    shortest_time, tolerance = 1.0, 1e-4
 
     def __init__(self, steps: list[float], size: float) -> None:
         self.steps, self.size, self.kinks = steps, size, 0
@@ -152,18 +153,22 @@ class CubicModes:
         self.kinks += 1
 
 
-def accepted_steps(size: float, end: float, **stops: list[float]) -> tuple[list[Any], int, CubicModes]:
-    """Accepted time points, number of attempts, and the integrator."""
+def accepted_steps(
+    size: float,
+    end: float,
+    snapshots: Sequence[float] = (),
+    kinks: Sequence[float] = (),
+) -> tuple[list[Any], int, CubicControl]:
+    """Accepted time points, number of attempts, and the error control."""
     tried: list[float] = []
-    integrator = CubicModes(tried, size)
-    given = {"snapshots": [], "kinks": []} | stops
-    steps: Any = AdaptiveSteps(integrator, 1e-4, end, **given)  # type: ignore[arg-type]
+    control = CubicControl(tried, size)
+    steps: Any = AdaptiveSteps(control, stops(end, snapshots, kinks))  # type: ignore[arg-type]
     accepted = []
     for instant in steps:
         tried.append(instant.step)
         if steps.accepts(np.zeros(1, dtype=complex), 1.0, 0.0):
             accepted.append(instant)
-    return accepted, len(tried), integrator
+    return accepted, len(tried), control
 
 
 def test_steps_converge_to_just_below_the_tolerance() -> None:
@@ -174,14 +179,14 @@ def test_steps_converge_to_just_below_the_tolerance() -> None:
 
 
 def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts() -> None:
-    accepted, _, integrator = accepted_steps(
+    accepted, _, control = accepted_steps(
         size=1e-12, end=1e4, kinks=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
     )
     growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
     assert max(growth[:3]) <= 4 * (1 + 1e-9)
     assert {0.5, 77.7} <= {instant.time for instant in accepted if instant.snapshot}
     assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is not
-    assert integrator.kinks == 2
+    assert control.kinks == 2
     assert len(accepted) < 50
 
 
@@ -225,12 +230,12 @@ def test_a_dent_that_heals_under_a_flat_punch_takes_few_steps(run: Run, tmp_path
 def test_a_retracted_punch_is_not_deep() -> None:
     seen: list[bool] = []
 
-    class RecordsDeep(CubicModes):
+    class RecordsDeep(CubicControl):
         def error(self, _spectrum: Any, **known: bool) -> tuple[float, float]:
             seen.append(known["deep"])
             return 0.0, 0.0
 
-    steps: Any = AdaptiveSteps(RecordsDeep([], 0.0), 1e-4, 5.0, [], [])  # type: ignore[arg-type]
+    steps: Any = AdaptiveSteps(RecordsDeep([], 0.0), stops(5.0, [], []))  # type: ignore[arg-type]
     depths = (-1.0, 0.005, 0.004, 4e-5, -1.0)
     for _, depth in zip(steps, depths, strict=False):
         assert steps.accepts(np.zeros(1, dtype=complex), 1.0, depth)

@@ -17,7 +17,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Material, Prony, Zener
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.error_control import ErrorControlledModes
+from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.verification.third_order import ThirdOrder
 
@@ -44,7 +44,10 @@ def ramp_hold_stress(spectrum: Spectrum, time: float) -> Floats:
 
 
 def stresses(
-    integrator: Modes | ThirdOrder, times: Sequence[float], u: Callable[[float], float], modes: int = Q.size
+    integrator: Modes | ErrorControl | ThirdOrder,
+    times: Sequence[float],
+    u: Callable[[float], float],
+    modes: int = Q.size,
 ) -> Floats:
     """-sigma at the times, the first being 0, of the same displacement in every mode."""
     found, last = [], 0.0
@@ -114,7 +117,7 @@ def test_orders_of_the_schemes(name: str, expected: int, material: Material) -> 
     for count in counts:
         times = [2.0 * i / count for i in range(count + 1)]
         modes = (
-            ErrorControlledModes(spectrum, Sums(np.ones(Q.size)), curved=True)
+            ErrorControl(Modes(spectrum, SCHEMES["exponential"]), Sums(np.ones(Q.size)), 1e-4, curved=True)
             if name == "curved"
             else Modes(spectrum, SCHEMES[name])
         )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer import Config
@@ -18,11 +19,13 @@ from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.history.stack_modes import stack_modes
+from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.periodic import Case, simulate
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
+
+Floats = NDArray[np.float64]
 
 SHIFTS = (
     WLF(C1=17.44, C2=51.6, reference=20.0),
@@ -55,6 +58,13 @@ def shifted(stack: LayerStack, factors: tuple[float, ...]) -> LayerStack:
     )
 
 
+def stack_modes(
+    stack: LayerStack, reduced_times: list[ReducedTime], scheme: str, q: Floats = Q
+) -> StackModes:
+    internal = stack.internal_variables(q)
+    return StackModes(internal, SCHEMES[scheme], Sums(np.ones(q.size)), reduced_times=reduced_times)
+
+
 def clocks(temperature: Constant | Table, stack: LayerStack = STACK) -> list[ReducedTime]:
     return [ReducedTime(shift, temperature) for shift in SHIFTS[: len(stack.layers)]]
 
@@ -76,7 +86,7 @@ def assert_same_history(found: Any, expected: Any, steps: list[tuple[float, floa
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("stack", [STACK, RIGID], ids=["halfspace", "rigid"])
 def test_constant_temperature_is_the_stack_of_shifted_times(stack: LayerStack, scheme: str) -> None:
-    found = stack_modes(stack, Q, clocks(Constant(26.0), stack), SCHEMES[scheme], SUMS)
+    found = stack_modes(stack, clocks(Constant(26.0), stack), scheme)
     factors = tuple(shift.factor(26.0) for shift in SHIFTS)
     expected = Modes(shifted(stack, factors).spectrum(Q), SCHEMES[scheme], SUMS)
     assert_same_history(found, expected, [(dt, dt) for dt in (0.0, 0.1, 0.1, 3.0, 1e-4, 100.0)])
@@ -85,7 +95,7 @@ def test_constant_temperature_is_the_stack_of_shifted_times(stack: LayerStack, s
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_equal_shifts_are_the_reduced_time_of_the_body(scheme: str) -> None:
     clock = ReducedTime(SHIFTS[0], Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0])))
-    found = stack_modes(STACK, Q, [clock] * 3, SCHEMES[scheme], SUMS)
+    found = stack_modes(STACK, [clock] * 3, scheme)
     times = np.array([0.0, 0.0, 0.2, 0.7, 1.0, 1.4, 3.0])
     steps = [(b - a, clock.step(a, b - a)) for a, b in itertools.pairwise(times)]
     assert_same_history(found, Modes(STACK.spectrum(Q), SCHEMES[scheme], SUMS), steps)
@@ -125,7 +135,7 @@ def direct(q: float, end: float) -> tuple[float, float, float]:
 
 
 def by_steps(q: float, end: float, dt: float) -> tuple[float, float, float]:
-    modes = stack_modes(STACK, np.array([q]), clocks(HEATING), SCHEMES["exponential"], Sums(np.ones(1)))
+    modes = stack_modes(STACK, clocks(HEATING), "exponential", np.array([q]))
     for k in range(round(end / dt)):
         kappa, b = modes.terms(dt)
         modes.advance(np.array([displacement((k + 1) * dt) + 0j]))

@@ -22,7 +22,7 @@ def test_a_flat_punch_lifts_a_compressible_layer_to_where_stress_and_traction_ba
     stiffness, gap = 100.0, 0.01
     kappa = stiffness + Grid((32,), (1.0,)).wavenumbers
     problem = Problem(kappa, np.zeros(kappa.size, complex), np.full(32, gap), interface=LAW)
-    found = Newton(Transforms((32,)), 1e-9).solve(problem, np.full(32, np.inf))
+    found = Newton(Transforms((32,))).solve(problem, np.full(32, np.inf), 1e-9)
     assert found.converged
     rise = brentq(lambda u: stiffness * u - LAW.traction(np.array(gap - u)), 0, gap / 2, xtol=1e-16)
     # The residual bounds the stress that is out of balance by 1e-9 of tau(0) = 0.25; over kappa_0 -

@@ -37,8 +37,8 @@ def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:
     stiffness = MODULUS / 2 * grid.wavenumbers.ravel()
     height = float(np.ptp(punch))
     problem = Problem(stiffness, np.zeros(stiffness.size, complex), punch.ravel(), load, None, height)
-    solver = ConjugateGradient(Transforms(punch.shape), 1e-9, 5000)
-    solution = solver.solve(problem, np.full(punch.size, load))
+    solver = ConjugateGradient(Transforms(punch.shape))
+    solution = solver.solve(problem, np.full(punch.size, load), 1e-9)
     assert solution.converged
     return problem, solution
 

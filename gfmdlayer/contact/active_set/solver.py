@@ -70,10 +70,6 @@ class ActiveSet:
     ----------
     transforms : Transforms
         Plans for the grid's shape.
-    tolerance : float
-        Residual at which a step is accepted.
-    max_iterations : int
-        Iterations after which the step counts as not converged.
     windows : bool
         Whether small contacts are solved in windows.
     rounds : int
@@ -85,14 +81,11 @@ class ActiveSet:
     def __init__(
         self,
         transforms: Transforms,
-        tolerance: float = 1e-6,
-        max_iterations: int = 20_000,
         *,
         windows: bool = True,
         rounds: int = _ROUNDS,
     ) -> None:
-        self._transforms, self._tolerance, self._max_iterations = transforms, tolerance, max_iterations
-        self._rounds = rounds
+        self._transforms, self._rounds = transforms, rounds
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         self._at, self._free, self._gap0 = Iterate(field(), field(), spectrum()), spectrum(), field()
         self._contact, self._work = make_contact(transforms.shape), make_work(transforms)
@@ -100,19 +93,15 @@ class ActiveSet:
         self._stiffness: FloatArray | None = None
         self._half_pair = 0.0  # of a transform that is counted with the next step
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the pressure, one value a point.
-
-        Raises
-        ------
-        ValueError
-            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
-        """
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
+        """Solve from a first guess of the pressure, one value a point."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system = self._system_of(problem)
-        tolerance, limit = self._tolerance, min(_LIMIT, self._max_iterations)
-        near = self._windows.solve(problem, start, tolerance, self._rounds, limit)
+        left = min(_LIMIT, limit)
+        near = self._windows.solve(problem, start, tolerance, self._rounds, left)
         if near.within:
             pairs, self._half_pair = divmod(near.transforms + self._half_pair, 2)
             return near.solution(problem, tolerance, int(pairs))
@@ -122,12 +111,12 @@ class ActiveSet:
         )  # fmt: skip
         transforms, iterations = near.transforms + 1, near.iterations
         shift, within = 0.0, CLOSE * tolerance
-        limit = max(limit - iterations, 1)
+        left = max(left - iterations, 1)
         for _ in range(2):
-            found, more, done = self._iterate(system, shift, within, limit)
+            found, more, done = self._iterate(system, shift, within, left)
             transforms, iterations = transforms + more, iterations + done
             if not found:
-                more, done = self._save(system, problem, shift, within, self._max_iterations - iterations)
+                more, done = self._save(system, problem, shift, within, limit - iterations)
                 transforms, iterations = transforms + more, iterations + done
             pairs, half = divmod(transforms + self._half_pair, 2)
             solution = feasible_solution(
@@ -136,9 +125,9 @@ class ActiveSet:
             if solution.converged:
                 self._half_pair = half
                 return solution
-            within, limit = AIM * tolerance, min(_LIMIT, self._max_iterations - iterations)
+            within, left = AIM * tolerance, min(_LIMIT, limit - iterations)
             shift = within * residual_scales(solution.pressure, solution.displacement, system.floor)[1]
-            if limit <= 0:
+            if left <= 0:
                 break
         return unconverged(problem, system, self._at, self._transforms, solution)
 

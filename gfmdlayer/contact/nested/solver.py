@@ -35,7 +35,7 @@ from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, tri
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.resumable import State
+from gfmdlayer.resumable import CompositeState, State
 
 _POOR = 0.1  # residual of a guess from which coarser grids are the better beginning
 _LIMIT = 400  # iterations between two evaluations in double precision
@@ -54,10 +54,6 @@ class NestedGradient:
     ----------
     transforms : Transforms
         Plans for the grid.
-    tolerance : float
-        Residual at which a step is accepted.
-    max_iterations : int
-        Iterations after which the step counts as not converged.
     grid : Grid, optional
         The grid; without it that of the transforms, of period 1.
 
@@ -73,49 +69,44 @@ class NestedGradient:
     def __init__(
         self,
         transforms: Transforms,
-        tolerance: float = 1e-6,
-        max_iterations: int = 20_000,
         grid: Grid | None = None,
     ) -> None:
-        self._transforms, self._tolerance, self._max_iterations = transforms, tolerance, max_iterations
+        self._transforms = transforms
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
         self._stiffness: FloatArray = np.empty(0)
         self._narrow: list[FloatArray] = []  # in single precision: pressure, gap, gap without pressure
         self._work = transforms.empty_spectrum()
+        self._active_set: ActiveSet | None = None  # made when a problem is first handed over
         self._failures, self._part = 0, 0.0  # of a pair that is counted with the next step
         self._doubles = 0.0
         self.spent = 0.0, 0.0
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from a first guess of the pressure, one value a point.
-
-        Raises
-        ------
-        ValueError
-            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
-        """
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
+        """Solve from a first guess of the pressure, one value a point."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         self._doubles, coarse, self.spent = 0.0, 0.0, (0.0, 0.0)
         if self._failures >= _FAILURES and self._grid.is_whole:
-            return self._by_active_set(problem, start, 0, 0)
+            return self._by_active_set(problem, start, (0, 0), tolerance, limit)
         fine = self._level_of(problem)
-        at = self._fields(fine, problem, start)
-        search = self._from_guess(fine, problem, at)
+        at = self._fields(fine, problem, start, tolerance)
+        search = self._from_guess(fine, problem, at, tolerance)
         if search is None or not search.residual < _POOR:
             coarse = nest(fine, self._transforms, problem, at)
             self._doubles += 0.5
-            search = self._search(fine, at, self._evaluate(problem, fine, at)[1])
+            search = self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
         iterations, last = 0, np.inf
         while True:
-            limit = min(_LIMIT, self._max_iterations - iterations)
-            iterations += search.run(CLOSE * self._tolerance, limit)
+            left = min(_LIMIT, limit - iterations)
+            iterations += search.run(CLOSE * tolerance, left)
             if search.at is not at:
                 fine.sweep.only(passes.lowered, 0.0, search.at.p, at.p)
             spectrum, extent = self._evaluate(problem, fine, at)
-            solution = self._solution(problem, fine, at, spectrum, extent)
-            if solution.converged or limit <= 0 or not solution.residual < _PROGRESS * last:
+            solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
+            if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
                 break
             if at.load is None:
                 self._evaluate(problem, fine, at)  # the gap, with the overlap that the solution has not
@@ -126,17 +117,22 @@ class NestedGradient:
         if solution.converged or not self._grid.is_whole:
             self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
             return solution
-        found = self._by_active_set(problem, at.p, int(pairs), iterations)
+        found = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
         self._failures += found.converged
         return found
 
     def state(self) -> State:
-        """Return the number of steps handed over in a row, and the count of a part of a pair."""
-        return {"failures": self._failures, "part": self._part}
+        """Return the number of steps handed over in a row, the part of a pair, and the active set's state."""
+        handed_over = {} if self._active_set is None else CompositeState(active_set=self._active_set).state()
+        return {"failures": self._failures, "part": self._part, **handed_over}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
         self._failures, self._part = int(state["failures"]), float(state["part"])
+        self._active_set = None
+        if any(key.startswith("active_set.") for key in state):
+            self._active_set = self._make_active_set()
+            CompositeState(active_set=self._active_set).restore(state)
 
     def compile(self) -> None:
         """Compile the kernels that few steps come to."""
@@ -156,13 +152,13 @@ class NestedGradient:
         self._stiffness, self._fine.floor, self._fine.pairs = problem.stiffness, problem.residual_floor, 0
         return self._fine
 
-    def _fields(self, fine: Level, problem: Problem, start: FloatArray) -> Fields:
+    def _fields(self, fine: Level, problem: Problem, start: FloatArray, tolerance: float) -> Fields:
         """The problem with the first guess, not negative; NaN counts as zero."""
         p, gap = self._transforms.empty_field(), self._transforms.empty_field()
         np.fmax(start, 0.0, out=p)
         if problem.mean_pressure is not None:
             return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
-        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, _AIM * self._tolerance)
+        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, _AIM * tolerance)
         nothing = np.zeros_like(self._work)
         fine.displace(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
@@ -170,17 +166,17 @@ class NestedGradient:
         self._doubles += 0.5
         return at
 
-    def _from_guess(self, fine: Level, problem: Problem, at: Fields) -> Search | None:
+    def _from_guess(self, fine: Level, problem: Problem, at: Fields, tolerance: float) -> Search | None:
         """Begin with the first guess, if it has any pressure or needs none."""
         if at.load is None and self._grid.sums.minimum(float(at.gap0.min())) >= 0.0:
             at.p[:] = 0.0  # no contact
         elif not fine.set_load(at):
             return None
-        return self._search(fine, at, self._evaluate(problem, fine, at)[1])
+        return self._search(fine, at, self._evaluate(problem, fine, at)[1], tolerance)
 
-    def _search(self, fine: Level, at: Fields, extent: Extent) -> Search:
+    def _search(self, fine: Level, at: Fields, extent: Extent, tolerance: float) -> Search:
         """Begin with a state, in single precision where that resolves the gaps."""
-        if self._tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
+        if tolerance < _SINGLE or not at.scales[1] > _SHALLOW * (extent.gap - at.level):
             return Search(fine, at)
         given = at.load is not None
         fields = [at.p, at.gap] if given else [at.p, at.gap, at.gap0]
@@ -205,7 +201,13 @@ class NestedGradient:
         return spectrum, fine.set_scales(at, 1.0 / self._grid.size)
 
     def _solution(
-        self, problem: Problem, fine: Level, at: Fields, spectrum: ComplexArray, extent: Extent
+        self,
+        problem: Problem,
+        fine: Level,
+        at: Fields,
+        spectrum: ComplexArray,
+        extent: Extent,
+        tolerance: float,
     ) -> Solution:
         """Clear the surface of the punch, and assess it."""
         given = at.load is not None
@@ -222,15 +224,21 @@ class NestedGradient:
         size = self._grid.size
         finite = np.isfinite(load) and np.isfinite(gaps)
         return make_solution(
-            problem, u, at.p, spectrum, spent=(0, 0), within=self._tolerance if clear else -1.0, gap=at.gap,
+            problem, u, at.p, spectrum, spent=(0, 0), within=tolerance if clear else -1.0, gap=at.gap,
             assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
-    def _by_active_set(self, problem: Problem, start: FloatArray, pairs: int, iterations: int) -> Solution:
-        """Leave the problem to the active set."""
-        solver = ActiveSet(
-            self._transforms, self._tolerance, max(self._max_iterations - iterations, 1), windows=False
-        )
-        found = solver.solve(problem, start)
+    def _make_active_set(self) -> ActiveSet:
+        return ActiveSet(self._transforms, windows=False)
+
+    def _by_active_set(
+        self, problem: Problem, start: FloatArray, spent: tuple[int, int], tolerance: float, limit: int
+    ) -> Solution:
+        """Leave the problem to the active set, after some pairs and iterations."""
+        pairs, iterations = spent
+        solver = self._active_set or self._make_active_set()
+        found = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
+        if found.converged:
+            self._active_set = solver
         self.spent = self.spent[0] + found.transforms, self.spent[1]
         return replace(found, transforms=found.transforms + pairs, iterations=found.iterations + iterations)

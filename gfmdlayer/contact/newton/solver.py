@@ -59,16 +59,12 @@ class Newton:
     ----------
     transforms : Transforms
         Plans for the grid's shape.
-    tolerance : float
-        Residual at which a step is accepted.
-    max_iterations : int
-        Iterations after which the step counts as not converged.
     """
 
     starts_from: ClassVar[Literal["gap"]] = "gap"
 
-    def __init__(self, transforms: Transforms, tolerance: float = 1e-6, max_iterations: int = 20_000) -> None:
-        self._transforms, self._tolerance, self._most = transforms, tolerance, max_iterations
+    def __init__(self, transforms: Transforms) -> None:
+        self._transforms = transforms
         self._mode = _any_deformation(transforms.size)
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
 
@@ -94,25 +90,10 @@ class Newton:
     def _softest(self) -> Softest:
         return Softest(*(self._single.empty_field() for _ in range(4)))
 
-    def solve(self, problem: Problem, start: FloatArray) -> Solution:
-        """Solve from the gap of the last step.
-
-        Parameters
-        ----------
-        problem : Problem
-            The problem.
-        start : ndarray, one value a point
-            The gap of the last step; infinite where there is none, and the surface at rest.
-
-        Returns
-        -------
-        Solution
-
-        Raises
-        ------
-        ValueError
-            If the punch displaces more than the cell holds (mean(h) < 0 for a body of fixed mean).
-        """
+    def solve(
+        self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
+    ) -> Solution:
+        """Solve from the gap of the last step; infinite where there is none, and the surface at rest."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
         system, fields = _system(problem), self._fields
@@ -120,13 +101,13 @@ class Newton:
         progress, u = self._begin(system, start), fields.at.u
         chunk, converged = max(4, _CHUNK // u.size), False
         self._softest.x[:] = self._mode
-        while not converged and progress.iterations < self._most and not progress.pulled_off:
-            before, limit = progress.iterations, min(chunk, self._most - progress.iterations)
-            progress = iterate(plans, single, system, fields, progress, self._tolerance, limit)
-            within = progress.done == 1.0 and progress.residual <= self._tolerance
+        while not converged and progress.iterations < limit and not progress.pulled_off:
+            before, most = progress.iterations, min(chunk, limit - progress.iterations)
+            progress = iterate(plans, single, system, fields, progress, tolerance, most)
+            within = progress.done == 1.0 and progress.residual <= tolerance
             if within and not math.isnan(progress.energy):
-                progress, converged = self._check(system, progress)
-            elif not within and progress.iterations < before + limit:
+                progress, converged = self._check(system, progress, tolerance)
+            elif not within and progress.iterations < before + most:
                 break
         pairs, part = divmod(progress.pairs + self._part, 1.0)
         if converged:
@@ -143,13 +124,13 @@ class Newton:
         )
         return replace(solution, released_energy=released / u.size, margin=self._margin)
 
-    def _check(self, system: System, progress: Progress) -> tuple[Progress, bool]:
+    def _check(self, system: System, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
         fields, plans, softest = self._fields, self._transforms.plans, self._softest
         margin, curvature, attraction, turns = self._find_margin(system)
         self._margin, progress = margin, progress._replace(pairs=progress.pairs + IN_SINGLE * turns)
         # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
-        if curvature >= -math.sqrt(2 * self._tolerance) * abs(attraction):
+        if curvature >= -math.sqrt(2 * tolerance) * abs(attraction):
             return progress, True
         change, pairs = leave(plans, system, fields.at, fields.to, fields.step, softest.x)
         return progress._replace(
