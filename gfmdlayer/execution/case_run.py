@@ -23,7 +23,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.sweep import Case, label
+from gfmdlayer.execution.sweep import SweepCase, label
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
@@ -40,7 +40,7 @@ def prepare() -> None:
 
 
 def run_case(
-    case: Case,
+    case: SweepCase,
     folder: Folder,
     wisdom: Wisdom | None = None,
     threads: int = 1,
@@ -50,27 +50,6 @@ def run_case(
     """Run one case into its file; an error becomes its outcome.
 
     Of several ranks that compute the case each calls this; the first one writes.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    folder : Folder
-        A claimed results folder.
-    wisdom : dict, optional
-        FFTW wisdom for each shape of the grid, the same in all processes.
-    threads : int
-        Threads that the transforms may use.
-    checkpoint_every : float
-        Seconds between two checkpoints.
-    ranks : Ranks, optional
-        The processes that compute the case together.
-
-    Returns
-    -------
-    Outcome
-        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and why
-        a complete case ended early in cases/NNNN.ended.
     """
     from gfmdlayer.grid.ranks import ALONE
 
@@ -90,19 +69,7 @@ def run_case(
 
 
 def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
-    """Record why a case failed, in cases/NNNN.failed.
-
-    Parameters
-    ----------
-    folder : Folder
-        A claimed results folder.
-    case : Labelled
-        The case.
-    reason : str
-        One line.
-    trace : str
-        Traceback; a record without one does not replace another record.
-    """
+    """Record why a case failed, in cases/NNNN.failed; a record without a traceback replaces no other."""
     if trace or not folder.case(case.index, "failed").exists():
         _record(folder, case, "failed", reason, traceback=trace)
         with suppress(OSError):
@@ -122,7 +89,7 @@ def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str)
 class _Run:
     """The run of a case on this process, alone or as one of its ranks."""
 
-    case: Case
+    case: SweepCase
     folder: Folder
     wisdom: str | None
     threads: int
@@ -245,27 +212,12 @@ def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | floa
 
 
 def warm_up(
-    todo: Sequence[Case], threads: int = 1, results: Path | None = None, *, plan: bool = True
+    todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
 ) -> tuple[Wisdom, list[str]]:
     """Compile kernels and plan transforms before the workers start, once for each kind of case.
 
-    Parameters
-    ----------
-    todo : sequence of Case
-        The cases.
-    threads : int
-        Threads that the transforms may use.
-    results : Path, optional
-        Where the wisdom of the results is kept.
-    plan : bool
-        Whether to plan transforms of whole grids, which no process has that shares them.
-
-    Returns
-    -------
-    wisdom : dict
-        FFTW wisdom for each shape of the grid.
-    said : list of str
-        Where plans or kernels are not those of other runs.
+    Returns FFTW's wisdom for each shape of grid, and warnings where plans or kernels are not those of other
+    runs. No process plans transforms of whole grids (`plan`) where several ranks share them.
     """
     from gfmdlayer.preparation import warm_up
 

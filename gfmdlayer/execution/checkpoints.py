@@ -37,16 +37,10 @@ _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked 
 
 
 class Checkpoints:
-    """Writes the checkpoints of a case, and lets it go on from the last one.
+    """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
     Parameters
     ----------
-    folder : Folder
-        A claimed results folder.
-    index : int
-        The case.
-    digest : str
-        Digest of its configuration.
     interval : float
         Seconds between two checkpoints, more where writing one takes long; 0 for every step.
     report_time : callable
@@ -55,13 +49,6 @@ class Checkpoints:
         Stem of the configuration, where the state before the end is to be kept.
     earlier : Earlier, optional
         A complete case from whose state this one goes on.
-    ranks : Ranks, optional
-        The processes that compute the case; each calls every method.
-
-    Attributes
-    ----------
-    started : str
-        Time of the first start of the case.
     """
 
     def __init__(
@@ -96,7 +83,7 @@ class Checkpoints:
         from gfmdlayer.results.provenance import now
 
         self._begun = time.monotonic()
-        self.started, self._before = now(), 0.0
+        self.started, self._before = now(), 0.0  # of the first start; seconds up to the checkpoint
         self._time, self._unsaved = 0.0, False
 
     @property
@@ -105,20 +92,7 @@ class Checkpoints:
         return self._before + time.monotonic() - self._begun
 
     def journal(self, columns: Iterable[str], grid: Grid | None = None) -> Journal:
-        """Return the journal of the case, which holds the rows and snapshots up to its checkpoint.
-
-        Parameters
-        ----------
-        columns : iterable of str
-            Columns that rows may have.
-        grid : Grid, optional
-            The grid of the snapshots.
-
-        Raises
-        ------
-        CheckpointError
-            If the checkpoint, its journal or the earlier case cannot be used.
-        """
+        """Return the journal of the case, which holds the rows and snapshots up to its checkpoint."""
         from gfmdlayer.results.checkpoint import CheckpointError
         from gfmdlayer.results.journal import Journal, Position
 
@@ -172,13 +146,7 @@ class Checkpoints:
             raise CheckpointError(f"{path.name}, which belongs to it, is damaged ({error})") from None
 
     def resume(self, memory: CompositeState) -> None:
-        """Restore the checkpoint found; called by the simulation before its first step.
-
-        Raises
-        ------
-        CheckpointError
-            If it does not fit the simulation.
-        """
+        """Restore the checkpoint found; called by the simulation before its first step."""
         from gfmdlayer.results.checkpoint import CheckpointError
 
         if self._found is not None:
@@ -196,13 +164,7 @@ class Checkpoints:
         self._due = time.monotonic() + self._interval
 
     def advance(self, simulated_time: float) -> None:
-        """Write a checkpoint where one is due or the run is to stop; called after each attempt at a step.
-
-        Raises
-        ------
-        Stopped
-            If the run is to stop.
-        """
+        """Write a checkpoint where one is due or the run is to stop; called after each attempt at a step."""
         self._time, self._unsaved = simulated_time, True
         if self._stem:
             self._keep()

@@ -19,7 +19,7 @@ from gfmdlayer.execution import checkpoints, interrupts, status
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.growth import claimed
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.files.whole import write_sealed
 from gfmdlayer.observables import OBSERVABLES
 from gfmdlayer.results import checkpoint, provenance
@@ -42,7 +42,7 @@ CONFIG = Config(name="tiny").with_values(
         "output.patches": True,
     }
 )
-CASE = Case(7, CONFIG, {})
+CASE = SweepCase(7, CONFIG, {})
 
 
 class Heard:

@@ -18,7 +18,7 @@ from gfmdlayer.execution import case_run
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.status import StatusFile, running
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.results.reader import attributes, is_complete
 
 SOAK = Path(__file__).parents[2] / "scripts" / "soak.py"
@@ -190,7 +190,7 @@ def test_a_case_that_raises_is_recorded_and_goes_on_from_its_checkpoint_when_tri
     bits: Callable[[Path], Bits],
 ) -> None:
     config = Config(name="raises").with_values({"grid.points": 32, "time.end": 0.4, "time.step": 0.1})
-    case, folder, whole = Case(3, config, {}), Folder(tmp_path / "out"), Folder(tmp_path / "whole")
+    case, folder, whole = SweepCase(3, config, {}), Folder(tmp_path / "out"), Folder(tmp_path / "whole")
     for each in (folder, whole):
         each.cases.mkdir(parents=True)
     case_run.run_case(case, whole)
@@ -219,7 +219,7 @@ def test_a_clock_that_is_set_back_changes_no_result(
     folder, whole = Folder(tmp_path / "out"), Folder(tmp_path / "whole")
     for each in (folder, whole):
         each.cases.mkdir(parents=True)
-    case_run.run_case(Case(0, config, {}), whole)
+    case_run.run_case(SweepCase(0, config, {}), whole)
     now, steps = time.time(), count()
     monkeypatch.setattr(time, "time", lambda: now - 3600 * next(steps))
     fractions = []
@@ -230,7 +230,7 @@ def test_a_clock_that_is_set_back_changes_no_result(
         fractions.extend(case.fraction for case in running(folder))
 
     monkeypatch.setattr(StatusFile, "advance", watched)
-    assert case_run.run_case(Case(0, config, {}), folder, checkpoint_every=0).state == "complete"
+    assert case_run.run_case(SweepCase(0, config, {}), folder, checkpoint_every=0).state == "complete"
     assert bits(folder.case(0)) == bits(whole.case(0))
     assert float(str(attributes(folder.case(0))["wall_seconds"])) > 0
     assert fractions  # it was seen to be at work all the time

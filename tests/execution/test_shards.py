@@ -23,7 +23,7 @@ from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.growth import claimed, held
 from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
-from gfmdlayer.execution.sweep import Case, Shard, cases
+from gfmdlayer.execution.sweep import Shard, SweepCase, cases
 from gfmdlayer.execution.workers import assemble
 from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
@@ -71,10 +71,10 @@ def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subproce
             process.kill()
 
 
-def of_length(*steps: int) -> list[Case]:
+def of_length(*steps: int) -> list[SweepCase]:
     """Return cases with these numbers of steps, hence of work."""
     return [
-        Case(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
+        SweepCase(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
         for index, number in enumerate(steps)
     ]
 
@@ -132,7 +132,7 @@ def test_a_case_that_failed_in_one_shard_is_named_in_what_another_collects() -> 
         assert "0000: ConvergenceError" in results.attrs["failed"]
 
 
-def share(number: int, count: int) -> list[Case]:
+def share(number: int, count: int) -> list[SweepCase]:
     return Shard(number, count).share(cases(load(Path("tiny.yaml"))))
 
 

@@ -37,7 +37,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("precious").write_text("precious")
 
 
-@pytest.mark.parametrize("name", [".lock", ".admission", ".collection"])
+@pytest.mark.parametrize("name", [".lock", ".turn"])
 def test_locks_are_not_taken_through_links(name: str, run_here: Run) -> None:
     Path("out/cases").mkdir(parents=True)
     Path(f"out/cases/{name}").symlink_to(Path("precious").absolute())
