@@ -38,7 +38,7 @@ def write_new(path: Path, contents: bytes) -> None:
 
 def read_small(path: Path) -> bytes:
     """Read a small regular file; any other, such as a pipe, is not waited for."""
-    with open(path, "rb", opener=_regular_and_no_link) as file:
+    with open(path, "rb", opener=regular_and_no_link) as file:
         contents = file.read(_LARGEST + 1)
     if len(contents) > _LARGEST:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
@@ -59,7 +59,8 @@ def regular(path: str, flags: int) -> int:
     return _if_regular(os.open(path, flags | os.O_NONBLOCK), path)
 
 
-def _regular_and_no_link(path: str, flags: int) -> int:
+def regular_and_no_link(path: str, flags: int) -> int:
+    """Open a regular file that is no symbolic link, as `opener` of Python's open."""
     return _if_regular(no_link(path, flags | os.O_NONBLOCK), path)
 
 

@@ -26,7 +26,7 @@ from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute, FloatArray
-from gfmdlayer.files.locks import no_link
+from gfmdlayer.files.locks import regular_and_no_link
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import FIELDS, VARIABLES, ResultsError, Variable
@@ -263,7 +263,7 @@ class Journal:
 
 
 def _opened(path: Path, mode: str) -> io.FileIO:
-    file: io.FileIO = open(path, mode, buffering=0, opener=no_link)  # type: ignore[assignment] # noqa: SIM115
+    file: io.FileIO = open(path, mode, buffering=0, opener=regular_and_no_link)  # type: ignore[assignment] # noqa: SIM115
     return file
 
 
