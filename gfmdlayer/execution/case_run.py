@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.config import Config, digest
+from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
@@ -28,8 +28,9 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
+    from gfmdlayer.config import Config
     from gfmdlayer.grid.ranks import Ranks
-    from gfmdlayer.periodic import Case as Simulation
+    from gfmdlayer.model import Model
     from gfmdlayer.results.journal import Journal
 
 Wisdom = dict[tuple[int, ...], str]
@@ -97,7 +98,7 @@ class _Run:
 
     def simulate(self, checkpoint_every: float) -> str:
         """Run the case into its file; return the warnings of its observables."""
-        from gfmdlayer.periodic import ConvergenceError
+        from gfmdlayer.model import ConvergenceError
         from gfmdlayer.results.checkpoint import CheckpointError
 
         case, folder, config = self.case, self.folder, self.case.config
@@ -153,61 +154,55 @@ class _Run:
 
     def _compute(self, checkpoints: Checkpoints) -> str:
         from gfmdlayer.grid.wisdom import RankWisdom
-        from gfmdlayer.observables import columns
-        from gfmdlayer.periodic import Case as Simulation
-        from gfmdlayer.periodic import simulate
+        from gfmdlayer.model import model_of
         from gfmdlayer.results.schema import ResultsError
 
         config, ranks = self.case.config, self.ranks
         plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
-        simulation = Simulation(config, plans.read() or self.wisdom, self.threads, ranks)
-        grid = simulation.grid if ranks.count > 1 else None
-        journal = checkpoints.journal((column.name for column in columns(config)), grid)
-        warnings = simulate(simulation, journal, checkpoints.advance, resume=checkpoints.resume)
+        model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)
+        journal = checkpoints.journal((column.name for column in model.columns), model.grid)
+        warnings = model.run(journal, checkpoints.advance, checkpoints.resume)
         with ranks.agreeing(ResultsError):
             if ranks.first:
-                self._write(simulation, journal, checkpoints)
-        plans.keep(simulation.transforms)
+                self._write(model, journal, checkpoints)
+        plans.keep(model.wisdom)
         return "; ".join(warnings)
 
-    def _write(self, simulation: Simulation, journal: Journal, checkpoints: Checkpoints) -> None:
+    def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
         """Write the file of the case from its journal."""
-        from gfmdlayer.observables import columns
         from gfmdlayer.results.writer import CaseWriter
 
-        case, config = self.case, self.case.config
-        described = attributes(config, surfaces=self.ranks.count == 1)
-        described |= {"digest": self._digest, "config": (case.given or config).dump()}
+        case = self.case
+        described = attributes(model, case.given, surfaces=self.ranks.count == 1)
         with CaseWriter(
             self.folder.case(case.index),
-            simulation.coordinates,
-            described | {"started": checkpoints.started},
-            columns(config),
+            model.coordinates,
+            described | {"digest": self._digest, "started": checkpoints.started},
+            model.columns,
             elapsed=checkpoints.elapsed,
-            unit=config.unit,
+            unit=case.config.unit,
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):
                 _record(self.folder, case, "ended", ended)
 
 
-def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
-    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
+def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
+
+    The configuration is stored as it was `given`, where it differs.
+    """
+    config = model.config
+    found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
     found["G0"] = config.surface.material.unit
     found["control"] = config.trajectory.control
-    if not config.grid.axisymmetric:
-        found["L"] = config.grid.period[0]
-    elif config.grid.extent is None:
-        found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
+    found |= model.attributes
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config], surfaces=surfaces):
         found["warnings"] = "\n".join(said)
-    if config.trajectory.moves:
-        found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
 
@@ -219,14 +214,15 @@ def warm_up(
     Returns FFTW's wisdom for each shape of grid, and warnings where plans or kernels are not those of other
     runs. No process plans transforms of whole grids (`plan`) where several ranks share them.
     """
-    from gfmdlayer.preparation import warm_up
+    from gfmdlayer.model import model_of
 
     wisdom: Wisdom = {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         for config in {kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                wisdom[config.grid.points] = warm_up(config, threads=threads, results=results, plan=plan)
+                model = model_of(config, threads=threads)
+                wisdom[config.grid.points] = model.warm_up(results=results, plan=plan)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))
 

@@ -23,8 +23,6 @@ from typing import IO, Any
 
 from gfmdlayer.config import Config, digest, sweeps
 from gfmdlayer.config.model import stem
-from gfmdlayer.config.stops import stops
-from gfmdlayer.execution import growth
 from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Earlier, Shard, SweepCase, cases, with_files
@@ -127,8 +125,8 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
     if not (states := files["state"] & files["h5"]):
         return every
     begun = files["checkpoint"] | files["h5"]
-    from gfmdlayer import inputs
     from gfmdlayer.history.time_points import Course
+    from gfmdlayer.programme import Programme
     from gfmdlayer.results.checkpoint import read_about
     from gfmdlayer.results.provenance import made_by
 
@@ -143,9 +141,7 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
     found = []
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            parts = inputs.make_trajectory, inputs.make_velocity, inputs.make_interface
-            kinks = inputs.kinks(inputs.make_clocks(case.config), *(part(case.config) for part in parts))
-            planned = stops(case.config, kinks)
+            planned = Programme(case.config).landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
@@ -248,7 +244,7 @@ def claimed(
     with _as_folder_error(folder):
         refuse_foreign_folder(folder)
     if folder.is_results() and not restart:
-        growth.compare(folder, config)  # refuses another one before anything is made
+        compare(folder, config)  # refuses another one before anything is made
     with ExitStack() as claim:
         with _as_folder_error(folder):
             folder.cases.mkdir(parents=True, exist_ok=True)
@@ -336,7 +332,7 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
     if restart:
         remove_results(folder)
     is_new = not folder.is_results()
-    found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)
+    found = Growth(range(sweeps.count(config.sweep))) if is_new else compare(folder, config)
     if found.changed and own is not None:
         raise _in_use(folder, "other runs are writing here, of another configuration")
     left = _leftovers(folder)

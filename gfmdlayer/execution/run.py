@@ -1,12 +1,14 @@
 """Running the cases of a configuration that are not complete yet.
 
-Cases are independent: each writes its own file, and one that fails is recorded while the others go on. The
-results do not depend on the process that ran a case: all processes compute with the same FFTW wisdom.
+The run claims the folder and finds the complete cases (`growth`). It compiles kernels and plans transforms
+once; a pool of processes computes the other cases (`schedule`), each into its own file (`case_run`). At the end
+sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not depend
+on the process that ran a case: all processes compute with the same FFTW wisdom.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -86,55 +88,69 @@ def run_sweep(
     ResultsError where the sweep file cannot be written.
     """
     options = options or RunOptions()
-    alone = options.ranks_per_case == 1
     folder = Folder(Path(directory), options.shard)
     made = Cases(config)
     own: Sequence[SweepCase] = own_cases(made, options.shard)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
         every = found.numbered(made)  # of a shard only its own are kept
         own = growth.with_inputs(folder, found.numbered(own), found.changed)
-        own = growth.with_earlier(folder, own) if alone else own
+        if options.ranks_per_case == 1:
+            own = growth.with_earlier(folder, own)
         work = _find_work(folder, own, options.only_failed)
         refuse_open_files(folder, [case.index for case in work.todo])
         _refuse_too_large(work.todo, pool, options)
         refuse_other_ranks(folder, work.todo, options.ranks_per_case)
+
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
-        indices = frozenset(outcomes)
-        seconds = _expected_seconds(work, folder)
-        complete = len(own) - len(work.undone)
-        with Reporter(folder, indices, complete, display or _nothing, seconds, pool.size) as reporter:
-            for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
-                reporter.note(line)
-            if found.changed:
-                for line in growth.lines(folder, found, own):
-                    reporter.note(line)
-            for line in set_damaged_aside(folder, [case.index for case in work.todo]):
-                reporter.note(line)
-            wisdom = _prepare(work.todo, options, folder, reporter)
-            run, threads = run_case if alone else run_case_together, options.threads
-            interval = options.checkpoint_every
-            task = partial(run, folder=folder, wisdom=wisdom, threads=threads, checkpoint_every=interval)
-            for outcome in Schedule(pool, task, folder, reporter.ended).run(
-                _ordered(work.todo, seconds, pool)
-            ):
-                outcomes[outcome.index] = outcome
-                if outcome.state == "failed":
-                    case = next(case for case in own if case.index == outcome.index)
-                    record_failure(folder, case, outcome.reason)
-        ended = all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values())
-        collected = _collect(config, folder, every, outcomes) if ended else None
+        lines = growth.lines(folder, found, own) if found.changed else []
+        for outcome in _computed(work, folder, pool, options, display or _nothing, lines):
+            outcomes[outcome.index] = outcome
+
+        collected = None
+        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
+            collected = _collect(config, folder, every, outcomes)
         notes, lost = collected or ([], [])
         outcomes |= {outcome.index: outcome for outcome in lost}
     return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
 
 
+def _computed(
+    work: _Work,
+    folder: Folder,
+    pool: WorkerPool,
+    options: RunOptions,
+    display: Callable[[], Display],
+    lines: Sequence[str],
+) -> Iterator[Outcome]:
+    """Compute the cases that are to be run; yield the outcome of each, which the display shows too."""
+    seconds, indices = _expected_seconds(work, folder), frozenset(case.index for case in work.own)
+    complete = len(work.own) - len(work.undone)
+    with Reporter(folder, indices, complete, display, seconds, pool.size) as reporter:
+        aside = set_damaged_aside(folder, [case.index for case in work.todo])
+        for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
+            reporter.note(line)
+        task = partial(
+            run_case if options.ranks_per_case == 1 else run_case_together,
+            folder=folder,
+            wisdom=_prepare(work.todo, options, folder, reporter),
+            threads=options.threads,
+            checkpoint_every=options.checkpoint_every,
+        )
+        schedule = Schedule(pool, task, folder, reporter.ended)
+        for outcome in schedule.run(_ordered(work.todo, seconds, pool)):
+            if outcome.state == "failed":
+                case = next(case for case in work.own if case.index == outcome.index)
+                record_failure(folder, case, outcome.reason)
+            yield outcome
+
+
 def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
     """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
     configs = (case.config for case in todo)
-    every = ("axisymmetric" if each.grid.axisymmetric else each.contact_solver.method for each in configs)
-    solvers = ", ".join(dict.fromkeys(every))
-    work = f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
+    chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
+    solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
+    work = f"compiling kernels, planning transforms, once per machine (about 20 s){solvers}"
     wisdom: Wisdom = {}
     said: list[str] = []
     with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
@@ -217,7 +233,7 @@ def _collect(
 
     Else the notes in it, and the cases that ended well, but could not be read any more.
     """
-    from gfmdlayer.results.case_metadata import CaseRecord
+    from gfmdlayer.results.gathering import CaseRecord
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import collect
