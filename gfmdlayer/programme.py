@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -196,12 +197,15 @@ class Programme:
 
 def _table(file: Path, quantity: str, felt: tuple[Shift, ...] = ()) -> Table:
     """Return a table of a quantity over time; the last few files are kept while they do not change."""
-    status = file.stat() if file.exists() else None
-    return _read(file, quantity, felt, status and (status.st_mtime_ns, status.st_size, status.st_ino))
+    changed: tuple[int, ...] = ()
+    with suppress(OSError):  # an array has no file: its name is the digest of its contents
+        status = file.stat()
+        changed = status.st_mtime_ns, status.st_size, status.st_ino
+    return _read(file, quantity, felt, changed)
 
 
 @lru_cache(maxsize=8)
-def _read(file: Path, quantity: str, felt: tuple[Shift, ...], _status: object) -> Table:
+def _read(file: Path, quantity: str, felt: tuple[Shift, ...], _changed: tuple[int, ...]) -> Table:
     """Read a table; temperatures must be within the range of the shifts that feel them."""
 
     def refused(row: Sequence[float]) -> str:

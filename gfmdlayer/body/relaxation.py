@@ -67,12 +67,34 @@ class Spectrum:
         theta_j(q) > 0.
     error : float
         Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
+
+    Examples
+    --------
+    >>> found = gfmdlayer.Spectrum.of_material([1.0, 2.0], gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0))
+    >>> found.glassy, found.stiffness(1 / 2.0)
+    (array([10., 20.]), array([ 5.5, 11. ]))
     """
 
     relaxed: FloatArray
     weights: FloatArray
     times: FloatArray
     error: float = 0.0
+
+    @classmethod
+    def of_material(cls, stiffness: ArrayLike, material: Material) -> Spectrum:
+        """Return the modes of a stiffness that is proportional to one modulus.
+
+        Parameters
+        ----------
+        stiffness : array_like
+            K(q)/G.
+        material : Material
+            Law G(s), a spring beside Maxwell branches.
+        """
+        unit = np.asarray(stiffness, dtype=float)
+        moduli, times = distinct_branches(material)
+        each = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
+        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), each)
 
     @property
     def glassy(self) -> FloatArray:
@@ -86,6 +108,11 @@ class Spectrum:
         """
         cycles = np.asarray(s) * self.times
         return np.asarray(self.relaxed + (self.weights * (cycles / (1 + cycles))).sum(axis=0))
+
+    def modes_at(self, i: int) -> tuple[list[float], list[float]]:
+        """Return weights and times of the modes at one wave."""
+        some = self.weights[:, i] > 0
+        return self.weights[some, i].tolist(), self.times[some, i].tolist()
 
 
 def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:

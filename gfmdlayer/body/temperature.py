@@ -41,7 +41,7 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 
 
 def temperature_problems(
-    config: Section, temperature: Temperature | None, *, moves: bool
+    config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
 ) -> Iterator[Problem]:
     """Yield why a temperature and the shifts of materials do not go together.
 
@@ -53,6 +53,8 @@ def temperature_problems(
         Its temperature.
     moves : bool
         Whether the punch moves along the surface.
+    layered : bool
+        Whether the body is made of layers.
     """
     found = shifts(config)
     if temperature is None:
@@ -69,10 +71,11 @@ def temperature_problems(
         at = next(at for at, shift in found.items() if shift is None)
         message = "missing; all materials that relax must have a shift, or none"
         yield Problem((*at, "shift"), message, others)
-    elif moves and len(set(found.values())) > 1:
+    elif (moves or not layered) and len(set(found.values())) > 1:
         at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
-        message = "differs from that of other materials; must be the same where the punch moves"
-        yield Problem((*at, "shift"), message, (*others, *_MOTION))
+        where = "where the punch moves" if layered else "in a body that is not made of layers"
+        message = f"differs from that of other materials; must be the same {where}"
+        yield Problem((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
     if temperature.value is not None:
         for at, shift in found.items():
             if shift is not None and (refused := shift.refused(temperature.value)):

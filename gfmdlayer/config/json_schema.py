@@ -23,7 +23,7 @@ from gfmdlayer.validation.fields import meanings, sequence, two
 from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_PLACE = "@"  # stands in dotted keys for the place in a list
+_PLACE, _OWN = "@", "~"  # stand in dotted keys for the place in a list, and for keys of a user's own body
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
 
 
@@ -122,6 +122,8 @@ def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> It
         for key, value in schema["$defs"][node["$ref"].rpartition("/")[2]]["properties"].items():
             yield f"{prefix}.{key}", value
             yield from _keys(schema, value, f"{prefix}.{key}")
+        if schema["$defs"][node["$ref"].rpartition("/")[2]].get("additionalProperties") is True:
+            yield f"{prefix}.{_OWN}", {"anyOf": [{"type": "number"}, {}]}
 
 
 def _sweep(schema: Mapping[str, Any]) -> None:
@@ -134,11 +136,14 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
     for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
-        named = {key: value for key, value in values.items() if _PLACE not in key}
-        in_lists = {f"^{re.escape(key)}$": value for key, value in values.items() if _PLACE in key}
+        named = {key: value for key, value in values.items() if not {_PLACE, _OWN} & {*key}}
+        patterns = {re.escape(key): value for key, value in values.items() if key not in named}
         section |= {
             "properties": section.get("properties", {}) | named,
-            "patternProperties": {key.replace(_PLACE, "[0-9]+"): value for key, value in in_lists.items()},
+            "patternProperties": {
+                f"^{key.replace(_PLACE, '[0-9]+').replace(_OWN, '.+')}$": value
+                for key, value in patterns.items()
+            },
             "additionalProperties": False,
             "minProperties": required + 1,
         }

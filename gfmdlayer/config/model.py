@@ -17,12 +17,14 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
+from gfmdlayer.config.bodies import BODY
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
-from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
+from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
@@ -60,7 +62,7 @@ class Config(Section):
         Names the folder of the results.
     units : Units, optional
         Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
-    grid, layer, halfspace, punch, trajectory, time, solver, output : Section
+    grid, body, layer, layers, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
@@ -79,15 +81,19 @@ class Config(Section):
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
+    body: Annotated[Solid | None, BODY, given] = None
+    """the body; layers, by the three keys below, or {file: mine.py, ...}"""
     layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
     """layers from the surface down, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
-        default_factory=lambda data: Layer() if data.get("layers") is None else None
+        default_factory=lambda data: Layer() if data.get("layers") is None and layered(data) else None
     )
     """the viscoelastic layer"""
-    halfspace: Halfspace = Field(default_factory=Halfspace)
+    halfspace: Annotated[Halfspace | None, given] = Field(
+        default_factory=lambda data: Halfspace() if layered(data) else None
+    )
     """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
     """temperature of the body, over time; for materials with a shift"""
@@ -126,8 +132,9 @@ class Config(Section):
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
-        yield from problems_of_layers(self.layers, self.layer, self.halfspace)
-        yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
+        yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
+        moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
+        yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
         yield from self.geometry.problems(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
@@ -154,20 +161,17 @@ class Config(Section):
         return GEOMETRIES[self.grid.geometry or "periodic"]
 
     @property
-    def stacked(self) -> tuple[Layer, ...]:
-        """The layers from the surface down: those of `layers`, or `layer` alone."""
-        return self.layers or (() if self.layer is None else (self.layer,))
-
-    @property
-    def surface(self) -> Layer:
-        """The uppermost layer: its modulus is the unit of dimensionless pressures, its time that of times."""
-        return self.stacked[0]
+    def solid(self) -> Solid:
+        """The body: layers, or another one."""
+        if self.body is not None and not isinstance(self.body, Layers):
+            return self.body
+        assert self.halfspace is not None
+        return Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws of the layers from the surface down, and of the halfspace where it has one."""
-        base = self.halfspace.material
-        return (*(layer.material for layer in self.stacked), *(() if base is None else (base,)))
+        """The material laws of the body."""
+        return self.solid.laws
 
     @property
     def interfaces(self) -> tuple[Interface, ...]:
@@ -187,7 +191,7 @@ class Config(Section):
     @property
     def contrast(self) -> float:
         """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
-        return contrast(self.laws, self.time.end)
+        return contrast(self.solid.roughly(self.time.end))
 
     @property
     def finer_tolerance(self) -> float:
@@ -295,6 +299,8 @@ def stem(config: Config) -> str:
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
     if not config.interfaces:  # a hard wall that is named is the paper's all the same
         left_out = left_out | {"interface": True}
+    if isinstance(config.body, Layers):  # by the keys beside it
+        left_out = left_out | {"body": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
     data["solver"]["method"] = config.contact_solver.method
 

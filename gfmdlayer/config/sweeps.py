@@ -24,6 +24,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, fi
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.validation.fields import Count, Finite, Seed, Word, given
@@ -262,7 +263,7 @@ def leaves(config: Section) -> list[str]:
 
 def sweepable(config: Section) -> list[str]:
     """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface))]
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface, Solid))]
     swept = (key for key in leaves(config) if key.partition(".")[0] not in UNSWEPT)
     return [*swept, *(dotted_key(at) for at in kinds)]
 

@@ -119,7 +119,7 @@ class ContactMeans(Observable):
     )
 
     def __init__(self, case: Parts) -> None:
-        self._unit = 2 * case.config.surface.material.unit
+        self._unit = 2 * case.config.solid.unit
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the columns of the solution."""

@@ -208,8 +208,8 @@ class SpectrumError(Observable):
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no columns, where there is a stack."""
-        return None if config.layers is None and config.halfspace.material is None else ()
+        """Return no columns, where modes may be merged."""
+        return () if config.solid.merges else None
 
     def __init__(self, case: Parts) -> None:
         self.attributes = {"spectrum_error": case.integrator.spectrum_error}

@@ -48,7 +48,7 @@ def test_the_stack_is_the_body(tmp_path: Path) -> None:
     assert body.layers[2].material == Zener(20.0, 30.0, 1.0)
     assert body.accuracy == config.solver.tolerance
     assert not body.rigid
-    assert config.surface.material.unit == 2.0
+    assert config.solid.unit == 2.0
     rigid = config.with_values({"halfspace": {"shear_modulus": math.inf}})
     assert isinstance(rigid_body := Case(rigid).body, LayerStack)
     assert rigid_body.rigid
@@ -182,9 +182,9 @@ def test_options_and_sweeps_set_entries(tmp_path: Path) -> None:
     swept = "sweep: {layers.1.thickness: [0.3, 0.4], layers.0.material.branches.0.G: [5, 6]}\n"
     config = read(tmp_path, STACK + swept, "layers.0.thickness=0.05", "halfspace.material.Ginf=40")
     found = [case.config for case in cases(config)]
-    assert [case.stacked[1].thickness for case in found] == [0.3, 0.3, 0.4, 0.4]
+    assert [case.solid.thicknesses[1] for case in found] == [0.3, 0.3, 0.4, 0.4]
     assert [case.laws[0].branches[0].G for case in found] == [5, 6, 5, 6]  # type: ignore[attr-defined]
-    assert {case.stacked[0].thickness for case in found} == {0.05}
+    assert {case.solid.thicknesses[0] for case in found} == {0.05}
     assert found[0].laws[2].glassy == 40
     single = Config(name="x").with_values(
         {"layer.material": {"model": "prony", "branches": [{"G": 1, "tau": 1}]}}
@@ -196,7 +196,7 @@ def test_options_and_sweeps_set_entries(tmp_path: Path) -> None:
 
 def test_samples_are_drawn_of_entries(tmp_path: Path) -> None:
     drawn = "sweep: {sobol: {samples: 4, layers.1.thickness: {from: 0.1, to: 1}}}\n"
-    depths = [case.config.stacked[1].thickness for case in cases(read(tmp_path, STACK + drawn))]
+    depths = [case.config.solid.thicknesses[1] for case in cases(read(tmp_path, STACK + drawn))]
     assert len(set(depths)) == 4
     assert all(0.1 <= depth <= 1 for depth in depths)
 
