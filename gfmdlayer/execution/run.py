@@ -2,8 +2,8 @@
 
 The run claims the folder and finds the complete cases (`growth`). It compiles kernels and plans transforms
 once; a pool of processes computes the other cases (`schedule`), each into its own file (`case_run`). At the
-end sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not depend
-on the process that ran a case: all processes compute with the same FFTW wisdom.
+end sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not
+depend on the process that ran a case: all processes compute with the same FFTW wisdom.
 """
 
 from __future__ import annotations
