@@ -88,7 +88,7 @@ def count_steps(programme: Programme) -> tuple[int, int]:
     last = next((stop for stop in planned if stop.time >= settled), planned[-1])
     planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
-        return number_of_steps(planned), sum(stop.kink for stop in planned)
+        return number_of_steps(planned), sum(stop.breakpoint for stop in planned)
     relaxed, branches = config.solid.roughly(config.time.end)[0]
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
@@ -97,7 +97,7 @@ def count_steps(programme: Programme) -> tuple[int, int]:
     steps, begin, landings = FIRST_STEPS + finer * separating, 0.0, 0
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
     for stop in planned[1:]:
-        if stop.kink or stop is planned[-1]:
+        if stop.breakpoint or stop is planned[-1]:
             free = finer * spent[min(bisect_left(times, stop.time - begin), len(times) - 1)]
             steps += math.hypot(STRETCH_STEPS + free, landings)
             begin, landings = stop.time, 0

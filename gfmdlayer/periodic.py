@@ -243,7 +243,7 @@ class Case(Model):
         """The time integrator over the relaxing modes of the body.
 
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-        material; see `verification.third_order` for the equation itself.
+        material; see `verification.crosschecks` for the equation itself.
         """
         given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
         scheme, reduced = SCHEMES[given.integrator], self.reduced_time
@@ -451,7 +451,7 @@ class Case(Model):
                     surface = loading.surface(solution, kappa, b, instant.time)
                 history.advance(surface.spectrum)  # 8, 9
                 guess.remember(
-                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
+                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.breakpoint
                 )
                 self.changes.remember(prescribed, problem, solution)
                 row: dict[str, float | FloatArray] = {}

@@ -50,28 +50,11 @@ _CHUNK = 1024  # samples of the bound at once
 
 @lru_cache(maxsize=256)
 def prony_series(law: Law, shortest: float, longest: float, tolerance: float) -> PronySeries:
-    """Return the series of few branches that keeps to a tolerance.
+    """Return the series of few branches that keeps to a tolerance, relative, of G(t) and G(omega).
 
-    Parameters
-    ----------
-    law : Law
-        The law, with a spectrum that is not negative.
-    shortest, longest : float
-        Range of times t and of reciprocal angular frequencies; at least `NARROWEST` wide. A modulus that is
-        finite at t = 0 is kept to there, too.
-    tolerance : float
-        Largest relative error of G(t) and of G(omega) in the range.
-
-    Returns
-    -------
-    PronySeries
-
-    Raises
-    ------
-    ValueError
-        If the range is empty.
-    ArithmeticError
-        If `MOST_BRANCHES` do not suffice.
+    The range of t and 1/omega is widened to `NARROWEST`; a modulus that is finite at t = 0 is kept to there
+    too. The law's spectrum must not be negative. Raises ValueError if the range is empty, ArithmeticError if
+    `MOST_BRANCHES` do not suffice.
     """
     if not 0 < shortest <= longest < math.inf:
         raise ValueError(f"times from {shortest!r} to {longest!r}: must be positive and increase")
@@ -232,22 +215,10 @@ def _step(
     residual: FloatArray,
     damping: float,
 ) -> FloatArray:
-    """Change of the times by a damped step of Gauss and Newton over the moduli in use and their times.
+    """Change of the times, shape (n,), by a damped step of Gauss and Newton over used moduli and times.
 
-    Parameters
-    ----------
-    columns, slopes : ndarray, shape (rows, n + 1) and (rows, n)
-        Derivatives by the moduli and by the times.
-    used : ndarray of bool, shape (n + 1,)
-        Moduli that are not zero.
-    weights, residual : ndarray, shape (rows,)
-        Weights of the rows, and their errors.
-    damping : float
-        Of the times, relative to the length of their derivatives.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    `columns` (rows, n + 1) and `slopes` (rows, n) are derivatives by the moduli and the times, `residual`
+    (rows,) the errors; `damping` of the times is relative to the length of their derivatives.
     """
     moving = used[1:]
     matrix = np.hstack([columns[:, used], slopes[:, moving]]) * weights[:, np.newaxis]

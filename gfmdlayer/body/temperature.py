@@ -29,9 +29,9 @@ class Temperature(Section):
     def problems(self) -> Iterator[Problem]:
         """Refuse both and neither."""
         if self.value is None and self.file is None:
-            yield Problem((), "holds neither value nor file; must be {value: ...} or {file: ...}")
+            yield Problem((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
-            yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
+            yield Problem(("file",), "given beside value; remove one of the two", ("value",))
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:
@@ -43,29 +43,17 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 def temperature_problems(
     config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
 ) -> Iterator[Problem]:
-    """Yield why a temperature and the shifts of materials do not go together.
-
-    Parameters
-    ----------
-    config : Section
-        The configuration.
-    temperature : Temperature, optional
-        Its temperature.
-    moves : bool
-        Whether the punch moves along the surface.
-    layered : bool
-        Whether the body is made of layers.
-    """
+    """Yield why a temperature and the shifts of materials do not go together."""
     found = shifts(config)
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
-                message = "given, but there is no temperature; must be left out, or temperature be given"
+                message = "only with a temperature; remove it or set temperature"
                 yield Problem((*at, "shift"), message, ("temperature",))
         return
     others = tuple(dotted(at) for at in found)
     if not any(found.values()):
-        message = "given, but no material that relaxes has a shift; must be left out, or a material have one"
+        message = "no material that relaxes has a shift; remove it or give a shift"
         yield Problem(("temperature",), message, others)
     elif not all(found.values()):
         at = next(at for at, shift in found.items() if shift is None)

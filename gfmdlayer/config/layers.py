@@ -58,7 +58,7 @@ class Halfspace(Section):
     def problems(self) -> Iterator[Problem]:
         """Refuse a modulus beside a material."""
         if self.material is not None and self.shear_modulus is not None:
-            message = "given beside material; must be left out, or material be left out"
+            message = "given beside material; remove one of the two"
             yield Problem(("shear_modulus",), message, ("material",))
 
 
@@ -78,16 +78,18 @@ def problems_of_the_body(
         assert body is not None
         for key, value in (("layers", layers), ("layer", layer), ("halfspace", halfspace)):
             if value is not None:
-                message = f"given beside body: {{kind: {body.kind}}}; must be left out, or body be layers"
+                message = (
+                    f"not available with body: {{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
+                )
                 yield Problem((key,), message, ("body",), at_key=True)
         return
     assert halfspace is not None
     if layers is not None and layer is not None:
-        yield Problem(("layers",), "given beside layer; must be one of the two", ("layer",), at_key=True)
+        yield Problem(("layers",), "given beside layer; remove one of the two", ("layer",), at_key=True)
         return
     every = layers or (() if layer is None else (layer,))
     if not every:
-        yield Problem(("layers",), "got an empty list; must hold at least one {thickness: ...}")
+        yield Problem(("layers",), "got an empty list; must have at least one {thickness: ...}")
         return
     for i, above in enumerate(every[:-1]):
         if math.isinf(above.thickness):

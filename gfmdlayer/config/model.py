@@ -1,7 +1,7 @@
-"""The whole configuration: its sections, the cases made from it, and its text in YAML.
+"""The whole configuration: its sections, its cases, and its text in YAML.
 
-A `Config` that exists is sound: every value allowed, no two in contradiction, every case of its sweep as good
-as itself. See `gfmdlayer.config.sections` for the keys.
+Every `Config` is valid: all values are allowed, none contradicts another, and so for every case of its sweep.
+See `gfmdlayer.config.sections` for the keys.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from gfmdlayer.body.materials import Law
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
-from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
 from gfmdlayer.config.bodies import BODY
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
-from gfmdlayer.config.output import Output
+from gfmdlayer.config.sections import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
+from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -45,6 +45,30 @@ from gfmdlayer.validation.sections import (
     sections_in,
 )
 from gfmdlayer.validation.units import Units
+
+# Whether an interface law goes with the rest of a configuration.
+
+
+def attracting(interface: Interface | tuple[Interface, ...] | None) -> tuple[Interface, ...]:
+    """Return the laws that attract, which the hard wall does not."""
+    every = interface if isinstance(interface, tuple) else () if interface is None else (interface,)
+    return tuple(law for law in every if law.attracts)
+
+
+def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+    """Yield contradictions between the interface laws of a `Config` and its other sections."""
+    if config.interface == ():
+        yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+    if not config.interfaces:
+        return
+    for at, law in sections_in(config):
+        if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
+            yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+    if config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+        able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
+        message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
+        yield Problem(("solver", "method"), message, ("interface",))
+
 
 Name = Annotated[
     str,
@@ -76,7 +100,7 @@ class Config(Section):
     """
 
     name: Name
-    """names the folder of the results"""
+    """name of the results folder"""
     units: Annotated[Units | None, given] = None
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
@@ -86,7 +110,7 @@ class Config(Section):
     layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
-    """layers from the surface down, in place of layer"""
+    """layers from the surface downwards, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
         default_factory=lambda data: Layer() if data.get("layers") is None and layered(data) else None
     )
@@ -96,21 +120,21 @@ class Config(Section):
     )
     """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
-    """temperature of the body, over time; for materials with a shift"""
+    """temperature of the body over time, for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """attraction across the gap, beside the hard wall: a law or several"""
+    """attraction across the gap, besides the hard wall: one law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
-    """what is prescribed over time"""
+    """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
-    """the contact problem of each step"""
+    """solver of the contact problem in each step"""
     output: Output = Field(default_factory=Output)
-    """what is kept besides the curves"""
+    """output besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
-    """dotted keys and their values; the cases are their product"""
+    """dotted keys with values; the cases are all combinations"""
 
     @field_validator("time")
     @classmethod
@@ -144,7 +168,7 @@ class Config(Section):
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
-            message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
+            message = "fixed steps write every row; remove it or set time.step: adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
@@ -175,12 +199,12 @@ class Config(Section):
 
     @property
     def interfaces(self) -> tuple[Interface, ...]:
-        """The interface laws that attract, which add; none with the hard wall alone."""
+        """The interface laws that attract; they add. Empty for the hard wall."""
         return attracting(self.interface)
 
     @property
     def contact_solver(self) -> Choice:
-        """The solver that `solver.method` means, and why."""
+        """The solver for `solver.method`, and the reason."""
         return self.solver_where(bool(self.interfaces))
 
     def solver_where(self, attracts: bool) -> Choice:
@@ -212,18 +236,7 @@ class Config(Section):
         return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
-        """Return the case in which the dotted keys have these values; it has no sweep.
-
-        Parameters
-        ----------
-        values : mapping
-            Dotted key -> value, such as ``{"layer.thickness": 0.1}``.
-
-        Raises
-        ------
-        ConfigError
-            A key does not exist, or a value is not possible.
-        """
+        """Return the case in which the dotted keys have these values; it has no sweep."""
         data = sweeps.assigned(self._given(), plain(values))
         try:
             return Config.model_validate(data)
@@ -262,14 +275,9 @@ class Config(Section):
 
 
 def digest(config: Config) -> str:
-    """Return a hash of everything that determines a case's results, and of nothing else.
+    """Return a hash of all input of a case's results, and of nothing else.
 
-    The name and the sweep do not enter; files enter by their contents, not by their paths.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
+    Name and sweep do not enter; files enter by their contents, not by their paths.
     """
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
@@ -279,11 +287,6 @@ def stem(config: Config) -> str:
 
     A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
     """
     times = (
         {"keep_state", "times"}
@@ -297,7 +300,7 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces:  # a hard wall that is named is the paper's all the same
+    if not config.interfaces:  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     if isinstance(config.body, Layers):  # by the keys beside it
         left_out = left_out | {"body": True}
@@ -307,7 +310,7 @@ def _hash(config: Config, left_out: dict[str, Any]) -> str:
     def contents(value: object) -> str:
         if isinstance(value, Path):
             return hashlib.sha256(value.read_bytes()).hexdigest()
-        raise TypeError(f"{type(value).__name__} does not belong in a configuration")
+        raise TypeError(f"{type(value).__name__} is no part of a configuration")
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()

@@ -125,7 +125,7 @@ class IsolatedIndentation:
         return found
 
     def _on_equal_steps(self, step: float) -> Indentation:
-        """Take equal steps of at most this length between kinks and snapshots, and their halves."""
+        """Take equal steps of at most this length between breakpoints and snapshots, and their halves."""
         knots = np.unique(np.array([*self.history.time, *self.snapshots, *self.stops]))
         parts = [
             np.linspace(begin, end, max(1, math.ceil((end - begin) / step - 1e-6)) + 1)[:-1]

@@ -170,8 +170,11 @@ FILE = "{file: winkler.py, k: 1}"
         ("{file: winkler.py, k: -1}", "case.yaml:3:29: body.k: got -1; must be a number > 0, finite"),
         ("{file: winkler.py, k: 1, kk: 1}", "body.kk: unknown key; allowed: kind, k, tau, file; did"),
         ("{file: nothing.py, k: 1}", "nothing.py does not exist; must be the name of a readable file,"),
-        (FILE + "\nlayer: {}", "case.yaml:4:1: layer: given beside body: {kind: winkler}; must be left out"),
-        (FILE + "\nhalfspace: {}", "case.yaml:4:1: halfspace: given beside body: {kind: winkler}; must be"),
+        (FILE + "\nlayer: {}", "case.yaml:4:1: layer: not available with body: {kind: winkler}; remove it"),
+        (
+            FILE + "\nhalfspace: {}",
+            "case.yaml:4:1: halfspace: not available with body: {kind: winkler}",
+        ),
         (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, which this body does not allow; must be"),
     ],
 )

@@ -224,7 +224,7 @@ from __future__ import annotations
 import numpy as np
 
 from gfmdlayer.model import Footprint, Model
-from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import Column
 
 
