@@ -14,7 +14,7 @@ import gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.observables import columns
 from gfmdlayer.observables.adhesion import PART, Adhesion
-from gfmdlayer.results.journal import Journal
+from gfmdlayer.results.journal import Journal, Recording
 
 LAW = {"law": "exponential", "work": 1e-3, "range": 4e-3}
 PULL: dict[str, Any] = {
@@ -106,12 +106,9 @@ def test_snapshots_hold_the_traction_in_memory_in_files_and_after_a_resume(
     assert "traction" not in gfmdlayer.run(keys | {"interface": {"law": "hard_wall"}, "time": {"step": 0.1}})
     # The journal of a case that is taken up passes on what it has kept.
     fields = [np.full(256, float(i)) for i in range(4)]
-    found: list[Any] = []
-    recorder = SimpleNamespace(row=lambda **_: None, snapshot=lambda *values: found.append(values))
-    journal = Journal(tmp_path / "journal", recorder)  # type: ignore[arg-type]
+    journal, again, recording = Journal(tmp_path / "journal"), Journal(tmp_path / "journal"), Recording()
     journal.row(time=0.0)
     journal.snapshot(0.5, *fields)
-    position = journal.kept()
-    journal.close()
-    Journal(tmp_path / "journal", recorder).replay(position)  # type: ignore[arg-type]
-    np.testing.assert_array_equal(found[0][1:], found[1][1:])
+    again.go_on(journal.kept())
+    again.replay(recording)
+    np.testing.assert_array_equal(recording.fields[0][1:], fields)

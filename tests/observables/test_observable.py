@@ -17,7 +17,7 @@ from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped
 from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
 from gfmdlayer.results.gathering import CaseRecord
@@ -71,7 +71,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
     before = estimate(CONFIG).storage
     monkeypatch.setitem(OBSERVABLES, "pressure_rms", RmsPressure)
     assert estimate(CONFIG).storage - before == 2 * 8 * 512  # a block of rows for each column
-    folder, case = Folder(tmp_path), Case(0, CONFIG, {})
+    folder, case = Folder(tmp_path), SweepCase(0, CONFIG, {})
     folder.cases.mkdir()
     with monkeypatch.context() as once:
         stop_at(1.25, once)  # after the largest pressure, at the end of the ramp
