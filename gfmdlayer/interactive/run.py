@@ -24,8 +24,7 @@ from gfmdlayer.execution.folder import Folder, read_config
 from gfmdlayer.execution.growth import refuse_foreign_folder
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import Case as SweptCase
-from gfmdlayer.execution.sweep import cases, input_errors, label
+from gfmdlayer.execution.sweep import SweepCase, cases, input_errors, label
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch, with_voltages
@@ -61,7 +60,7 @@ class Result(NamedTuple):
 
 
 def compute(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
+    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
 ) -> tuple[xarray.Dataset, Sequence[str]]:
     """Run a case in memory; return its data and the warnings of its observables."""
     config = case.config
@@ -77,7 +76,7 @@ def compute(
 
 
 def _attempt(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
+    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
 ) -> Result:
     """Run a case of a sweep; an error becomes its result."""
     try:
@@ -89,7 +88,7 @@ def _attempt(
     return Result(data, said=said)
 
 
-def here(every: Sequence[SweptCase], threads: int, watch: Watch) -> Iterator[tuple[SweptCase, Result]]:
+def here(every: Sequence[SweepCase], threads: int, watch: Watch) -> Iterator[tuple[SweepCase, Result]]:
     """Run the cases one after the other."""
     for case in every:
         wisdom = planned(case.config.grid.points, user_cache(), threads)
@@ -100,7 +99,7 @@ def here(every: Sequence[SweptCase], threads: int, watch: Watch) -> Iterator[tup
 
 
 def in_processes(
-    every: Sequence[SweptCase], jobs: int, threads: int, watch: Watch
+    every: Sequence[SweepCase], jobs: int, threads: int, watch: Watch
 ) -> Iterator[tuple[int, Result]]:
     """Run the cases in several processes."""
     wisdom, said = case_run.warm_up(every, threads)
@@ -139,7 +138,7 @@ def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
         yield pool
 
 
-def _attempt_in_process(case: SweptCase, wisdom: str | None, threads: int) -> Result:
+def _attempt_in_process(case: SweepCase, wisdom: str | None, threads: int) -> Result:
     """Run a case of a sweep, unless this process is asked to stop."""
     result = _attempt(case, wisdom, threads, _stop_where_asked)
     if result.error is None or isinstance(result.error, ConvergenceError):
@@ -285,7 +284,7 @@ def _configuration(
     return found if punch is None else from_python(found, with_punch(found, punch), input_errors)
 
 
-def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[Result]) -> xarray.Dataset:
+def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Result]) -> xarray.Dataset:
     """Return the cases of a sweep as one dataset."""
     failures = {case.index: result for case, result in zip(every, results, strict=True) if result.error}
     if len(failures) == len(every):
