@@ -85,7 +85,7 @@ SOLVERS: Mapping[str, Declaration] = {
         "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=30, distributed=True
     ),
     "conjugate_gradient": Declaration(
-        "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=22
+        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
     ),
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",

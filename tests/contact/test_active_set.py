@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.contact.active_set import solver as active_set
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.prediction import PressurePrediction
 from gfmdlayer.contact.pressure_form import in_pressures, satisfies_kkt
