@@ -419,7 +419,7 @@ def simulate(
         change = case.changes.over(prescribed, problem, solution, lost=lost)
         if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
             if lost:
-                if not loading.lose(instant.time, case.config.time.end):
+                if not loading.detach(instant.time, case.config.time.end):
                     ended = (
                         f"PULLED OFF at t = {instant.time:.6g}: nothing holds the load of {prescribed:.6g}"
                     )

@@ -246,16 +246,9 @@ _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without.
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
 
-    Parameters
-    ----------
-    solver : Solver
-        For problems without.
-    transforms : Transforms
-        Of the grid.
-    weights : ndarray, one value a mode
-        Weight of each mode in the mean over the surface.
+    `weights` are those of each mode in the mean over the surface.
     """
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:

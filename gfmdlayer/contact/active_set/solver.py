@@ -66,14 +66,8 @@ _WORK, _FEWEST = 1 << 29, 30
 class ActiveSet:
     """The active-set solver for the steps of one run.
 
-    Parameters
-    ----------
-    transforms : Transforms
-        Plans for the grid's shape.
-    windows : bool
-        Whether small contacts are solved in windows.
-    rounds : int
-        Changes of the contact set after which `bounded.safeguard` takes over.
+    With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
+    `bounded.safeguard` takes over.
     """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
