@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
     from gfmdlayer.interface.electrostatic import Electrostatic
-    from gfmdlayer.periodic import Case, ConvergenceError, simulate
+    from gfmdlayer.model import ConvergenceError, simulate
+    from gfmdlayer.periodic import Case
     from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
@@ -87,7 +88,8 @@ _MODULES = {
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
-    "gfmdlayer.periodic": ("Case", "ConvergenceError", "simulate"),
+    "gfmdlayer.model": ("ConvergenceError", "simulate"),
+    "gfmdlayer.periodic": ("Case",),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
     "gfmdlayer.interface.electrostatic": ("Electrostatic",),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from gfmdlayer.config import Config
@@ -40,7 +39,7 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """
     every = list(configs)
     measured = dict.fromkeys(
-        (config.grid.cell, config.punch) for config in every if surfaces and not config.grid.axisymmetric
+        (config.grid.cell, config.punch) for config in every if surfaces and config.geometry.on_grid
     )
     found = [note for cell, punch in measured for note in punch.notes(cell)]
     found += _between_steps(every)
@@ -58,18 +57,15 @@ def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     TableError
         If a table cannot be used.
     """
-    from gfmdlayer.time_functions import Table
+    from gfmdlayer.programme import Programme
 
-    every = [(config.trajectory, config.time.end) for config in configs]
-    depths = [(given.file, given.control, end) for given, end in every]
-    velocities = [(given.velocity_file, "velocity", end) for given, end in every]
-    voltages = [
-        (getattr(law, "voltage", None), "voltage", config.time.end)
+    every = (
+        (file, quantity, last, config.time.end)
         for config in configs
-        for law in config.interfaces
-    ]
-    for file, quantity, end in dict.fromkeys(depths + velocities + voltages):
-        if isinstance(file, Path) and (last := float(Table.read(file, quantity).times[-1])) < end:
+        for file, quantity, last in Programme(config).tables()
+    )
+    for file, quantity, last, end in dict.fromkeys(every):
+        if last < end:
             yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
 
 
@@ -91,9 +87,9 @@ def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
         seen.add(parts)
         import numpy as np
 
-        from gfmdlayer.inputs import make_trajectory
+        from gfmdlayer.programme import Programme
 
-        drive: Any = make_trajectory(config)
+        drive: Any = Programme(config).drive
         at = drive.times <= time.end
         times, values = drive.times[at], drive.values[at]
         steps = np.arange(round(time.end / float(time.step)) + 1) * float(time.step)
@@ -130,7 +126,7 @@ def _on_values(config: Config) -> Iterator[str]:
             f"time.step = {given.step:g}: the indentation, up to trajectory.ramp_time = {ramp:g}, is one "
             "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
         )
-    if given.tolerance is not None and not config.grid.axisymmetric:
+    if given.tolerance is not None and config.geometry.on_grid:
         stiffened, tolerance, aim = config.contrast, config.solver.tolerance, config.finer_tolerance
         enough = given.tolerance / stiffened
         if tolerance > _NOISE * enough:
@@ -188,7 +184,7 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
     unused: dict[Location, bool] = {
         ("halfspace",): math.inf in thicknesses,
         ("layer",): 0.0 in thicknesses,
-        ("grid",): config.grid.axisymmetric,
+        ("grid",): not config.geometry.on_grid,
     }
     follows = {("time", "end")} if config.trajectory.duration is not None else set()
     for at, section in sections_in(config):

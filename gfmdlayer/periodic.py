@@ -1,27 +1,41 @@
-"""The parts of a simulation, as a configuration asks for them; the only module that knows all numerics."""
+"""A rigid punch on a periodic viscoelastic surface: the parts of a case and the time loop.
+
+The only module that knows all numerics. The time loop, `Case.run`, follows the pseudocode of Petrenko et al.
+(2024); the numbers in its comments are their lines.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
-from gfmdlayer import inputs
+import numpy as np
+
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
-from gfmdlayer.config.stops import output_times, stops
+from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
 from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.files.cache import user_cache
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.footprint import estimate
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
 from gfmdlayer.grid.slab_transforms import transforms_of
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.sums import mean
+from gfmdlayer.grid.transforms import Transforms, keep_pair_seconds
+from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControl, Integrator
 from gfmdlayer.history.instabilities import Changes
@@ -29,19 +43,20 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
-from gfmdlayer.history.time_points import FixedSteps, Instant, Steps, equal_steps, landing_steps
+from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.observables import AcceptedStep, Observable, observables
+from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.observables import AcceptedStep, Column, Observable, columns, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
-from gfmdlayer.results.journal import Recorder
+from gfmdlayer.programme import Programme
+from gfmdlayer.punch.height_files import fitting
+from gfmdlayer.results.journal import Recorder, Recording
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
+from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
-    import xarray
-
     from gfmdlayer.contact.problem import Problem, Solution
-    from gfmdlayer.indentation.isolated import IsolatedIndentation
 
 
 class Parts(TypedDict, total=False):
@@ -50,6 +65,7 @@ class Parts(TypedDict, total=False):
     grid: Grid
     transforms: Transforms
     body: Body
+    programme: Programme
     reduced_time: ReducedTime | None
     punch: FloatArray
     trajectory: Trajectory
@@ -63,7 +79,7 @@ class Parts(TypedDict, total=False):
     observables: dict[str, Observable]
 
 
-class Case:
+class Case(Model):
     """The parts of one simulation, each made when it is first used; for one run.
 
     Parameters
@@ -90,7 +106,7 @@ class Case:
     Examples
     --------
     >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
-    >>> case.body.stiffness(case.grid.waves, 0.0).shape
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
     (5,)
     """
 
@@ -108,26 +124,48 @@ class Case:
         vars(self).update(parts)  # where the cached properties look first
 
     @cached_property
+    def programme(self) -> Programme:
+        """The imposed quantities over time; given parts replace those of the configuration."""
+        given = vars(self)
+        own = {name: given[name] for name in ("velocity", "interface", "reduced_time") if name in given}
+        loading: Loading | None = given.get("loading")
+        return Programme(self.config, given.get("trajectory", loading and loading.trajectory), **own)
+
+    @cached_property
     def grid(self) -> Grid:
-        """The periodic grid."""
-        return inputs.make_grid(self.config, self._ranks)
+        """The periodic grid; of several ranks, this process holds a part of it."""
+        points, period = self.config.grid.points, self.config.grid.period
+        if isinstance(self._ranks, MpiRanks):
+            return SlabGrid(points, period, members=self._ranks)
+        return Grid(points, period)
+
+    @property
+    def wisdom(self) -> str:
+        """FFTW's wisdom after the run."""
+        return self.transforms.wisdom
 
     @property
     def coordinates(self) -> dict[str, FloatArray]:
-        """Coordinates of the snapshots by name: x, and y of a surface in two directions.
+        """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
+        return dict(zip("xy", Grid(self.grid.points, self.grid.period).coordinates, strict=False))
 
-        Those of an isolated, axisymmetric contact lie along x from its axis.
-        """
-        whole = Grid(self.grid.points, self.grid.period)  # also where this process holds a part
-        axes = (self.indentation.radii,) if self.config.grid.axisymmetric else whole.coordinates
-        return dict(zip("xy", axes, strict=False))
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of a row, in their order."""
+        return columns(self.config)
 
-    @cached_property
-    def indentation(self) -> IsolatedIndentation:
-        """The isolated contact of an indenter of revolution."""
-        from gfmdlayer.indentation.isolated import IsolatedIndentation
+    @property
+    def attributes(self) -> dict[str, str | float]:
+        """The period, and the frame of coordinates under a moving punch."""
+        found: dict[str, str | float] = {"L": self.config.grid.period[0]}
+        if self.config.trajectory.moves:
+            found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
+        return found
 
-        return IsolatedIndentation.of(self.config, self.body, self.trajectory, output_times(self.config))
+    @property
+    def footprint(self) -> Footprint:
+        """Estimated steps, FFT pairs, memory and disk."""
+        return estimate(self.programme, sum(column.size for column in self.columns))
 
     @cached_property
     def transforms(self) -> Transforms:
@@ -137,56 +175,54 @@ class Case:
     @cached_property
     def body(self) -> Body:
         """The body under the surface."""
-        return inputs.make_body(self.config, [series.material for series in self.series])
+        return make_body(self.config, self.series)
 
     @cached_property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
-        grid, every = self.grid, zip(self.config.laws, self.clocks, strict=True)
-        times = partial(inputs.times_of_response, self.config, grid, self.velocity, self.kinks)
-        return tuple(law.prony(*times(clock)) for law, clock in every)
+        return series_of(self.programme, float(np.abs(self.grid.wavevectors[0]).max()))
 
-    @cached_property
+    @property
     def reduced_time(self) -> ReducedTime | None:
         """The reduced time in which the whole body relaxes; None where it has none."""
-        return inputs.make_reduced_time(self.config)
+        return self.programme.reduced_time
 
-    @cached_property
-    def clocks(self) -> tuple[ReducedTime | None, ...]:
+    @property
+    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
         """The reduced time of each of the laws; None for one whose times do not change."""
-        common = self.reduced_time
-        return inputs.make_clocks(self.config) if common is None else (common,) * len(self.config.laws)
-
-    def elapsed(self, instant: Instant) -> float:
-        """Return the length of the step to a time point, in the reduced time of the body where it has one."""
-        reduced = self.reduced_time
-        return instant.step if reduced is None else reduced.step(instant.time - instant.step, instant.step)
+        return self.programme.reduced_times
 
     @cached_property
     def punch(self) -> FloatArray:
-        """Height of the punch above its lowest point, one value a point."""
-        return inputs.make_punch(self.config, self.grid)
+        """Height of the punch above its lowest point, one value a point.
 
-    @cached_property
+        Raises
+        ------
+        TableError
+            If the heights come from a file that cannot be used, or are not finite.
+        """
+        with self.grid.ranks.agreeing(TableError):
+            return np.ravel(fitting("the punch", self.config.punch.heights(self.grid), self.grid.shape))
+
+    @property
     def trajectory(self) -> Trajectory:
         """Prescribed depth or mean pressure over time."""
-        return inputs.make_trajectory(self.config)
+        return self.programme.drive
 
-    @cached_property
+    @property
     def velocity(self) -> Constant | Table | None:
-        """Velocity of the punch along x over time; None where it stays."""
-        return inputs.make_velocity(self.config)
+        """Velocity of the punch along x over time; None where it rests."""
+        return self.programme.velocity
 
-    @cached_property
+    @property
     def interface(self) -> InterfaceLaw:
         """Interaction of surface and punch across the gap, beside the hard wall."""
-        return inputs.make_interface(self.config)
+        return self.programme.interface
 
-    @cached_property
-    def kinks(self) -> tuple[float, ...]:
-        """Times at which the slope of a prescribed quantity jumps."""
-        trajectory = self.trajectory if self.config.grid.axisymmetric else self.loading.trajectory
-        return inputs.kinks(self.clocks, trajectory, self.velocity, self.interface)
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the slope of an imposed quantity jumps."""
+        return self.programme.breakpoints
 
     @cached_property
     def loading(self) -> Loading:
@@ -204,10 +240,10 @@ class Case:
         """
         given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
         scheme, reduced = SCHEMES[given.integrator], self.reduced_time
-        if reduced is None and any(self.clocks):
+        if reduced is None and any(self.reduced_times):
             internal = internal_variables(self.body, waves)
             adaptive = given.step == "adaptive"
-            return StackModes(internal, scheme, sums, reduced_times=self.clocks, halved=adaptive)
+            return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
         spectrum = self.body.spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)
@@ -229,18 +265,13 @@ class Case:
 
     @cached_property
     def steps(self) -> Steps:
-        """The time points; backward Euler takes the paper's equal steps, others land on the kinks."""
-        time, snapshots = self.config.time, self.config.output.snapshot_times
+        """The time points; backward Euler takes the paper's equal steps, others land on the breakpoints."""
         if self.error_control is None:
-            step, points = float(time.step), stops(self.config, self.kinks)
-            steps = equal_steps if time.integrator == "backward_euler" else landing_steps
-            return FixedSteps(steps(time.end, step, snapshots, self.kinks), points, step)
+            return self.programme.fixed_steps()
         slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
         reach = self.interface.range if self.interface.attracts else 0.0
         least = reach if self.config.trajectory.control != "depth" else 0.0, reach
-        return AdaptiveSteps(
-            self.error_control, stops(self.config, self.kinks), slowdown=slowdown, least=least
-        )
+        return AdaptiveSteps(self.error_control, self.programme.landings, slowdown=slowdown, least=least)
 
     @cached_property
     def changes(self) -> Changes:
@@ -298,215 +329,190 @@ class Case:
             observables=CompositeState(**self.observables),
         )
 
+    def methods(self) -> Iterator[str]:
+        """Yield the contact solver and why it is taken, and the series that replace continuous laws."""
+        method, reason = self.config.contact_solver
+        yield f"solver     {method}: {reason}"
+        if not any(isinstance(law, ContinuousLaw) for law in self.config.laws):
+            return
+        for law, series in zip(self.config.laws, self.series, strict=True):
+            if isinstance(law, ContinuousLaw):
+                yield (
+                    f"law        {law.model} by {len(series.material.maxwell_branches)} branches: "
+                    f"error at most {series.error_in_time:.1e} of G(t), {series.error_in_frequency:.1e} of "
+                    f"G(omega), t and 1/omega from {series.shortest:.3g} to {series.longest:.3g}"
+                )
 
-# The time loop: indentation of a viscoelastic body by a rigid punch, after Petrenko et al. (2024).
-#
-# The numbers in the comments of `simulate` are the lines of their pseudocode.
+    def problems(self) -> Iterator[tuple[str, str]]:
+        """Yield files that cannot be used, negative loads without attraction, and impossible depths.
 
-
-class ConvergenceError(RuntimeError):
-    """A contact problem was not solved to the solver's tolerance.
-
-    Attributes
-    ----------
-    problem : Problem or None
-        The contact problem.
-    solution : Solution or None
-        The last state of the solver, whose residual is too large.
-    time : float
-        Simulated time of the step.
-    data : xarray.Dataset or None
-        From `gfmdlayer.run`: the steps before.
-
-    Examples
-    --------
-    >>> try:
-    ...     gfmdlayer.run({"grid": {"points": 256}, "solver": {"method": "fire", "max_iterations": 20}})
-    ... except gfmdlayer.ConvergenceError as error:
-    ...     print(error.solution.residual > 1e-6, error.data.sizes["time"])
-    True 1
-    """
-
-    def __init__(
-        self,
-        message: str,
-        problem: Problem | None = None,
-        solution: Solution | None = None,
-        time: float = math.nan,
-    ) -> None:
-        super().__init__(message)
-        self.problem, self.solution, self.time = problem, solution, time
-        self.data: xarray.Dataset | None = None
-
-
-def simulate(
-    config: Config | Case,
-    recorder: Recorder,
-    progress: Callable[[float], None] | None = None,
-    wisdom: str | None = None,
-    threads: int = 1,
-    resume: Callable[[CompositeState], None] | None = None,
-) -> list[str]:
-    """Run one case.
-
-    Parameters
-    ----------
-    config : Config or Case
-        The configuration, or the parts of one simulation, where some are one's own; a `Case` runs once and
-        has wisdom and threads of its own.
-    recorder : Recorder
-        Records a row for each time step, the first at t = 0, and the snapshots.
-    progress : callable, optional
-        Called with the simulated time after each attempt at a step; may raise to stop.
-    wisdom : str, optional
-        FFTW wisdom, where the bits of another run are to be reproduced.
-    threads : int
-        Threads that the transforms of a large grid may use.
-    resume : callable, optional
-        Called once before the first step with all resumable state: may restore the state of a run of the
-        same case, which then goes on bit for bit, and may save the state whenever `progress` is called.
-
-    Returns
-    -------
-    list of str
-        Why the run ended early, if so, and warnings of the observables, such as that no steady state was
-        reached.
-
-    Raises
-    ------
-    ConvergenceError
-        If a step does not reach the solver's tolerance; the state to save is then that before the step.
-    TableError
-        If the file of a punch or a trajectory cannot be used.
-
-    Examples
-    --------
-    A recorder is called with each row:
-
-    >>> class Printer:
-    ...     def row(self, **values):
-    ...         print(values["time"], values["depth"])
-    ...
-    ...     def snapshot(self, time, displacement, pressure, gap): ...
-    ...
-    ...     def note(self, **attributes): ...
-    >>> config = gfmdlayer.Config(name="a", grid={"points": 1024}, time={"end": 1.0, "step": 0.5})
-    >>> gfmdlayer.simulate(config, Printer())
-    0.0 0.0
-    0.5 0.005
-    1.0 0.01
-    []
-    """
-    case = config if isinstance(config, Case) else Case(config, wisdom, threads)
-    if case.config.grid.axisymmetric:
-        return _indent(case, recorder, progress, resume)
-    loading, history, steps, solver, guess = (
-        case.loading, case.history, case.steps, case.solver, case.guess,
-    )  # fmt: skip
-    shape, observables = case.grid.shape, tuple(case.observables.values())
-    keeps_all, ended = case.config.output.snapshots == "every", ""
-    if resume is not None:
-        resume(case.resumable)
-
-    for instant in steps:  # 4, 10
-        kappa, b = history.terms(case.elapsed(instant))  # 5, 6
-        problem, solution = _solved(case, kappa, b, instant.time)  # 0, 7
-        lost = pulled_off(problem, solution)
-        for observable in observables:
-            observable.attempt(solution)
-        surface = loading.surface(solution, kappa, b, instant.time)
-        prescribed = loading.trajectory(instant.time)
-        change = case.changes.over(prescribed, problem, solution, lost=lost)
-        if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
-            if lost:
-                if not loading.detach(instant.time, case.config.time.end):
-                    ended = (
-                        f"PULLED OFF at t = {instant.time:.6g}: nothing holds the load of {prescribed:.6g}"
-                    )
-                    recorder.note(ended=ended, pull_off_time=instant.time)
-                    break
-                problem, solution = _solved(case, kappa, b, instant.time)
-                surface = loading.surface(solution, kappa, b, instant.time)
-            history.advance(surface.spectrum)  # 8, 9
-            guess.remember(
-                instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
+        With a mean displacement of zero the punch cannot go deeper than the mean height of its surface.
+        """
+        config = self.config
+        given, names = config.trajectory, files_named(config)
+        key = next((name for name in names if name.startswith("punch.")), "punch")
+        try:
+            heights = self.punch
+            key = "trajectory.file"
+            drive = self.programme.drive
+            key = "trajectory.velocity_file"
+            velocity = self.programme.velocity
+            key = "temperature.file"
+            _ = self.programme.temperature
+            key = "interface"
+            _ = self.programme.interface
+        except TableError as error:
+            blamed = (
+                name for name, path in names.items() if name.startswith(key) and str(path) in str(error)
             )
-            case.changes.remember(prescribed, problem, solution)
-            row: dict[str, float | FloatArray] = {}
-            step = AcceptedStep(instant.time, problem, solution, surface, case.integrator, row)
-            finished = False
+            yield next(blamed, key).replace("[", ".").replace("]", ""), str(error)
+            return
+        except MemoryError:
+            message = f"got {math.prod(config.grid.points):,}, more points than this machine's memory holds"
+            yield "grid.points", f"{message}; must be fewer"
+            return
+        if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
+            message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
+            yield (
+                "trajectory.velocity_file",
+                f"{message}; must end with a velocity, or time.steady be left out",
+            )
+        values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
+        if given.control != "depth":
+            if (values < 0).any() and not config.interfaces:
+                message = (
+                    f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
+                )
+                yield "trajectory.file", message
+            return
+        stiffness = mean_stiffness(config.stacked, config.halfspace)
+        if message := too_deep(float(values.max()), mean(heights, self._ranks), stiffness):
+            yield "trajectory.depth" if given.file is None else "trajectory.file", message
+
+    def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
+        """Plan the transforms, keep the seconds of an FFT pair beside the plans, and compile the kernels."""
+        wisdom = ""
+        if plan:
+            points, folder = self.config.grid.points, folder or user_cache()
+            wisdom = planned(points, folder, self._threads, results)
+            keep_pair_seconds(points, wisdom, folder, self._threads)
+        compile_by(self._compile)
+        return wisdom
+
+    def _compile(self) -> None:
+        """Compile the kernels of the case by a small one."""
+        small = Case(smallest_equivalent_case(self.config))
+        small.solver.compile()
+        with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
+            small.run(Recording())
+
+    def run(
+        self,
+        recorder: Recorder,
+        progress: Callable[[float], None] | None = None,
+        resume: Callable[[CompositeState], None] | None = None,
+    ) -> list[str]:
+        """Press the punch into the surface, one time step after the other; see `gfmdlayer.simulate`."""
+        loading, history, steps, solver, guess = (
+            self.loading, self.history, self.steps, self.solver, self.guess,
+        )  # fmt: skip
+        shape, observables = self.grid.shape, tuple(self.observables.values())
+        keeps_all, ended = self.config.output.snapshots == "every", ""
+        if resume is not None:
+            resume(self.resumable)
+
+        for instant in steps:  # 4, 10
+            kappa, b = history.terms(self.programme.elapsed(instant))  # 5, 6
+            problem, solution = self._solved(kappa, b, instant.time)  # 0, 7
+            lost = pulled_off(problem, solution)
             for observable in observables:
-                row |= observable.measure(step)
-                finished = finished or observable.finished
-            recorder.row(**row)
-            if instant.snapshot or finished or keeps_all:
-                fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
-                fields += [problem.interface.traction(fields[-1])] if case.interface.attracts else []
-                recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
-            if finished:
-                break
-            del step, row
-        del kappa, b, problem, solution, surface  # the next step needs their memory
-        if progress is not None:
-            progress(instant.time)
-    for observable in observables:
-        if observable.attributes:
-            recorder.note(**observable.attributes)
-    return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+                observable.attempt(solution)
+            surface = loading.surface(solution, kappa, b, instant.time)
+            prescribed = loading.trajectory(instant.time)
+            change = self.changes.over(prescribed, problem, solution, lost=lost)
+            if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
+                if lost:
+                    if not loading.detach(instant.time, self.config.time.end):
+                        at = f"PULLED OFF at t = {instant.time:.6g}"
+                        ended = f"{at}: nothing holds the load of {prescribed:.6g}"
+                        recorder.note(ended=ended, pull_off_time=instant.time)
+                        break
+                    problem, solution = self._solved(kappa, b, instant.time)
+                    surface = loading.surface(solution, kappa, b, instant.time)
+                history.advance(surface.spectrum)  # 8, 9
+                guess.remember(
+                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
+                )
+                self.changes.remember(prescribed, problem, solution)
+                row: dict[str, float | FloatArray] = {}
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
+                finished = False
+                for observable in observables:
+                    row |= observable.measure(step)
+                    finished = finished or observable.finished
+                recorder.row(**row)
+                if instant.snapshot or finished or keeps_all:
+                    fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+                    fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+                    recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
+                if finished:
+                    break
+                del step, row
+            del kappa, b, problem, solution, surface  # the next step needs their memory
+            if progress is not None:
+                progress(instant.time)
+        for observable in observables:
+            if observable.attributes:
+                recorder.note(**observable.attributes)
+        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+
+    def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
+        """Solve the contact problem of a step.
+
+        Raises
+        ------
+        ConvergenceError
+            If the solver's tolerance is not reached, and not for want of an equilibrium.
+        """
+        problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
+        before, given = self.solver.state(), self.config.solver
+        solution = self.solve(problem, time)
+        if not solution.converged and not pulled_off(problem, solution):
+            self.solver.restore(before)  # the state as a whole is then that before the step
+            reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
+            raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
+        return problem, solution
 
 
-def _solved(case: Case, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
-    """Solve the contact problem of a step.
+def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
+    """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero.
 
-    Raises
-    ------
-    ConvergenceError
-        If the solver's tolerance is not reached, and not for want of an equilibrium.
+    `mean_height` is that of the punch above its lowest point, `mean_stiffness` that of the `Body`.
     """
-    problem = case.loading.problem(kappa, b, time, loss_stiffness=case.integrator.loss_stiffness)
-    before, given = case.solver.state(), case.config.solver
-    solution = case.solve(problem, time)
-    if not solution.converged and not pulled_off(problem, solution):
-        case.solver.restore(before)  # the state as a whole is then that before the step
-        reason = why_not_converged(problem, solution, case.config.contact_solver.method, given.tolerance)
-        raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
-    return problem, solution
+    if mean_stiffness > 0 or depth < mean_height:
+        return ""
+    found = f"got {depth:.6g} with this punch and a body whose mean height cannot change"
+    return f"{found}; must be below the mean height of the punch, {mean_height:.6g}"
 
 
-def _indent(
-    case: Case,
-    recorder: Recorder,
-    progress: Callable[[float], None] | None,
-    resume: Callable[[CompositeState], None] | None,
-) -> list[str]:
-    """Run a case of one isolated indenter: as a whole, in less time than a checkpoint takes.
-
-    Parameters
-    ----------
-    case : Case
-        With grid.geometry: axisymmetric.
-    recorder, progress, resume
-        As in `simulate`. `progress` is called before the first row alone: a run that is stopped has none.
-
-    Raises
-    ------
-    ConvergenceError
-        If the tolerance is not reached.
-    """
-    if resume is not None:
-        resume(CompositeState())
-    if progress is not None:
-        progress(0.0)
-    run = case.indentation
-    try:
-        solved = run.solved
-    except ArithmeticError as error:
-        raise ConvergenceError(str(error)) from error
-    for row in run.rows():
-        recorder.row(**row)
-    if run.snapshots:
-        kept = run.profiles()
-        for snapshot in zip(kept.time.tolist(), kept.displacement, kept.pressure, kept.gap, strict=True):
-            recorder.snapshot(*snapshot)
-    recorder.note(error=solved.error, solutions=solved.solutions)
-    return run.warnings
+def smallest_equivalent_case(config: Config) -> Config:
+    """Return a case of the same kind: a short ramp and hold, on the smallest grid that has windows."""
+    control, step, output = config.trajectory.control, config.time.step, config.output
+    ramp_time = 1.0 if isinstance(step, str) else 2 * step
+    moves = {"velocity": 1.0} if config.trajectory.moves else {}
+    times = {"times": ramp_time} if isinstance(step, str) else {}
+    loose = {"time.tolerance": 1e-3} if isinstance(step, str) else {}
+    references = [law.shift.reference for law in config.laws if law.shift is not None]
+    at_reference = {"temperature": {"value": max(references)}} if references else {}
+    return config.with_values(
+        at_reference
+        | {
+            "grid": {"points": 256},
+            "punch": {"shape": "parabola"},
+            "solver.method": config.contact_solver.method,
+            "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
+            "time.end": 3 * ramp_time,
+            **loose,
+            "output": output.model_dump(include={"patches", "histograms"}, exclude_none=True) | times,
+        }
+    )

@@ -16,7 +16,7 @@ class Trajectory(Protocol):
     """A piecewise smooth function of time, t >= 0."""
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which its slope jumps; an integrator of second order must step onto them."""
         ...
 
@@ -33,7 +33,7 @@ class RampHold:
     ramp_time: float
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """The end of the ramp."""
         return (self.ramp_time,)
 
@@ -47,7 +47,7 @@ class Constant:
     """The same at all times."""
 
     value: float
-    kinks: tuple[float, ...] = ()
+    breakpoints: tuple[float, ...] = ()
 
     def in_time(self, unit: float) -> Constant:
         """Return this velocity where time is counted in a unit."""
@@ -95,7 +95,7 @@ class Table:
         return Table(self.times / unit, self.values * unit)
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """The times of the rows but the first."""
         return tuple(self.times[1:].tolist())
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gfmdlayer.config import Config
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from scipy.special import spence
 from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
-    "interface", "contact", "history", "indentation", "config", "inputs", "notes", "observables",
-    "results", "figures", "periodic", "preparation", "execution", "fitting", "interactive",
-    "verification", "cli", "__main__", "__init__",
+    "interface", "contact", "history", "config", "programme", "notes", "observables",
+    "results", "figures", "model", "footprint", "indentation", "periodic", "execution", "fitting",
+    "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

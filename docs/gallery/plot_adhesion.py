@@ -2,10 +2,10 @@
 Pulled off slowly and fast
 ==========================
 
-A ridge is pressed into a sticky viscoelastic layer, rests until the layer has relaxed, and is pulled off.
-The slow pull meets the relaxed layer. Faster ones meet a layer that is stiff around the opening edge: the
-force is several times larger, and most of the work turns into heat. The fastest is limited by the strength
-of the interface, and parts sooner.
+A ridge is pressed into an adhesive viscoelastic layer, waits until the layer has relaxed, and is pulled
+off. During a slow pull the layer is relaxed. During faster pulls the layer is stiff around the opening
+edge: the force is several times larger, and most of the work turns into heat. The strength of the
+interface limits the fastest pull, and the surfaces separate earlier.
 """
 
 import matplotlib.pyplot as plt

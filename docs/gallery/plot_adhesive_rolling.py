@@ -2,10 +2,11 @@
 Opening and closing edge of a rolling contact
 =============================================
 
-A cylinder rolls over a sticky viscoelastic layer, to the right. In front the surfaces close, behind they
-open. Where a point passes the edges in a time in which the layer relaxes, the edge behind opens against a
-layer that is stiff around it: it is pulled over a longer zone, by up to 1.8 times the force at the edge in
-front, and the cylinder is hard to roll. Slowly and fast the layer is elastic, and both edges are alike.
+A cylinder rolls to the right over an adhesive viscoelastic layer. The surfaces close at the front edge
+and open at the rear edge. If a point passes the edges within a relaxation time, the layer is stiff around
+the rear edge. There the tension acts over a longer zone, and its force is up to 1.8 times the force at
+the front edge: the rolling resistance is large. At low and at high speed the layer is elastic, and both
+edges have the same force.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +25,7 @@ rolling = {
 
 
 def rolled(speed):
-    """Return the steady state, and the pull on the surface behind and in front of the highest pressure."""
+    """Return the steady state, and the tensile forces behind and in front of the pressure maximum."""
     time = {"end": max(100, 3 / speed), "step": "adaptive", "tolerance": 1e-3, "steady": 1e-3}
     steady = gfmdlayer.run(rolling, time=time, trajectory__velocity=speed).isel(snapshot=-1, time=-1)
     middle, tension = steady.x[steady.pressure.argmax()], -steady.pressure.clip(max=0) / steady.x.size
@@ -44,8 +45,8 @@ left.legend(title="speed / (L/τ)", fontsize=8)
 arrow = {"xycoords": "axes fraction", "arrowprops": {"arrowstyle": "->"}}
 left.annotate("rolling", (0.3, 0.9), (0.04, 0.88), **arrow)
 pulls = np.array([pull for _, pull in cases])
-right.semilogx(speeds, pulls[:, 0] / 0.005, "o-", label="behind, opening")
-right.semilogx(speeds, pulls[:, 1] / 0.005, "s--", label="in front, closing")
-right.set(xlabel="speed / (L/τ)", ylabel="pull of the edge / load", ylim=(0, None))
+right.semilogx(speeds, pulls[:, 0] / 0.005, "o-", label="rear, opening")
+right.semilogx(speeds, pulls[:, 1] / 0.005, "s--", label="front, closing")
+right.set(xlabel="speed / (L/τ)", ylabel="tensile force at the edge / load", ylim=(0, None))
 right.legend(fontsize=8)
 plt.show()

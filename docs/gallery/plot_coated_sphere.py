@@ -3,8 +3,8 @@ A steel sphere on a rubber coating, in SI units
 ===============================================
 
 A sphere of 10 mm in diameter is pressed 8 µm deep into 200 µm of rubber on steel, within a tenth of a
-second. The coating cannot give way to the sides: the force is five times that on solid rubber. The periodic
-computation agrees with that of the isolated sphere.
+second. The rubber cannot move sideways: the force is five times the force on solid rubber. The periodic
+computation agrees with the computation of an isolated sphere.
 """
 
 import matplotlib.pyplot as plt

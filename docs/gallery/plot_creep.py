@@ -2,8 +2,8 @@
 Creep under load
 ================
 
-A parabola is pressed into a layer by a load that is then held. The layer relaxes: the punch sinks on, and
-the contact grows, the more the thicker the layer.
+A load presses a parabola into a layer and stays constant. The layer relaxes: the punch sinks deeper, and
+the contact grows. Both effects are larger for thicker layers.
 """
 
 import matplotlib.pyplot as plt

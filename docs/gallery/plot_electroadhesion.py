@@ -2,10 +2,10 @@
 An electroadhesive finger pad that grips late
 =============================================
 
-The pad of a gripper's finger is a soft film on a stiff electrode. It stops 8 µm in front of a conductor with
-a gentle wave, and a voltage is switched on. The film is stiff at first and bears the attraction. While it
-relaxes it rises, until no equilibrium is left, and its summit snaps to the conductor: the grip comes more
-than a second after the voltage.
+The pad of a gripper's finger is a soft film on a stiff electrode. It stops 8 µm in front of a slightly
+wavy conductor; then a voltage is switched on. At first the film is stiff and resists the attraction.
+While the film relaxes, its surface rises until there is no equilibrium, and its summit snaps to the
+conductor: the pad grips more than a second after the voltage.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 Moduli of a gel from a force curve
 ==================================
 
-The sphere of a cantilever is pressed into a gel of 2 µm on glass, held and withdrawn. The force tells the
-gel's relaxed and instantaneous moduli and its relaxation time, with the glass taken into account exactly;
-the band is what a noise of 5 % leaves open.
+The sphere of a cantilever is pressed into a gel of 2 µm on glass, held and withdrawn. The force
+determines the gel's relaxed and instantaneous moduli and its relaxation time; the model contains the
+glass exactly. The band is the uncertainty due to 5 % noise.
 """
 
 import matplotlib.pyplot as plt

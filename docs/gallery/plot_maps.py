@@ -2,9 +2,9 @@
 Maps of thickness and modulus
 =============================
 
-How much does the pressure relax in a hold? A thick layer loses nearly all of it, down to the ratio of its
-moduli, a thin one on a soft base next to nothing: there the base bears the punch. In between the contact
-grows while the layer relaxes, most on soft bases. Each point of the maps is a run of its own.
+How much does the pressure relax in a hold? On a thick layer it falls almost to the ratio of the layer's
+moduli. On a thin layer with a soft base it hardly changes, because the base carries the punch. In between
+the contact grows while the layer relaxes, most on soft bases. Each point of the maps is one run.
 """
 
 import matplotlib.pyplot as plt

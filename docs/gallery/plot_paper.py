@@ -2,9 +2,9 @@
 The paper's Figure 2
 ====================
 
-A parabola is pressed into layers of several thicknesses on a base as stiff as the layer's glassy modulus,
-and held. With no layer, or with nothing else, the contact area stays in the hold; between these the layer
-relaxes above a base that does not, and the contact spreads.
+A parabola is pressed into layers of several thicknesses and held. The base is as stiff as the layer's
+glassy modulus. Without a layer, and for an infinitely thick layer, the contact area stays constant in the
+hold. For all other thicknesses the layer relaxes and the base does not, and the contact grows.
 """
 
 import matplotlib.pyplot as plt

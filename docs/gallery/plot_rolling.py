@@ -2,9 +2,9 @@
 Rolling friction of a cylinder
 ==============================
 
-A cylinder rolls over a viscoelastic layer under a given load. The pressure leans forward, and the contact
-resists, most where a point passes through the contact in a relaxation time. Slow and fast rolling are
-nearly free of friction.
+A cylinder rolls over a viscoelastic layer under a given load. The pressure is larger at the front, and
+the contact resists the motion. The friction is largest if a point passes through the contact within a
+relaxation time. Slow and fast rolling have almost no friction.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A rough surface relaxing
 ========================
 
-A self-affine surface is pressed into a layer on a rigid base by a load, which is then held. Between the two
-maps the layer relaxes: the summits sink in, and spots of contact merge.
+A constant load presses a self-affine surface into a layer on a rigid base. Between the two maps the layer
+relaxes: the summits sink in, and contact spots merge.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,10 @@
 A jump of the temperature
 =========================
 
-A cylinder is held in a cold rubber layer, which hardly relaxes. After five seconds the temperature rises by
-30 degrees within half a second: the same relaxation now takes a hundredth of the time. The law of Williams,
-Landel and Ferry shifts all times by one factor, so that a run at one temperature tells those at all others,
-and the code follows any history exactly.
+A cylinder is held in a cold rubber layer, which hardly relaxes. After five seconds the temperature rises
+by 30 degrees within half a second: now the same relaxation takes a hundredth of the time. The law of
+Williams, Landel and Ferry shifts all times by one factor. So a run at one temperature gives the result at
+all others, and the code is exact for any temperature history.
 """
 
 import tempfile

@@ -2,8 +2,8 @@
 A tyre's tread
 ==============
 
-A stone of the road is pressed into the tread within five milliseconds. The rubber's surface ages to a stiff
-skin, which keeps the stone from sinking in: the thicker the skin, the smaller the contact, long after the
+A stone on the road is pressed into the tread within five milliseconds. The surface of the rubber has aged
+to a stiff skin, which resists the indentation. A thicker skin gives a smaller contact, long after the
 compound below has relaxed.
 """
 

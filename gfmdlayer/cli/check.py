@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.execution.sweep import Case
 
-MOST_LAWS = 8  # whose series are computed
+MOST_EXPLAINED = 8  # cases whose methods are listed
 
 EXAMPLE = "gfmdlayer check configs/figure2.yaml"
 
@@ -58,8 +58,7 @@ def check(options: argparse.Namespace) -> int:
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
         f"memory     about {preflight.in_bytes(cost.memory)} a process",
         f"disk       about {preflight.in_bytes(cost.storage)} in {directory}",
-        *_solvers([case.config for case in some]),
-        *_laws([case.config for case in some]),
+        *_methods([case.config for case in some]),
         _time(directory, some, part),
         *found,
     ]
@@ -70,31 +69,12 @@ def check(options: argparse.Namespace) -> int:
     return COMPLETE
 
 
-def _solvers(every: Sequence[Config]) -> list[str]:
-    """Return the contact solvers, and why they are taken."""
-    chosen = dict.fromkeys(config.contact_solver for config in every if not config.grid.axisymmetric)
-    return [f"solver     {each.method}: {each.reason}" for each in chosen]
+def _methods(configs: Sequence[Config]) -> list[str]:
+    """Return the numerical methods and why they are taken; those of some cases of a long sweep."""
+    from gfmdlayer.model import model_of
 
-
-def _laws(configs: Sequence[Config]) -> list[str]:
-    """Describe the series that replace laws with a continuous spectrum, in some cases of a long sweep."""
-    from gfmdlayer.body.continuous import ContinuousLaw
-
-    continuous = [config for config in configs if any(isinstance(law, ContinuousLaw) for law in config.laws)]
-    if not continuous:
-        return []
-    from gfmdlayer import inputs
-
-    found = []
-    for config in continuous[:: -(-len(continuous) // MOST_LAWS)]:
-        found += [
-            f"law        {law.model} by {len(series.material.maxwell_branches)} branches: "
-            f"error at most {series.error_in_time:.1e} of G(t), {series.error_in_frequency:.1e} of G(omega), "
-            f"t and 1/omega from {series.shortest:.3g} to {series.longest:.3g}"
-            for law, series in zip(config.laws, inputs.make_series(config), strict=True)
-            if isinstance(law, ContinuousLaw)
-        ]
-    return list(dict.fromkeys(found))
+    some = configs[:: -(-len(configs) // MOST_EXPLAINED)]
+    return list(dict.fromkeys(line for config in some for line in model_of(config).methods()))
 
 
 def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[Sequence[Case], list[str]]:

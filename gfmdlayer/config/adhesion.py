@@ -27,13 +27,7 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
     for at, law in sections_in(config):
         if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
             yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
-    if config.grid.axisymmetric:
-        message = (
-            "given with grid.geometry: axisymmetric, which has the hard wall alone; must be left out "
-            "(gfmdlayer.indent has a work of adhesion)"
-        )
-        yield Problem(("interface",), message, ("grid.geometry",))
-    elif config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+    if config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which solves for the hard wall alone; must be {able}"
         yield Problem(("solver", "method"), f"{message} with an interface that attracts", ("interface",))

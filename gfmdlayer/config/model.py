@@ -20,12 +20,12 @@ from gfmdlayer.body.materials import Law
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
+from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
 from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
 from gfmdlayer.config.output import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
 from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
-from gfmdlayer.indentation import admissible
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -128,7 +128,7 @@ class Config(Section):
         """Yield contradictions between sections."""
         yield from problems_of_layers(self.layers, self.layer, self.halfspace)
         yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
-        yield from admissible.problems(self)
+        yield from self.geometry.problems(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
@@ -146,7 +146,12 @@ class Config(Section):
     @property
     def plainly_possible(self) -> bool:
         """Whether the depth is well below the mean height of a punch that is known in closed form."""
-        return admissible.plainly_possible(self)
+        return self.geometry.plainly_possible(self)
+
+    @property
+    def geometry(self) -> Geometry:
+        """The geometry of the contact, of `grid.geometry`."""
+        return GEOMETRIES[self.grid.geometry or "periodic"]
 
     @property
     def stacked(self) -> tuple[Layer, ...]:
@@ -198,7 +203,7 @@ class Config(Section):
         """
         drive = {"depth": "length", "load": "pressure"}.get(self.trajectory.control, "force")
         words = words.replace("drive", drive)
-        if len(self.grid.points) == 1 and not self.grid.axisymmetric and words == "force":
+        if len(self.grid.points) == 1 and self.geometry.on_grid and words == "force":
             words = "force / length"
         return words if self.units is None else self.units.label(words)
 

@@ -20,6 +20,7 @@ from pydantic import (
     field_validator,
 )
 
+from gfmdlayer.config.geometries import GEOMETRIES
 from gfmdlayer.contact.solvers import AUTO, SOLVERS
 from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
@@ -60,10 +61,10 @@ class Grid(Section):
         Of an isolated contact: radius up to which profiles are kept.
     """
 
-    geometry: Annotated[Annotated[str, Word("periodic", "axisymmetric")] | None, given] = None
+    geometry: Annotated[Annotated[str, Word(*GEOMETRIES)] | None, given] = None
     """periodic, unless axisymmetric: an isolated contact of revolution"""
     points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = Field(
-        default_factory=lambda data: (256 if data.get("geometry") == "axisymmetric" else 16384,)
+        default_factory=lambda data: (GEOMETRIES[data.get("geometry") or "periodic"].points,)
     )
     """points n, or [nx, ny] of a surface; axisymmetric: of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
@@ -89,24 +90,12 @@ class Grid(Section):
         return values[0] if same else values
 
     @property
-    def axisymmetric(self) -> bool:
-        """Whether the contact is isolated, and not periodic."""
-        return self.geometry == "axisymmetric"
-
-    @property
     def cell(self) -> Cell:
         """The cell as shapes of the punch see it."""
         return Cell(self.points, self.period)
 
     def problems(self) -> Iterator[Problem]:
         """Refuse periods that do not match the directions, and more points than FFTW counts."""
-        if self.axisymmetric and len(self.points) > 1:
-            message = f"got {shown(self.points)}; must be one number, or geometry be periodic"
-            yield Problem(("points",), message, ("geometry",))
-            return
-        if self.extent is not None and not self.axisymmetric:
-            message = "given, but geometry is periodic; must be left out, or geometry be axisymmetric"
-            yield Problem(("extent",), message, ("geometry",))
         if len(self.period) != len(self.points):
             message = (
                 f"got {len(self.period)} lengths for {len(self.points)} "

@@ -6,18 +6,20 @@ and dates are words. Nothing here knows which keys a configuration has.
 
 from __future__ import annotations
 
-import json
 import math
 import re
+import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLWarning
 from ruamel.yaml.nodes import Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
+from ruamel.yaml.representer import SafeRepresenter
 
 from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
@@ -229,34 +231,42 @@ class _Builder:
         self.document.problems.append((self.place(node), f"{dotted(at)}: {message}" if at else message))
 
 
-def written(data: Mapping[str, Any], indent: str = "") -> str:
+class _Representer(SafeRepresenter):
+    """Plain data as nodes: mappings in blocks, lists in one line, other words than names in double quotes."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+    def words(self, data: object) -> Node:
+        text = str(data)
+        is_plain = _PLAIN.fullmatch(text) and text.lower() not in _RESERVED
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style=None if is_plain else '"')
+
+    def items(self, data: Sequence[object]) -> Node:
+        has_sections = any(isinstance(item, Mapping) for item in data)
+        node = self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=not has_sections)
+        for item in node.value if has_sections else ():
+            item.flow_style = True
+        return node
+
+    def section(self, data: Mapping[str, object]) -> Node:
+        return self.represent_mapping("tag:yaml.org,2002:map", data.items(), flow_style=not data)
+
+
+_Representer.add_representer(str, _Representer.words)
+_Representer.add_multi_representer(object, _Representer.words)  # paths
+for _kind in (list, tuple):
+    _Representer.add_representer(_kind, _Representer.items)
+_Representer.add_representer(dict, _Representer.section)
+
+
+def written(data: Mapping[str, Any]) -> str:
     """Return nested mappings as YAML: a line for each key, and for each mapping in a list."""
-    lines = []
-    for key, value in data.items():
-        if isinstance(value, Mapping) and value:
-            lines.append(f"{indent}{key}:\n{written(value, indent + '  ')}")
-        elif isinstance(value, (list, tuple)) and any(isinstance(item, Mapping) for item in value):
-            lines.append(f"{indent}{key}:\n" + "".join(f"{indent}  - {_flow(item)}\n" for item in value))
-        else:
-            lines.append(f"{indent}{key}: {_flow(value)}\n")
-    return "".join(lines)
-
-
-def _flow(value: object) -> str:
-    """Return a value in one line."""
-    match value:
-        case None | bool():
-            return json.dumps(value)
-        case float() if not math.isfinite(value):
-            return f".{value}".replace(".-", "-.")
-        case int() | float():
-            return repr(value)
-        case Mapping():
-            return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
-        case list() | tuple():
-            return f"[{', '.join(map(_flow, value))}]"
-    text = str(value)
-    if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
-        return text
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
+    yaml.default_flow_style = False
+    yaml.width = sys.maxsize
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    stream = StringIO()
+    yaml.dump(data, stream)
+    return stream.getvalue()

@@ -122,7 +122,7 @@ class _Prescribed:
 
     def detach(self, time: float, end: float) -> bool:
         """Detach the punch; return whether it comes back before the end."""
-        corners = [time, *(kink for kink in self.trajectory.kinks if time < kink < end), end]
+        corners = [time, *(point for point in self.trajectory.breakpoints if time < point < end), end]
         for before, after in pairwise(corners):
             if self.trajectory(after) > 0:
                 load = self.trajectory(before), self.trajectory(after)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.config import Config, digest
+from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
@@ -27,9 +27,10 @@ from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
+    from gfmdlayer.config import Config
     from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
-    from gfmdlayer.periodic import Case as Simulation
+    from gfmdlayer.model import Model
     from gfmdlayer.results.writer import CaseWriter
 
 Wisdom = dict[tuple[int, ...], str]
@@ -130,7 +131,7 @@ class _Run:
 
     def simulate(self, checkpoint_every: float) -> str:
         """Run the case; return the warnings of its observables."""
-        from gfmdlayer.periodic import ConvergenceError
+        from gfmdlayer.model import ConvergenceError
         from gfmdlayer.results.checkpoint import CheckpointError
 
         case, folder, config = self.case, self.folder, self.case.config
@@ -184,59 +185,53 @@ class _Run:
 
     def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:
         from gfmdlayer.grid.wisdom import RankWisdom
-        from gfmdlayer.periodic import Case as Simulation
-        from gfmdlayer.periodic import simulate
+        from gfmdlayer.model import model_of
 
         plans = RankWisdom(self.ranks, self.case.config.grid.points, self.folder.wisdom, self.threads)
-        simulation = Simulation(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
-        with self._writer(simulation, checkpoints, hashed) as writer:
+        model = model_of(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
+        with self._writer(model, checkpoints, hashed) as writer:
             recorder = checkpoints.recorder(writer)
-            warnings = simulate(simulation, recorder, checkpoints.advance, resume=checkpoints.resume)
+            warnings = model.run(recorder, checkpoints.advance, checkpoints.resume)
             if ended := str(writer.noted.get("ended", "")):
                 _record(self.folder, self.case, "ended", ended)
-        plans.keep(simulation.transforms)
+        plans.keep(model.wisdom)
         return "; ".join(warnings)
 
-    def _writer(
-        self, simulation: Simulation, checkpoints: Checkpoints, hashed: str
-    ) -> CaseWriter | PartWriter:
+    def _writer(self, model: Model, checkpoints: Checkpoints, hashed: str) -> CaseWriter | PartWriter:
         from gfmdlayer.execution.groups.share import PartWriter
-        from gfmdlayer.observables import columns
         from gfmdlayer.results.writer import CaseWriter
 
         case, config = self.case, self.case.config
         if not self.ranks.first:
-            return PartWriter(simulation.grid, columns(config))
-        described = attributes(config, surfaces=self.ranks.count == 1)
-        described |= {"digest": hashed, "config": (case.given or config).dump()}
+            return PartWriter(model.grid, model.columns)
+        described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": hashed}
         return CaseWriter(
             self.folder.case(case.index),
-            simulation.coordinates,
+            model.coordinates,
             described | {"started": checkpoints.started},
-            columns(config),
+            model.columns,
             elapsed=checkpoints.elapsed,
             unit=config.unit,
-            grid=None if self.ranks.count == 1 else simulation.grid,
+            grid=None if self.ranks.count == 1 else model.grid,
         )
 
 
-def attributes(config: Config, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too."""
-    found: dict[str, str | float] = {"name": config.name, "config": config.dump()}
+def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
+    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
+
+    The configuration is stored as it was `given`, where it differs.
+    """
+    config = model.config
+    found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.surface.material.characteristic_time) is not None:
         found["tau"] = tau
     found["G0"] = config.surface.material.unit
     found["control"] = config.trajectory.control
-    if not config.grid.axisymmetric:
-        found["L"] = config.grid.period[0]
-    elif config.grid.extent is None:
-        found["axes"] = "x of each case is its own, up to twice its contact radius; grid.extent sets it"
+    found |= model.attributes
     if config.units is not None:
         found["units"] = str(config.units)
     if said := notes([config], surfaces=surfaces):
         found["warnings"] = "\n".join(said)
-    if config.trajectory.moves:
-        found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
     return found
 
 
@@ -263,13 +258,14 @@ def warm_up(
     said : list of str
         Where plans or kernels are not those of other runs.
     """
-    from gfmdlayer.preparation import warm_up
+    from gfmdlayer.model import model_of
 
     wisdom: Wisdom = {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         for config in {kind(case.config): case.config for case in todo}.values():
             with suppress(Exception):  # the case will meet it again, and be recorded as failed
-                wisdom[config.grid.points] = warm_up(config, threads=threads, results=results, plan=plan)
+                model = model_of(config, threads=threads)
+                wisdom[config.grid.points] = model.warm_up(results=results, plan=plan)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))

@@ -23,7 +23,6 @@ from typing import IO, Any
 
 from gfmdlayer.config import Config, digest, sweeps
 from gfmdlayer.config.model import stem
-from gfmdlayer.config.stops import stops
 from gfmdlayer.execution import growth
 from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.status import running
@@ -181,8 +180,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     if not (states := files["state"] & files["h5"]):
         return every
     begun = files["checkpoint"] | files["h5"]
-    from gfmdlayer import inputs
     from gfmdlayer.history.time_points import Course
+    from gfmdlayer.programme import Programme
     from gfmdlayer.results.checkpoint import read_about
     from gfmdlayer.results.provenance import made_by
 
@@ -197,9 +196,7 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     found = []
     for case in every:
         if case.index not in begun and (candidates := kept.get(stem(case.config))):
-            parts = inputs.make_trajectory, inputs.make_velocity, inputs.make_interface
-            kinks = inputs.kinks(inputs.make_clocks(case.config), *(part(case.config) for part in parts))
-            planned = stops(case.config, kinks)
+            planned = Programme(case.config).landings
             fit = [earlier for course, earlier in candidates if course.begins(planned)]
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)

@@ -177,9 +177,9 @@ def run_sweep(
 def _prepare(todo: Sequence[Case], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
     """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
     configs = (case.config for case in todo)
-    every = ("axisymmetric" if each.grid.axisymmetric else each.contact_solver.method for each in configs)
-    solvers = ", ".join(dict.fromkeys(every))
-    work = f"compiling kernels, planning transforms, once per machine (about 20 s): contact solver {solvers}"
+    chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
+    solvers = f": contact solver {', '.join(chosen)}" if chosen else ""
+    work = f"compiling kernels, planning transforms, once per machine (about 20 s){solvers}"
     wisdom: Wisdom = {}
     said: list[str] = []
     with suppress(KeyboardInterrupt), reporter.preparing(work), interrupts.at_once():
@@ -260,7 +260,7 @@ def _collect(
 
     Else the notes in it, and the cases that ended well, but could not be read any more.
     """
-    from gfmdlayer.results.case_metadata import CaseRecord
+    from gfmdlayer.results.gathering import CaseRecord
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
     from gfmdlayer.results.sweep_file import collect

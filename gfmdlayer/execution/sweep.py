@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config, ConfigError
+from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution import interrupts, preflight
-from gfmdlayer.execution.cost import PROGRAM, estimate
+from gfmdlayer.execution.cost import estimate
+from gfmdlayer.model import PROGRAM
 from gfmdlayer.validation.sections import Section
 
 if TYPE_CHECKING:
@@ -163,10 +166,24 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
     doubtful = [case.config for case in Cases(config).examined() if not case.config.plainly_possible]
     if not doubtful:
         return ()
-    from gfmdlayer import inputs
-    from gfmdlayer.grid.ranks import ALONE
+    return _input_errors(doubtful, ranks)
 
-    return inputs.input_errors(doubtful, ranks or ALONE)
+
+def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tuple[str, str]]:
+    """Check each combination of the sections that decide what is possible once."""
+    from gfmdlayer.grid.ranks import ALONE
+    from gfmdlayer.model import model_of
+
+    seen = set()
+    for config in configs:
+        stiffness, relaxing = mean_stiffness(config.stacked, config.halfspace), shifts(config).values()
+        decisive = (
+            *(config.grid, config.punch, config.trajectory, config.time.steady, stiffness, config.interface),
+            *(config.temperature, config.temperature and config.time.end, *relaxing),
+        )
+        if decisive not in seen:
+            seen.add(decisive)
+            yield from model_of(config, ranks=ranks or ALONE).problems()
 
 
 def with_files(section: Part, files: Mapping[Path, Path]) -> Part:

@@ -13,12 +13,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables import INDENTATION, known_columns
-from gfmdlayer.results.schema import PARAMETERS
+from gfmdlayer.results.schema import OVER_TIME, PARAMETERS
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
-OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
     **{column.name: column.symbol for column in INDENTATION if column.symbol},

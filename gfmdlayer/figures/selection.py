@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import OVER_TIME, symbol, value_labels
+from gfmdlayer.figures.labels import symbol, value_labels
 from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
 from gfmdlayer.observables import INDENTATION, known_columns
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.results.schema import OVER_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:

@@ -141,7 +141,7 @@ class RankWisdom:
             return None if self._alone else (read_sealed(self._path) or b"").decode() or None
         return None
 
-    def keep(self, transforms: Transforms) -> None:
+    def keep(self, wisdom: str) -> None:
         """Keep the wisdom of a run, where none is kept."""
         if not self._alone:
-            _keep(self._path, transforms.wisdom)
+            _keep(self._path, wisdom)

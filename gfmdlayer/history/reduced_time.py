@@ -65,7 +65,7 @@ class ReducedTime:
             Integral of 1/aT; to rounding, as aT is integrated between the rows of the table.
         """
         end = begin + length
-        inside = [time for time in self.temperature.kinks if begin < time < end]
+        inside = [time for time in self.temperature.breakpoints if begin < time < end]
         if not inside and self.temperature(begin) == self.temperature(end):
             return length / self.factor(end)
         edges = [begin, *inside, end] if begin >= 0 or end <= 0 else [begin, 0.0, *inside, end]

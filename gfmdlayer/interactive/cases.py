@@ -16,8 +16,7 @@ from gfmdlayer.execution.sweep import label
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.progress import Watch
-from gfmdlayer.observables import columns
-from gfmdlayer.periodic import Case, ConvergenceError, simulate
+from gfmdlayer.model import ConvergenceError, model_of
 from gfmdlayer.results.journal import Recording
 
 if TYPE_CHECKING:
@@ -44,15 +43,15 @@ def compute(
 ) -> tuple[xarray.Dataset, Sequence[str]]:
     """Run a case in memory; return its data and the warnings of its observables."""
     config = case.config
-    parts, recording = Case(config, wisdom, threads), Recording()
-    described = case_run.attributes(config) | {"digest": digest(config)}
-    coordinates = parts.coordinates
+    model, recording = model_of(config, wisdom, threads), Recording()
+    described = case_run.attributes(model) | {"digest": digest(config)}
+    coordinates = model.coordinates
     try:
-        said = simulate(parts, recording, advance)
+        said = model.run(recording, advance)
     except ConvergenceError as error:
-        error.data = recording.dataset(coordinates, columns(config), described, config.unit)
+        error.data = recording.dataset(coordinates, model.columns, described, config.unit)
         raise
-    return recording.dataset(coordinates, columns(config), described, config.unit), said
+    return recording.dataset(coordinates, model.columns, described, config.unit), said
 
 
 def _attempt(

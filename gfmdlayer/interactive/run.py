@@ -30,9 +30,10 @@ from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch, with_voltages
 from gfmdlayer.interactive.cases import GUARD, Result, compute, here, in_processes, pool_of
 from gfmdlayer.interactive.progress import Watch, chosen_display
+from gfmdlayer.model import ConvergenceError
 from gfmdlayer.notes import notes
-from gfmdlayer.periodic import ConvergenceError
 from gfmdlayer.punch.shape import Shape
+from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import open_results
 from gfmdlayer.results.sweep_file import labelled
 
@@ -169,10 +170,12 @@ def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[Resu
     _warn(dict.fromkeys(text for result in results for text in result.said), 4)
     reasons = [f"{index:04d}: {result.reason}" for index, result in failures.items()]
     _warn_of_failures(reasons, len(every))
-    attributes = {**sampling(config.sweep), "failed": "\n".join(reasons), "complete": 1}
-    values, keys = [case.values for case in every], swept_keys(config.sweep)
-    found = [each.data for each in results]
-    return labelled(found, values, keys, attributes, is_listed(config.sweep), config.unit)
+    records = [
+        CaseRecord(case.index, result.data, case.values, result.reason or None)
+        for case, result in zip(every, results, strict=True)
+    ]
+    keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
+    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit)
 
 
 def _run_in_folder(

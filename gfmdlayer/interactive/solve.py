@@ -16,12 +16,13 @@ from gfmdlayer.contact.loading import CONTROLS
 from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.inputs import make_interface, too_deep
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_edges import interpolated_area
 from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
-from gfmdlayer.periodic import Case, ConvergenceError
+from gfmdlayer.periodic import Case, too_deep
+from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
@@ -147,7 +148,7 @@ def solve(
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
-    law: InterfaceLaw = make_interface(config) if "interface" in given else interface  # type: ignore[assignment]
+    law: InterfaceLaw = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
     if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):

@@ -25,7 +25,7 @@ from gfmdlayer.time_functions import Table
 class InterfaceLaw(Protocol):
     """Energy and traction of an interface, functions of the gap and perhaps of the time.
 
-    Where the law depends on time, all but `at` and `kinks` are those of its largest strength.
+    Where the law depends on time, all but `at` and `breakpoints` are those of its largest strength.
     """
 
     @property
@@ -54,7 +54,7 @@ class InterfaceLaw(Protocol):
         ...
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which the law or its slope in time jumps."""
         ...
 
@@ -84,7 +84,7 @@ class Interaction:
     strength: float
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """None: the law does not depend on time."""
         return ()
 
@@ -155,9 +155,9 @@ class Driven(Interaction):
         return cls(most.terms, most.work, most.strength, one, voltage)
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """Times at which the slope of the voltage jumps."""
-        return self.voltage.kinks
+        return self.voltage.breakpoints
 
     def at(self, time: float) -> Interaction:
         """Return the law at the voltage of a time."""
@@ -179,13 +179,13 @@ class Total(Interaction):
         return cls(Terms(*joined), work, sum(part.strength for part in parts), parts)
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """Those of all parts."""
-        return tuple(sorted({time for part in self.parts for time in part.kinks}))
+        return tuple(sorted({time for part in self.parts for time in part.breakpoints}))
 
     def at(self, time: float) -> Interaction:
         """Return the sum at a time."""
-        return Total.of([part.at(time) for part in self.parts]) if self.kinks else self
+        return Total.of([part.at(time) for part in self.parts]) if self.breakpoints else self
 
 
 def total(parts: Iterable[Interaction]) -> Interaction:

@@ -54,9 +54,7 @@ def observables(case: Parts) -> dict[str, Observable]:
 
 
 def columns(config: Config) -> tuple[Column, ...]:
-    """Return the columns of a case, in the order of its rows."""
-    if config.grid.axisymmetric:
-        return INDENTATION
+    """Return the columns of a periodic case, in the order of its rows."""
     return tuple(column for each in OBSERVABLES.values() for column in each.columns(config) or ())
 
 

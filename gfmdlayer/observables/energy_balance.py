@@ -94,7 +94,7 @@ class EnergyBalance(Observable):
         self._torn, self._energies = torn, energies
         self._rows.append(now)
         self._tangential.append(tangential)
-        if self._interface.kinks:  # it depends on time
+        if self._interface.breakpoints:  # it depends on time
             self._field = step.time, step.solution.gap
         return ({"lost": self._lost} if self._has_losses else {}) | {
             "work": self._work,
@@ -192,7 +192,7 @@ class Temperature(Observable):
         return None if config.temperature is None else cls.COLUMNS
 
     def __init__(self, case: Parts) -> None:
-        self._clock = next(clock for clock in case.clocks if clock is not None)
+        self._clock = next(clock for clock in case.reduced_times if clock is not None)
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return both at the end of the step."""

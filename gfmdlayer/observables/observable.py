@@ -174,12 +174,12 @@ class Parts(Protocol):
         ...
 
     @property
-    def clocks(self) -> tuple[ReducedTime | None, ...]:
+    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
         """The reduced time of each of the laws; None for one whose times do not change."""
         ...
 
     @property
-    def kinks(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:
         """Times at which the slope of a prescribed quantity jumps."""
         ...
 

@@ -37,7 +37,7 @@ class SteadyState(Observable):
         self._tolerance = time.steady
         slowdown = 1.0 if case.reduced_time is None else case.reduced_time.factor(math.inf)
         self._window = case.integrator.slowest(self._tolerance) * slowdown
-        self._since = max(case.kinks, default=0.0)
+        self._since = max(case.breakpoints, default=0.0)
         self._begun = math.inf
         self._least: tuple[float, ...] = ()
         self._most: tuple[float, ...] = ()

@@ -68,6 +68,7 @@ VARIABLES: dict[str, Variable] = {
 }
 
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
+OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 
 PARAMETERS: dict[str, Parameter] = {
     "layer.thickness": Parameter("thickness of the layer", "d", "d", "length"),
@@ -134,6 +135,13 @@ def parameter(key: str) -> Parameter | None:
         symbol=f"{known.symbol}{',' if '_' in known.symbol else '_'}{','.join(index)}",
         mathtext=rf"{letter}_{{{','.join(filter(None, [old, *index]))}}}".replace("bulk", r"\mathrm{bulk}"),
     )
+
+
+def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
+    """Return the attributes of the labels of a swept key, with the label of a unit from its words."""
+    if (known := parameter(key)) is None:
+        return {"key": key}
+    return {"key": key, "long_name": known.long_name, "symbol": known.symbol, "units": unit(known.units)}
 
 
 def variable(name: str) -> Variable:

@@ -8,8 +8,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
-from gfmdlayer.periodic import Case, Parts, simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import simulate, warm_up
+from gfmdlayer.periodic import Case, Parts
 from gfmdlayer.results import journal
 from gfmdlayer.time_functions import Trajectory
 

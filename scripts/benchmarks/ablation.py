@@ -35,8 +35,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
-from gfmdlayer.periodic import Case, ConvergenceError, simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import ConvergenceError, simulate, warm_up
+from gfmdlayer.periodic import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)

@@ -12,8 +12,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.config import Config, load
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
-from gfmdlayer.periodic import simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.verification.runs import Recording
 
 METHODS = ("active_set", "conjugate_gradient", "fire")

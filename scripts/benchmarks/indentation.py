@@ -21,8 +21,8 @@ from gfmdlayer.body.materials import Zener
 from gfmdlayer.config import Config
 from gfmdlayer.indentation.solve import follow
 from gfmdlayer.indentation.space import History
-from gfmdlayer.periodic import Case, simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import simulate, warm_up
+from gfmdlayer.periodic import Case
 from gfmdlayer.punch.revolution import sphere
 from gfmdlayer.verification.runs import Recording
 

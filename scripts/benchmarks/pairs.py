@@ -10,8 +10,8 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.prediction import DisplacementPrediction
-from gfmdlayer.periodic import Case, simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import simulate, warm_up
+from gfmdlayer.periodic import Case
 from gfmdlayer.resumable import Stateless
 from gfmdlayer.verification.runs import Recording
 

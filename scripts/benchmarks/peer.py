@@ -21,8 +21,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.periodic import Case, simulate
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import simulate, warm_up
+from gfmdlayer.periodic import Case
 from gfmdlayer.verification.peers import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 

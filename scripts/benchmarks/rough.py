@@ -22,8 +22,8 @@ from benchmarks.whole_run import effort_of_run
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.model import warm_up
 from gfmdlayer.periodic import Case
-from gfmdlayer.preparation import warm_up
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
 QUICK = Effort(points=(128,), steps=20, repetitions=1)

@@ -25,8 +25,8 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
+from gfmdlayer.model import warm_up
 from gfmdlayer.periodic import Case
-from gfmdlayer.preparation import warm_up
 from gfmdlayer.punch.self_affine import SelfAffine
 
 RESIDUAL = 1e-6

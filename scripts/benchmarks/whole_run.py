@@ -14,7 +14,7 @@ from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import warm_up
 
 EFFORT = Effort(points=(1 << 14,), repetitions=5)
 QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)

@@ -99,7 +99,7 @@ def test_an_isolated_contact_has_no_law() -> None:
     with pytest.raises(ConfigError) as caught:
         Config(name="a", interface=LAW, grid={"geometry": "axisymmetric"})
     (line,) = caught.value.problems
-    assert line.startswith("interface: given with grid.geometry: axisymmetric")
+    assert line.startswith("interface: not available with grid.geometry: axisymmetric")
 
 
 def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:

@@ -13,10 +13,11 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gfmdlayer import inputs
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
-from gfmdlayer.periodic import Case, simulate
+from gfmdlayer.model import simulate
+from gfmdlayer.periodic import Case
+from gfmdlayer.programme import Programme
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -169,7 +170,7 @@ def simulated(folder: Path, recording: Any, data: dict[str, Any], rows: str | No
 def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> None:
     found = recorder()
     config = simulated(tmp_path, found, *case)
-    grid, tolerance = inputs.make_grid(config), config.solver.tolerance
+    grid, tolerance = Case(config).grid, config.solver.tolerance
     for name, values in ((name, found[name]) for name in found.rows[0]):
         assert np.isfinite(values).all(), name
     assert (found["residual"] <= tolerance).all()
@@ -179,7 +180,7 @@ def test_the_mechanics_of_any_case(tmp_path: Path, recorder: Any, case: Any) -> 
     least, _ = scales(0.0, 0.0, case.loading.problem(*case.integrator.terms(0.0), 0.0).residual_floor)
     assert (found["mean_pressure"] >= -tolerance * least / (2 * config.layer.material.G0)).all()
     if config.trajectory.control == "load":
-        loads = [inputs.make_trajectory(config)(time) for time in found["time"]]
+        loads = [Programme(config).drive(time) for time in found["time"]]
         np.testing.assert_allclose(found["mean_pressure"] * 2 * config.layer.material.G0, loads, rtol=1e-12)
     assert (np.diff(found["dissipated"]) >= 0).all()
     assert (found["stored"] >= 0).all()

@@ -246,7 +246,7 @@ def test_warming_up_comes_to_a_window(control: str) -> None:
 from pathlib import Path
 from gfmdlayer.config import load
 from gfmdlayer.contact.active_set import windows
-from gfmdlayer.preparation import warm_up
+from gfmdlayer.model import warm_up
 config = load(Path("configs/indentation.yaml"))
 trajectory = {{"control": "{control}", "{control}": 0.01, "ramp_time": 1.0}}
 assert not windows.solve.overloads

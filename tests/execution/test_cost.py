@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer import preparation
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.grid.transforms import pair_seconds
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results.writer import CaseWriter
 
 SWEEP: dict[str, list[Any]] = {
@@ -175,11 +174,11 @@ def test_seconds_are_known_before_anything_has_run(tmp_path: Path) -> None:
     hasty = pair_seconds(shape, tmp_path)
     assert 0 < hasty < 1
     assert pair_seconds(shape, tmp_path) == hasty
-    preparation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    warm_up(case_with({"grid.points": 256}), tmp_path)
     (kept,) = tmp_path.glob("*.seconds")
     assert pair_seconds(shape, tmp_path) == float(kept.read_text())
     kept.write_text("0.125")
-    preparation.warm_up(case_with({"grid.points": 256}), tmp_path)
+    warm_up(case_with({"grid.points": 256}), tmp_path)
     assert pair_seconds(shape, tmp_path) == 0.125
 
 
@@ -204,7 +203,7 @@ PEAK = """
 import json, re, sys
 from pathlib import Path
 from gfmdlayer.config import Config
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate, warm_up
 class Nothing:
     def row(self, **_): ...
     def snapshot(self, *_): ...

@@ -14,7 +14,6 @@ import h5py
 import numpy as np
 import pytest
 
-from gfmdlayer import preparation
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.execution import run as running
@@ -22,6 +21,7 @@ from gfmdlayer.execution.case_run import warm_up
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.grid.fftw import forget_wisdom
+from gfmdlayer.periodic import Case
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
 
 Run = Callable[..., tuple[Any, str]]
@@ -136,10 +136,10 @@ def test_wisdom_is_kept_with_the_results(
 def test_cases_have_common_plans_where_their_kernels_cannot_be_compiled_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def fail(_: Config) -> None:
+    def fail(*_: object) -> None:
         raise FloatingPointError("lengths that do not go together")
 
-    monkeypatch.setattr(preparation, "_compile", fail)
+    monkeypatch.setattr(Case, "run", fail)
     wisdom, said = warm_up(cases(small(SWEEP)))
     assert wisdom[(32,)].startswith("(fftw")
     assert said == [

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from gfmdlayer import periodic
+from gfmdlayer import model
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution import progress as reports
 from gfmdlayer.execution import status
@@ -57,18 +57,18 @@ def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
     def simulate(*_: Any) -> None:
         raise AssertionError("this case was complete")
 
-    monkeypatch.setattr(periodic, "simulate", simulate)
+    monkeypatch.setattr(model, "simulate", simulate)
 
 
 def fail_where(condition: Callable[[Config], bool], monkeypatch: pytest.MonkeyPatch) -> None:
-    simulate = periodic.simulate
+    simulate = model.simulate
 
     def failing(case: Any, *rest: Any, **more: Any) -> list[str]:
         if condition(case.config):
-            raise periodic.ConvergenceError("the residual stays at 1")
+            raise model.ConvergenceError("the residual stays at 1")
         return simulate(case, *rest, **more)
 
-    monkeypatch.setattr(periodic, "simulate", failing)
+    monkeypatch.setattr(model, "simulate", failing)
 
 
 def test_cases_are_the_product_with_the_last_key_fastest(configure: Configure) -> None:

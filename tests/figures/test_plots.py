@@ -20,7 +20,7 @@ from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshots import movie
 from gfmdlayer.figures.snapshots.plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
-from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.results.sweep_file import collect

@@ -20,7 +20,7 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Measurement, RelaxationCurve, read
 from gfmdlayer.fitting.prony import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.report import fit_figure, fit_material
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate
 from gfmdlayer.results.schema import ResultsError
 
 Kind = type[Measurement]

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from gfmdlayer import periodic
+from gfmdlayer import model
 from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
@@ -134,7 +134,7 @@ def test_the_effort_of_a_rejected_step_is_in_the_next_row(monkeypatch: pytest.Mo
     assert recording["transforms"].sum() == sum(solution.transforms for solution in solutions)
     assert recording["iterations"].sum() == sum(solution.iterations for solution in solutions)
     calls = Config(name="progress").with_values(ADAPTIVE | {"grid.points": 64, "time.end": 2.0})
-    periodic.simulate(calls, recording, seen.append)
+    model.simulate(calls, recording, seen.append)
     assert len(seen) >= 5
 
 

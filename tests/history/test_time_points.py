@@ -17,7 +17,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.config.sections import whole_steps
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.time_points import Instant, equal_steps, landing_steps
-from gfmdlayer.periodic import ConvergenceError, simulate
+from gfmdlayer.model import ConvergenceError, simulate
 from gfmdlayer.punch.simple_shapes import Parabola
 
 times = st.floats(1e-3, 10.0)

@@ -12,7 +12,7 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential
-from gfmdlayer.periodic import simulate
+from gfmdlayer.model import simulate
 
 LAW = Exponential(work=1e-3, range=4e-3).interaction()
 

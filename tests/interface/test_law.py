@@ -131,7 +131,7 @@ def test_a_voltage_over_time_drives_the_attraction(tmp_path: Path) -> None:
         np.testing.assert_allclose(law.at(time).traction(gap), fixed.traction(gap), rtol=1e-12, atol=0)
     assert not law.at(0.0).attracts
     both = total([law, EXAMPLES["exponential"].interaction()])
-    assert both.kinks == law.kinks == (1.0, 3.0)
+    assert both.breakpoints == law.breakpoints == (1.0, 3.0)
     expected = law.at(2.0).traction(gap) + EXAMPLES["exponential"].traction(gap)
     np.testing.assert_allclose(both.at(2.0).traction(gap), expected, rtol=1e-12)
     assert SUM.at(2.0) is SUM

@@ -11,8 +11,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import Case
-from gfmdlayer.periodic import simulate
-from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.model import simulate
+from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import open_case, open_results
 from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.verification.runs import Recording

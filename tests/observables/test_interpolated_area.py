@@ -15,10 +15,10 @@ from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.model import simulate
 from gfmdlayer.observables import contact_edges
 from gfmdlayer.observables.contact_edges import T0
 from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
-from gfmdlayer.periodic import simulate
 from gfmdlayer.verification.runs import Recording
 
 Floats = NDArray[np.float64]

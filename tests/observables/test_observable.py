@@ -18,7 +18,7 @@ from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import Case
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
-from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import open_case
 from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.resumable import State

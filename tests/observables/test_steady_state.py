@@ -18,7 +18,7 @@ CONFIG = Config(name="steady").with_values({"trajectory.velocity": 1.0, "time.st
 def steady_time(friction: Callable[[float], float], since: float = 0.0) -> float:
     """Return the time at which a window of length 2 is steady, with steps of 0.25."""
     slow = SimpleNamespace(slowest=lambda _tolerance: 2.0)
-    case: Any = SimpleNamespace(config=CONFIG, integrator=slow, kinks=(since,), reduced_time=None)
+    case: Any = SimpleNamespace(config=CONFIG, integrator=slow, breakpoints=(since,), reduced_time=None)
     observable = SteadyState(case)
     solution, surface = SimpleNamespace(mean_pressure=1.0), SimpleNamespace(depth=0.01)
     for time in (0.25 * i for i in range(1000)):

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gfmdlayer import inputs
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.files.tables import TableError, read_columns
+from gfmdlayer.programme import Programme
 from gfmdlayer.time_functions import RampHold, Table
 
 
@@ -30,21 +30,21 @@ def test_the_punch_of_eq_30_goes_down_and_stays(time: float, depth: float) -> No
 
 def test_the_slope_of_eq_30_jumps_at_the_end_of_the_ramp() -> None:
     trajectory = RampHold(0.02, 0.5)
-    assert trajectory.kinks == (0.5,)
+    assert trajectory.breakpoints == (0.5,)
     assert trajectory(0.25) == pytest.approx(0.01, rel=1e-15)
 
 
 def test_a_table_is_linear_between_its_rows_and_constant_after_them(tmp_path: Path) -> None:
     file = written(tmp_path, "time,depth\n0,0\n1, 0.01 # down\n\n3,0.004\n")
     trajectory = Table.read(file, "depth")
-    assert trajectory.kinks == (1.0, 3.0)
+    assert trajectory.breakpoints == (1.0, 3.0)
     expected = [0, 0.005, 0.01, 0.007, 0.004, 0.004]
     np.testing.assert_allclose([trajectory(t) for t in (0, 0.5, 1, 2, 3, 99)], expected, rtol=1e-14)
 
 
 def test_the_ramp_as_a_table_is_the_ramp(tmp_path: Path) -> None:
     table, ramp = Table.read(written(tmp_path, "0 0\n1 0.01"), "depth"), RampHold(0.01, 1.0)
-    assert table.kinks == ramp.kinks
+    assert table.breakpoints == ramp.breakpoints
     for time in np.linspace(0, 2, 21).tolist():
         assert table(time) == pytest.approx(ramp(time), rel=1e-15)
 
@@ -60,10 +60,10 @@ BACK = {
 
 def test_a_punch_approaches_dwells_and_retracts() -> None:
     config = Config(name="back", trajectory=BACK | {"depth": 0.01, "final": -0.03})
-    trajectory = inputs.make_trajectory(config)
+    trajectory = Programme(config).drive
     # Way over speed: 0.02/0.02, a dwell of 0.5, 0.04/0.1.
-    np.testing.assert_allclose(trajectory.kinks, [1.0, 1.5, 1.9], rtol=1e-14)
-    assert config.time.end == trajectory.kinks[-1]
+    np.testing.assert_allclose(trajectory.breakpoints, [1.0, 1.5, 1.9], rtol=1e-14)
+    assert config.time.end == trajectory.breakpoints[-1]
     expected = [-0.01, 0.0, 0.01, 0.01, 0.0, -0.03, -0.03]
     at = (0, 0.5, 1.0, 1.5, 1.6, 1.9, 9.0)
     np.testing.assert_allclose([trajectory(t) for t in at], expected, atol=1e-16)
@@ -71,17 +71,19 @@ def test_a_punch_approaches_dwells_and_retracts() -> None:
 
 def test_cycles_begin_where_the_one_before_ends() -> None:
     config = Config(name="cycles", trajectory=BACK | {"dwell": 0.0, "final": 0.0, "cycles": 3})
-    trajectory = inputs.make_trajectory(config)
-    np.testing.assert_allclose(np.diff([0.0, *trajectory.kinks]), [1.0, 0.1, 0.5, 0.1, 0.5, 0.1], rtol=1e-13)
-    values = [trajectory(t) for t in (0.0, *trajectory.kinks)]
+    trajectory = Programme(config).drive
+    np.testing.assert_allclose(
+        np.diff([0.0, *trajectory.breakpoints]), [1.0, 0.1, 0.5, 0.1, 0.5, 0.1], rtol=1e-13
+    )
+    values = [trajectory(t) for t in (0.0, *trajectory.breakpoints)]
     np.testing.assert_allclose(values, [-0.01, *[0.01, 0.0] * 3], atol=1e-16)
 
 
 def test_a_force_is_one_over_the_cell_with_rates_of_its_own() -> None:
     there = {"control": "force", "kind": "approach_retract", "force": 3.0, "retract_speed": 6.0}
     config = Config(name="force", grid={"points": 8, "period": 2.0}, trajectory=there)
-    trajectory = inputs.make_trajectory(config)
-    assert trajectory.kinks == (1.0, 1.5)  # without a speed the peak is reached in a time of one
+    trajectory = Programme(config).drive
+    assert trajectory.breakpoints == (1.0, 1.5)  # without a speed the peak is reached in a time of one
     assert trajectory(1.0) == 1.5
 
 

@@ -18,11 +18,11 @@ import xarray as xr
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import writer
-from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, dimension_names
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
-from gfmdlayer.results.sweep_file import collect, dimension_names
+from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 16, endpoint=False)
@@ -362,8 +362,8 @@ def test_sweep_has_the_snapshots_of_its_cases_labelled(tmp_path: Path) -> None:
 def test_snapshots_are_read_from_the_chosen_cases_alone(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"a.b": value} for value in range(4)])
     collect(tmp_path, records, ["a.b"])
-    records[1].path.write_text("damaged")
-    records[2].path.unlink()
+    records[1].source.write_text("damaged")
+    records[2].source.unlink()
     with open_results(tmp_path) as data:
         np.testing.assert_array_equal(data["displacement"].sel(b=3, snapshot=1.0), 4 * X)
         assert np.isnan(data["displacement"].sel(b=2)).all()
@@ -379,15 +379,15 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
         assert not {"displacement", "pressure"} & set(data.data_vars)
     records = write_sweep(tmp_path, [{"a.b": 1}, {"a.b": 2}])
     collect(tmp_path, records, ["a.b"])
-    with CaseWriter(records[1].path, {"x": X[:8]}) as other:
+    with CaseWriter(records[1].source, {"x": X[:8]}) as other:
         other.snapshot(1.0, X[:8], X[:8])
     with (
         open_results(tmp_path) as data,
         pytest.raises(ResultsError, match=r"0001\.h5: displacement of"),
     ):
         data["displacement"].load()
-    with CaseWriter(records[1].path, {"x": X}) as other:
-        for time in open_case(records[0].path)["snapshot"].values:
+    with CaseWriter(records[1].source, {"x": X}) as other:
+        for time in open_case(records[0].source)["snapshot"].values:
             other.snapshot(time + 1e-3, X, X)
     with (
         open_results(tmp_path) as data,
@@ -415,7 +415,7 @@ def test_cases_that_ended_in_a_steady_state_keep_their_last_row(tmp_path: Path) 
         for index, end in enumerate(ends):
             found = data["friction"].isel(velocity=index)
             np.testing.assert_allclose(found, 0.01 * (index + 1) * np.minimum(range(5), end))
-    assert attributes(records[0].path)["settled"] == 1
+    assert attributes(records[0].source)["settled"] == 1
 
 
 def test_shared_last_parts_take_the_whole_key() -> None:
@@ -457,8 +457,8 @@ def test_values_that_are_no_numbers_become_text(
 
 def test_failed_and_missing_cases_are_nan_and_named(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"layer.thickness": d} for d in (0.1, 0.2, 0.3)])
-    records[0] = CaseRecord(0, records[0].path, records[0].values, "did not converge at time 0.2")
-    records[2].path.unlink()
+    records[0] = CaseRecord(0, records[0].source, records[0].values, "did not converge at time 0.2")
+    records[2].source.unlink()
     collect(tmp_path, records, ["layer.thickness"])
     with open_results(tmp_path) as data:
         np.testing.assert_array_equal(data["contact_area"].sel(time=1.0), [np.nan, 2.0, np.nan])
@@ -504,7 +504,7 @@ def test_a_thousand_failures_are_named(tmp_path: Path) -> None:
 
 def test_a_damaged_case_is_left_out_of_the_sweep_and_no_other(tmp_path: Path) -> None:
     records = write_sweep(tmp_path, [{"a.b": i} for i in range(3)])
-    damage(records[1].path)
+    damage(records[1].source)
     collect(tmp_path, records, ["a.b"])
     with open_results(tmp_path) as data:
         assert data["contact_area"].isnull().all("time").to_numpy().tolist() == [False, True, False]

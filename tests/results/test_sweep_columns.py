@@ -11,7 +11,7 @@ import pytest
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
-from gfmdlayer.results.case_metadata import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import case_path, open_results
 from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter, case_template

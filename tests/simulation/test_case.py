@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
-from gfmdlayer.periodic import Case, simulate
+from gfmdlayer.model import simulate
+from gfmdlayer.periodic import Case
 
 N, DEPTH, STEP, TOLERANCE = 256, 0.01, 0.05, 1e-9
 

@@ -10,7 +10,8 @@ import pytest
 
 from gfmdlayer import indent
 from gfmdlayer.config import load
-from gfmdlayer.periodic import Case, simulate
+from gfmdlayer.model import simulate
+from gfmdlayer.periodic import Case
 from gfmdlayer.verification.runs import Recording
 
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"

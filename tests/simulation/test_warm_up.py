@@ -8,21 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from gfmdlayer import preparation
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
-from gfmdlayer.periodic import Case, simulate
-from gfmdlayer.preparation import _in_small
+from gfmdlayer.indentation import isolated
+from gfmdlayer.model import simulate
+from gfmdlayer.periodic import smallest_equivalent_case
+from gfmdlayer.results.journal import Recording
 
 PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from gfmdlayer import preparation
 from gfmdlayer.periodic import Case
 from gfmdlayer.config import Config
-from gfmdlayer.preparation import warm_up
-from gfmdlayer.periodic import ConvergenceError, simulate
+from gfmdlayer.model import warm_up
+from gfmdlayer.model import ConvergenceError, simulate
 
 class Nothing:
     def row(self, **_): ...
@@ -105,7 +105,7 @@ class Rows:
 )
 def test_few_steps_are_enough_whatever_the_case(values: dict[str, object]) -> None:
     rows = Rows()
-    simulate(_in_small(Config(name="warm").with_values(values)), rows)
+    simulate(smallest_equivalent_case(Config(name="warm").with_values(values)), rows)
     assert 3 <= rows.count < 200
 
 
@@ -130,11 +130,9 @@ def test_cases_of_one_kind_are_warmed_up_and_costed_together(values: dict[str, o
 
 @pytest.mark.parametrize("control", ["depth", "force"])
 def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside_the_layer(
-    control: str, monkeypatch: pytest.MonkeyPatch
+    control: str,
 ) -> None:
     """A punch of a fixed size, thousands of times as wide as a film of some micrometres, takes gigabytes."""
-    simulated: list[Config] = []
-    monkeypatch.setattr(preparation, "simulate", lambda config, _: simulated.append(config))
     film = Config(name="film").with_values(
         {
             "grid.geometry": "axisymmetric",
@@ -143,7 +141,9 @@ def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside
             "trajectory": {"control": control, control: 1e-6 if control == "depth" else 1e-9},
         }
     )
-    preparation.warm_up(film)
-    (small,) = simulated
-    assert Case(small).indentation._space.nodes.cosines.size < 1e6
+    small = isolated.smallest_equivalent_case(film)
+    recording = Recording()
+    simulate(small, recording)
+    widest = max(row["contact_radius"] for row in recording.rows)
+    assert 0 < widest < film.stacked[0].thickness
     assert small.trajectory.control == control

@@ -1,4 +1,4 @@
-"""A punch shape and a material law are added by one new file and one line in a table."""
+"""A punch shape, a material law and a geometry are added by one new file and one line in a table."""
 
 from __future__ import annotations
 
@@ -102,6 +102,27 @@ print(*ended)
 """
 
 
+def copy_of_the_package(folder: Path) -> Path:
+    """Copy the package with its compiled kernels."""
+    copy = folder / "copy" / "gfmdlayer"
+    shutil.copytree(Path(gfmdlayer.__file__).parent, copy)
+    return copy
+
+
+def run_commands(folder: Path, copy: Path, *commands: str) -> str:
+    """Run command lines in turn by a copy of the package; return what they print."""
+    ran = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *commands],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(copy.parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout + ran.stderr
+
+
 def newcomer(folder: Path, file: str, content: str, table: str, after: str, *commands: str) -> str:
     """Add a file and a line to a copy of the package, and return what its command lines print.
 
@@ -116,8 +137,7 @@ def newcomer(folder: Path, file: str, content: str, table: str, after: str, *com
     *commands : str
         Arguments of `gfmdlayer`.
     """
-    copy = folder / "copy" / "gfmdlayer"
-    shutil.copytree(Path(gfmdlayer.__file__).parent, copy)  # with the compiled kernels
+    copy = copy_of_the_package(folder)
     (copy / file).write_text(content)
     name = re.search(r"^class (\w+)", content, re.MULTILINE)
     assert name is not None
@@ -125,16 +145,7 @@ def newcomer(folder: Path, file: str, content: str, table: str, after: str, *com
     text = (copy / table).read_text()
     assert text.count(after) == 1
     (copy / table).write_text(text.replace(after, f"{after}\n    {entry}"))
-    ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *commands],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(copy.parent)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stderr
-    return ran.stdout + ran.stderr
+    return run_commands(folder, copy, *commands)
 
 
 def test_a_new_punch_shape_is_checked_offered_and_run(tmp_path: Path) -> None:
@@ -203,3 +214,62 @@ solver: {tolerance: 1.0e-9}
     decay = np.exp(-np.subtract.outer(t[held], [0.5]) / tau) - np.exp(-np.outer(t[held], 1 / tau))
     modulus = 2 + (moduli * tau * decay).sum(axis=1) / 0.5
     np.testing.assert_allclose(pressure[held] / pressure[-1], modulus / modulus[-1], rtol=1e-7)
+
+
+SPRING = '''
+"""One linear spring under a prescribed depth or force: the smallest geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gfmdlayer.model import Footprint, Model
+from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.observable import Column
+
+
+class Spring(Model):
+    """The force on a spring whose stiffness is the modulus of the uppermost layer."""
+
+    columns = TIME, Column("depth", "depth", "length"), Column("force", "force", "force")
+    coordinates = {"x": np.zeros(1)}  # no snapshots: one point does
+
+    @property
+    def footprint(self):
+        return Footprint(steps=len(self.programme.landings), pairs=0.0, work=1.0, memory=1e6, storage=1e4)
+
+    def problems(self):
+        if self.config.trajectory.control == "load":
+            yield "trajectory.control", "got 'load'; must be depth or force"
+
+    def run(self, recorder, progress=None, resume=None):
+        k, given = self.config.surface.material.relaxed, self.config.trajectory.control
+        for instant in self.programme.fixed_steps():
+            depth = self.programme.drive(instant.time) / (k if given == "force" else 1.0)
+            recorder.row(time=instant.time, depth=depth, force=k * depth)
+        return []
+'''
+
+
+def test_a_new_geometry_is_one_model_and_one_line(tmp_path: Path) -> None:
+    case = "name: x\ngrid: {geometry: spring}\ntime: {end: 1.0, step: 0.25}\n"
+    (tmp_path / "case.yaml").write_text(case + "sweep: {layer.material.G0: [1.0, 3.0]}\n")
+    (tmp_path / "bad.yaml").write_text(case + "trajectory: {control: load, load: 1.0}\n")
+    copy = copy_of_the_package(tmp_path)
+    (copy / "spring.py").write_text(SPRING)
+    table = copy / "config/geometries.py"
+    start = "GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default\n"
+    assert start in table.read_text()
+    line = '    "periodic": Geometry('
+    added = f'    "spring": Geometry("gfmdlayer.spring:Spring"),\n{line}'
+    table.write_text(table.read_text().replace(line, added))
+    said = run_commands(
+        *(tmp_path, copy, "check case.yaml", "run case.yaml --out out", "check bad.yaml", "status out"),
+        "plot out --y force --out force.png",
+    )
+    assert "bad.yaml:4:" in said
+    assert "trajectory.control: got 'load'; must be depth or force" in said
+    assert "\n0 0 2 0 0\n" in said
+    found = gfmdlayer.open_results(tmp_path / "out")
+    np.testing.assert_allclose(found["force"], found["depth"] * found["G0"])
+    assert (tmp_path / "force.png").exists()

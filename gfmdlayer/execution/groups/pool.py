@@ -198,8 +198,8 @@ def _errors(config: Config, ranks: int) -> Iterator[tuple[str, str]]:
     from gfmdlayer.grid.slabs import refused
 
     each = f"with {ranks} ranks a case"
-    if config.grid.axisymmetric:
-        yield "grid.geometry", f"got 'axisymmetric'; must be periodic {each}"
+    if not config.geometry.on_grid:
+        yield "grid.geometry", f"got {config.grid.geometry!r}; must be periodic {each}"
         return
     if reason := refused(config.grid.points, ranks):
         yield "grid.points", f"got {reason}"

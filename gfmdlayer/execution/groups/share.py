@@ -194,7 +194,8 @@ class PartWriter:
 
     elapsed = 0.0  # which the first rank counts
 
-    def __init__(self, grid: Grid, columns: Iterable[Column]) -> None:
+    def __init__(self, grid: Grid | None, columns: Iterable[Column]) -> None:
+        assert grid is not None  # ranks share periodic grids only
         self._grid, self.declared = grid, frozenset(column.name for column in columns)
         self.noted: dict[str, Attribute] = {}
 

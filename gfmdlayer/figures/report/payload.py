@@ -17,9 +17,9 @@ from gfmdlayer.figures.report.cases import Contents, Described, Listed, Reader, 
 from gfmdlayer.figures.report.marks import html, packed, plain
 from gfmdlayer.figures.selection import default_columns, value_titles
 from gfmdlayer.observables.contact_edges import FEWEST
+from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.provenance import LIBRARIES
-from gfmdlayer.results.schema import FIELDS
-from gfmdlayer.results.sweep_file import described_key, lay_out
+from gfmdlayer.results.schema import FIELDS, described_key
 
 if TYPE_CHECKING:
     from xarray import DataArray

@@ -18,9 +18,9 @@ from gfmdlayer.config import Config
 from gfmdlayer.fitting.indentation.curve import Drive, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.indent import as_revolution
+from gfmdlayer.indentation.isolated import IsolatedContact
 from gfmdlayer.indentation.solve import on_halved_steps
 from gfmdlayer.indentation.space import History, LeftGridError, Space, find_space, make_space
-from gfmdlayer.periodic import Case
 
 STEPS = 32  # of a mesh; each piece has at least FEWEST
 FEWEST = 2
@@ -70,7 +70,7 @@ class Prediction:
     def _solution(self, config: Config, drive: Drive) -> tuple[FloatArray, FloatArray]:
         """Return times and forces from the first contact on."""
         times = _mesh(drive, self._parts)
-        body, profile = Case(config).body, as_revolution(config.punch)
+        body, profile = IsolatedContact(config).body, as_revolution(config.punch)
         history = History(times, np.interp(times, drive.time, drive.depth))
         if not history.value.max() > 0:
             return times, np.zeros(times.size)

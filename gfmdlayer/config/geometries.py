@@ -1,0 +1,155 @@
+"""The geometries of a contact, as a configuration sees them. Imports no numerics.
+
+`GEOMETRIES` is the one table of `grid.geometry`. Each geometry names its `Model` (`gfmdlayer/model.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.punch.shapes import SHAPES
+from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.sections import files_named
+
+if TYPE_CHECKING:
+    from gfmdlayer.validation.sections import Section
+
+_GEOMETRY = ("grid.geometry",)
+# Keys that describe a periodic cell, its contact solver, or observables of its surface.
+_PERIODIC = {
+    "grid": ("period",),
+    "solver": None,
+    "trajectory": ("velocity", "velocity_file"),
+    "time": ("integrator", "steady"),
+    "output": ("patches", "histograms", "keep_state"),
+}
+
+
+def _nothing(_config: Any) -> Iterator[Problem]:
+    """Find no contradiction."""
+    yield from ()
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A value of `grid.geometry`.
+
+    Attributes
+    ----------
+    model : str
+        Module and class of its `Model`, "package.module:Class".
+    points : int
+        Default of `grid.points`.
+    on_grid : bool
+        Whether the surface has a periodic grid: a cell, Fourier transforms and a contact solver.
+    problems : callable
+        From a `Config` to its contradictions with this geometry, which have a place in the YAML file.
+    plainly_possible : callable
+        From a `Config` to whether `Model.problems` need not look at it before the run.
+    """
+
+    model: str
+    points: int = 256
+    on_grid: bool = False
+    problems: Callable[[Any], Iterator[Problem]] = _nothing
+    plainly_possible: Callable[[Any], bool] = lambda _config: False
+
+
+def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
+    """Yield why a punch does not fit into the periodic cell."""
+    if config.grid.extent is not None:
+        message = "only for geometry: axisymmetric; remove it or change the geometry"
+        yield Problem(("grid", "extent"), message, _GEOMETRY)
+    fit = config.punch.misfits(config.grid.cell)
+    yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+
+
+def _plainly_possible_in_a_cell(config: Any) -> bool:
+    """Whether no file has to be read, and the depth is well below a mean height in closed form."""
+    given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
+    if files_named(config) or mean_height is None:
+        return False
+    return given.control != "depth" or (given.depth is not None and given.depth < mean_height / 2)
+
+
+def _problems_of_revolution(config: Any) -> Iterator[Problem]:
+    """Yield keys that need a periodic cell, and punches that are no convex body of revolution."""
+    if len(config.grid.points) > 1:
+        message = f"got {shown(config.grid.points)}; must be one number with geometry: axisymmetric"
+        yield Problem(("grid", "points"), message, _GEOMETRY)
+    yield from _periodic_keys(config)
+    if config.temperature is not None:
+        message = "not available with grid.geometry: axisymmetric; remove it"
+        yield Problem(("temperature",), message, _GEOMETRY)
+    if config.interfaces:
+        message = (
+            "not available with grid.geometry: axisymmetric, which has the hard wall only; remove it "
+            "(gfmdlayer.indent has a work of adhesion)"
+        )
+        yield Problem(("interface",), message, _GEOMETRY)
+    if config.trajectory.control == "load":
+        message = (
+            "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
+        )
+        yield Problem(("trajectory", "control"), message, _GEOMETRY)
+    if config.output.snapshots == "every":
+        message = "got 'every'; must be a list of times with grid.geometry: axisymmetric"
+        yield Problem(("output", "snapshots"), message, _GEOMETRY)
+    yield from _of_the_punch(config.punch)
+    yield from _of_the_base(config)
+
+
+def _periodic_keys(config: Any) -> Iterator[Problem]:
+    """Refuse values, other than the defaults, that describe something periodic."""
+    for name, keys in _PERIODIC.items():
+        section: Section = getattr(config, name)
+        plain = type(section)()
+        for key in keys or type(section).model_fields:
+            value = getattr(section, key, None)
+            if value is not None and value != getattr(plain, key):
+                message = f"got {shown(value)}, not used with grid.geometry: axisymmetric; remove it"
+                yield Problem((name, key), message, _GEOMETRY)
+
+
+def _of_the_punch(punch: Any) -> Iterator[Problem]:
+    if not hasattr(punch, "revolution"):
+        allowed = ", ".join(word for word, shape in SHAPES.items() if hasattr(shape, "revolution"))
+        message = f"got {punch.shape!r}, which is no convex body of revolution; must be one of {allowed}"
+        yield Problem(("punch", "shape"), message, _GEOMETRY, chooses=True)
+        return
+    for key, value in vars(punch).items():
+        if isinstance(value, tuple):
+            message = f"got {shown(value)}; must be one number for a body of revolution"
+            yield Problem(("punch", key), message, _GEOMETRY)
+
+
+def _of_the_base(config: Any) -> Iterator[Problem]:
+    layers, modulus = config.stacked, config.halfspace.shear_modulus
+    thickness = sum(layer.thickness for layer in layers)
+    if modulus == 0 and math.isfinite(thickness):
+        message = "got 0: a layer without a base does not support an isolated load; must be > 0"
+        yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers", *_GEOMETRY))
+    depth = config.trajectory.depth
+    if depth is not None and modulus == math.inf and depth >= thickness:
+        message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
+        yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
+
+
+def _plainly_possible_of_revolution(config: Any) -> bool:
+    """Whether no table has to be read."""
+    return config.trajectory.file is None and not hasattr(config.punch, "file")
+
+
+GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
+    "periodic": Geometry(
+        "gfmdlayer.periodic:Case", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
+    ),
+    "axisymmetric": Geometry(
+        "gfmdlayer.indentation.isolated:IsolatedContact",
+        problems=_problems_of_revolution,
+        plainly_possible=_plainly_possible_of_revolution,
+    ),
+}

@@ -1,0 +1,141 @@
+"""Steps, FFT pairs, memory and disk of a periodic case, estimated from its configuration before it runs.
+
+The unit of work is the FFT pair, one forward and one backward transform of the grid, since nearly all of the
+time goes there. The solver declares the pairs of a step and the fields in memory (`contact.solvers`).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.history.time_points import number_of_steps
+from gfmdlayer.model import PROGRAM, Footprint
+from gfmdlayer.programme import Programme
+
+# Adaptive steps at a tolerance of 1e-4: the first ones, those of each stretch between breakpoints, those in
+# which a branch relaxes, those for each doubling of a stretch beyond LONG relaxation times, in which the
+# punch moves or the surface creeps; and the power of the tolerance. Measured on ramps and tables of 5 to 400
+# rows, tolerances from 1e-3 to 1e-5, relaxation times from 1e-3 to 100 ramps.
+FIRST_STEPS, STRETCH_STEPS, RELAXING_STEPS, DOUBLING_STEPS, LONG = 4, 2, 5, 6, 3
+ADAPTIVE_POWER = -1 / 3
+ADAPTIVE = 2  # pairs of an adaptive step, with rejected attempts, over those of a short fixed one
+AT_TURN = 2  # further steps, in pairs, for a fixed step after a breakpoint; measured on random tables
+SURFACE = 1.3  # pairs of a step on a surface over those on a line
+SLIDING = 4  # contact problems of a step under a moving punch; measured on the sliding parabola
+# Adaptive steps under a moving punch over those under a resting one, up to FAST periods in a relaxation time.
+SLIDING_STEPS, FAST = 2, 10
+# Adaptive steps for each range of an interface that the punch moves, from NEAR ranges above the surface on,
+# and for each stretch under a load. Measured on adhesive cylinders and films.
+SEPARATING_STEPS, NEAR, HOLDING_STEPS = 6, 3, 15
+# Steady sliding begins after this many passages of the period, or times in which a free surface relaxes.
+SETTLING = 3
+# Thickness over the period below which contact is harder to find: the pairs grow with its root; the limit.
+THIN, THINNEST = 0.05, 1 / 9
+STEP_SECONDS = 3e-4  # of a step beside its pairs, measured at 2^8 points
+REAL = 8  # bytes
+BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
+ROWS = 512  # in a block of the file
+HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
+
+
+def estimate(programme: Programme, width: int) -> Footprint:
+    """Estimate the cost of a periodic case whose rows have `width` numbers."""
+    config = programme.config
+    size = math.prod(config.grid.points)
+    steps, turns = count_steps(programme)
+    solver = SOLVERS[config.contact_solver.method]
+    pairs = (steps + AT_TURN * turns) * solver.pairs_per_step(size, config.solver.model_dump())
+    pairs *= SLIDING if config.trajectory.moves else 1
+    pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
+    pairs *= SURFACE if len(config.grid.points) == 2 else 1
+    pairs *= solver.rough if config.punch.rough else 1
+    if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
+        pairs *= max(thin, THINNEST) ** -0.5
+    branches = len(config.surface.material.roughly(config.time.end)[1])
+    rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
+    snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
+    fields = (3 + bool(config.interfaces)) * size * snapshots
+    return Footprint(
+        steps=steps,
+        pairs=pairs,
+        work=size * pairs,
+        memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
+        storage=HEADER + REAL * (width * rows + sum(config.grid.points) + fields),
+        seconds=STEP_SECONDS * steps,
+    )
+
+
+def count_steps(programme: Programme) -> tuple[int, int]:
+    """Count the steps, fixed ones exactly, adaptive ones by the relaxation between breakpoints.
+
+    Also count the fixed steps that follow a breakpoint; adaptive steps are short there.
+    """
+    config, planned, separating = programme.config, programme.landings, 0.0
+    given, drive = config.trajectory, programme.drive
+    if config.interfaces:
+        separating = HOLDING_STEPS * len(drive.breakpoints)
+        if given.control == "depth":
+            reach = programme.interface.range
+            nearest = [max(drive(time) / reach, -NEAR) for time in (0.0, *drive.breakpoints)]
+            separating = SEPARATING_STEPS * sum(abs(after - before) for before, after in pairwise(nearest))
+    settled = max(programme.breakpoints, default=0.0) + _settling(programme)
+    last = next((stop for stop in planned if stop.time >= settled), planned[-1])
+    planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
+    if config.time.step != "adaptive":
+        return number_of_steps(planned), sum(stop.kink for stop in planned)
+    relaxed, branches = config.surface.material.roughly(config.time.end)
+    times, spent = _relaxation(relaxed, branches)
+    finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
+    slowest = max((tau for _, tau in branches), default=0.0)
+    crossed = abs(given.velocity or 0.0) * slowest / max(config.grid.period)
+    steps, begin, landings = FIRST_STEPS + finer * separating, 0.0, 0
+    finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
+    for stop in planned[1:]:
+        if stop.kink or stop is planned[-1]:
+            free = finer * spent[min(bisect_left(times, stop.time - begin), len(times) - 1)]
+            steps += math.hypot(STRETCH_STEPS + free, landings)
+            begin, landings = stop.time, 0
+        else:
+            landings += 1
+    return round(steps), 0
+
+
+def _settling(programme: Programme) -> float:
+    """Time from the last breakpoint to the steady state that ends the run of a moving punch."""
+    config = programme.config
+    velocity = config.trajectory.velocity
+    if config.time.steady is None or not velocity:
+        return math.inf
+    relaxed, branches = config.surface.material.roughly(config.time.end)
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    slowest = max((tau for _, tau in branches), default=0.0)
+    creep = slowest * glassy / relaxed if relaxed > 0 else math.inf
+    return SETTLING * max(max(config.grid.period) / abs(velocity), creep)
+
+
+@lru_cache(maxsize=8)
+def _relaxation(relaxed: float, branches: tuple[tuple[float, float], ...]) -> tuple[list[float], list[float]]:
+    """Return times after a breakpoint, and the steps up to them at a tolerance of 1e-4.
+
+    The error of a step is proportional to its third power and to the third derivative of the relaxing
+    modulus: over a time t there are int_0^t (sum_k G_k exp(-s/tau_k)/tau_k^3)^(1/3) ds steps, up to a factor.
+    """
+    times, spent = [0.0], [0.0]
+    if not any(modulus for modulus, _ in branches):
+        return times, spent
+    glassy = relaxed + sum(modulus for modulus, _ in branches)
+    shortest, longest = (limit(tau for _, tau in branches) for limit in (min, max))
+    time, rate = 0.01 * shortest, sum(modulus / tau**3 for modulus, tau in branches) ** (1 / 3)
+    while times[-1] < 1000 * longest:
+        after = sum(modulus / tau**3 * math.exp(-time / tau) for modulus, tau in branches) ** (1 / 3)
+        relaxing = (time - times[-1]) * (rate + after) / 2 / glassy ** (1 / 3)
+        moving = math.log2(time / max(times[-1], LONG * longest)) if time > LONG * longest else 0.0
+        spent.append(spent[-1] + RELAXING_STEPS * relaxing + DOUBLING_STEPS * moving)
+        times.append(time)
+        time, rate = time * 1.1, after
+    return times, spent

@@ -1,0 +1,314 @@
+"""What execution and results know of a case: a `Model`, chosen by the geometry of the contact.
+
+A model turns the configuration of one case into rows and snapshots. The commands, the processes of a sweep
+and the result files use this protocol only; a further geometry is one class with it, and one line in
+`config.geometries.GEOMETRIES`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gfmdlayer.body.body import Body, layered_body
+from gfmdlayer.body.stack import Layer
+from gfmdlayer.config import Config
+from gfmdlayer.grid.ranks import ALONE, Ranks
+from gfmdlayer.programme import Programme
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.materials import PronySeries
+    from gfmdlayer.contact.problem import Problem, Solution
+    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.observables.observable import Column
+    from gfmdlayer.results.journal import Recorder
+    from gfmdlayer.resumable import CompositeState
+
+PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
+
+
+class ConvergenceError(RuntimeError):
+    """A contact problem was not solved to the solver's tolerance.
+
+    Attributes
+    ----------
+    problem : Problem or None
+        The contact problem.
+    solution : Solution or None
+        The last state of the solver, whose residual is too large.
+    time : float
+        Simulated time of the step.
+    data : xarray.Dataset or None
+        From `gfmdlayer.run`: the steps before.
+
+    Examples
+    --------
+    >>> try:
+    ...     gfmdlayer.run({"grid": {"points": 256}, "solver": {"method": "fire", "max_iterations": 20}})
+    ... except gfmdlayer.ConvergenceError as error:
+    ...     print(error.solution.residual > 1e-6, error.data.sizes["time"])
+    True 1
+    """
+
+    def __init__(
+        self,
+        message: str,
+        problem: Problem | None = None,
+        solution: Solution | None = None,
+        time: float = float("nan"),
+    ) -> None:
+        super().__init__(message)
+        self.problem, self.solution, self.time = problem, solution, time
+        self.data: Any = None
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Estimated cost of one case.
+
+    Attributes
+    ----------
+    steps : int
+        Time steps.
+    pairs : float
+        FFT pairs, each one forward and one backward transform of the grid.
+    work : float
+        Points times FFT pairs, or as much work of another kind; dealt out evenly over shards.
+    memory, storage : float
+        Bytes in memory (with the program) and in the result file.
+    seconds : float
+        Seconds beside the FFT pairs.
+    """
+
+    steps: int
+    pairs: float
+    work: float
+    memory: float
+    storage: float
+    seconds: float = 0.0
+
+
+class Model(ABC):
+    """One case of a geometry: its columns, its cost, its checks and its run.
+
+    A subclass makes its parts when they are first used, so that `columns`, `footprint` and `problems` are
+    cheap.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration of one case.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    ranks : Ranks
+        The processes that compute the case together.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        wisdom: str | None = None,  # noqa: ARG002
+        threads: int = 1,  # noqa: ARG002
+        ranks: Ranks = ALONE,  # noqa: ARG002
+    ) -> None:
+        self.config = config
+
+    @cached_property
+    def programme(self) -> Programme:
+        """The imposed quantities over time."""
+        return Programme(self.config)
+
+    @property
+    @abstractmethod
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of a row, in their order; the first is the time."""
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Coordinates of the whole snapshots by name: x, and y of a surface in two directions."""
+
+    @property
+    def grid(self) -> Grid | None:
+        """The periodic grid of the snapshots, of which each rank has a part; None where there is none."""
+        return None
+
+    @property
+    def wisdom(self) -> str:
+        """FFTW's wisdom after the run; empty without transforms."""
+        return ""
+
+    @property
+    def attributes(self) -> Mapping[str, str | float]:
+        """Attributes of the result file that this geometry adds."""
+        return {}
+
+    @property
+    @abstractmethod
+    def footprint(self) -> Footprint:
+        """Estimated steps, FFT pairs, memory and disk."""
+
+    def methods(self) -> Iterator[str]:
+        """Yield lines for `gfmdlayer check` on the numerical methods and the reasons for them."""
+        yield from ()
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        """Read the input files; yield each key that cannot be used, and why."""
+        yield from ()
+
+    def warm_up(
+        self,
+        folder: Path | None = None,  # noqa: ARG002
+        results: Path | None = None,  # noqa: ARG002
+        *,
+        plan: bool = True,  # noqa: ARG002
+    ) -> str:
+        """Compile the kernels and plan the transforms of the case.
+
+        Parameters
+        ----------
+        folder : Path, optional
+            Folder of the plans; by default the user's cache.
+        results : Path, optional
+            Folder of the plans of some results, which come first.
+        plan : bool
+            Whether to plan transforms.
+
+        Returns
+        -------
+        str
+            FFTW's wisdom; runs with the same wisdom agree in every bit.
+        """
+        return ""
+
+    @abstractmethod
+    def run(
+        self,
+        recorder: Recorder,
+        progress: Callable[[float], None] | None = None,
+        resume: Callable[[CompositeState], None] | None = None,
+    ) -> list[str]:
+        """Compute the case into a recorder; arguments and result are those of `gfmdlayer.simulate`."""
+
+
+def model_of(config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks = ALONE) -> Model:
+    """Return the model of a case.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration of one case.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    ranks : Ranks
+        The processes that compute the case together.
+    """
+    module, _, name = config.geometry.model.partition(":")
+    made: Model = getattr(import_module(module), name)(config, wisdom, threads, ranks)
+    return made
+
+
+def warm_up(config: Config, folder: Path | None = None, threads: int = 1) -> str:
+    """Compile the kernels and plan the transforms of a case, see `Model.warm_up`; return FFTW's wisdom."""
+    return model_of(config, threads=threads).warm_up(folder)
+
+
+def simulate(
+    config: Config | Model,
+    recorder: Recorder,
+    progress: Callable[[float], None] | None = None,
+    wisdom: str | None = None,
+    threads: int = 1,
+    resume: Callable[[CompositeState], None] | None = None,
+) -> list[str]:
+    """Run one case.
+
+    Parameters
+    ----------
+    config : Config or Case
+        The configuration, or the parts of one simulation, where some are your own; a `Case` runs once, with
+        its own wisdom and threads.
+    recorder : Recorder
+        Records a row for each time step, the first at t = 0, and the snapshots.
+    progress : callable, optional
+        Called with the simulated time after each attempt at a step; may raise to stop.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    resume : callable, optional
+        Called once before the first step with all resumable state: may restore the state of a run of the
+        same case, which then goes on bit for bit, and may save the state whenever `progress` is called.
+
+    Returns
+    -------
+    list of str
+        Why the run ended early, if so, and warnings of the observables, such as that no steady state was
+        reached.
+
+    Raises
+    ------
+    ConvergenceError
+        If a step does not reach the solver's tolerance; the state to save is then that before the step.
+    TableError
+        If the file of a punch or a trajectory cannot be used.
+
+    Examples
+    --------
+    A recorder is called with each row:
+
+    >>> class Printer:
+    ...     def row(self, **values):
+    ...         print(values["time"], values["depth"])
+    ...
+    ...     def snapshot(self, time, displacement, pressure, gap): ...
+    ...
+    ...     def note(self, **attributes): ...
+    >>> config = gfmdlayer.Config(name="a", grid={"points": 1024}, time={"end": 1.0, "step": 0.5})
+    >>> gfmdlayer.simulate(config, Printer())
+    0.0 0.0
+    0.5 0.005
+    1.0 0.01
+    []
+    """
+    model = model_of(config, wisdom, threads) if isinstance(config, Config) else config
+    return model.run(recorder, progress, resume)
+
+
+def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySeries, ...]:
+    """Return the laws of a case as series of Maxwell branches over the times of its run.
+
+    `wavenumber` [1/length] is the largest one along x that a moving punch drives.
+    """
+    every = zip(programme.config.laws, programme.reduced_times, strict=True)
+    return tuple(law.prony(*programme.times_of_response(reduced, wavenumber)) for law, reduced in every)
+
+
+def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
+    """Return the layers on their halfspace; a stack merges its modes to the tolerance of the solver."""
+    base, materials = config.halfspace, [each.material for each in series]
+    given = zip(config.stacked, materials, strict=False)  # the last is the halfspace's, where it has one
+    layers = [Layer(each.thickness, each.poisson, material) for each, material in given]
+    below = materials[-1] if base.shear_modulus is None else base.shear_modulus
+    return layered_body(layers, below, base.poisson, accuracy=config.solver.tolerance)
+
+
+def compile_by(run: Callable[[], object]) -> None:
+    """Compile kernels by running a small case; an error is a warning, since the case itself will meet it."""
+    try:
+        run()
+    except Exception as error:
+        warnings.warn(
+            f"the cases compile their kernels themselves: {type(error).__name__}: {error}", stacklevel=3
+        )

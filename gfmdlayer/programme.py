@@ -1,0 +1,214 @@
+"""The quantities that a configuration imposes over time: drive, velocity, temperature, voltage.
+
+A `Programme` is made once for each case. The model, its footprint, the notes, the checks and growing studies
+read it, so that the breakpoints of all imposed quantities are found in one place. Files are read when a
+quantity is first used, and each file once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from gfmdlayer.body.materials import Material
+from gfmdlayer.body.shifts import Shift
+from gfmdlayer.body.temperature import shifts
+from gfmdlayer.config import Config
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.history import time_points
+from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.time_points import Instant
+from gfmdlayer.interface.law import InterfaceLaw, total
+from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
+
+
+class Programme:
+    """The imposed quantities of a case as functions of time.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    drive : Trajectory, optional
+        Depth or mean pressure over time, in place of that of the configuration.
+    **given
+        `velocity`, `interface` or `reduced_time`, likewise.
+
+    Raises
+    ------
+    TableError
+        At the first use of a quantity whose file cannot be used.
+    """
+
+    def __init__(self, config: Config, drive: Trajectory | None = None, **given: object) -> None:
+        self.config = config
+        vars(self).update(
+            {**given, **({} if drive is None else {"drive": drive})}
+        )  # before cached properties
+
+    @cached_property
+    def drive(self) -> Trajectory:
+        """Depth or mean pressure over time, as `trajectory.control` says.
+
+        A force is divided by the area of the cell, by the length of a line's cell, or by 1 where the contact
+        is isolated.
+        """
+        given = self.config.trajectory
+        unit = math.prod(self.config.grid.period) if given.control == "force" else 1.0
+        if given.file is not None:
+            table = _table(given.file, given.control)
+            return Table(table.times, table.values / unit)
+        if given.ramp_time is not None:
+            return RampHold(getattr(given, given.control) / unit, given.ramp_time)
+        times, values = np.array(given.corners).T
+        return Table(times, values / unit)
+
+    @cached_property
+    def velocity(self) -> Constant | Table | None:
+        """Velocity of the punch along x; None where the punch rests."""
+        given = self.config.trajectory
+        if given.velocity_file is not None:
+            return _table(given.velocity_file, "velocity")
+        return None if given.velocity is None else Constant(given.velocity)
+
+    @cached_property
+    def temperature(self) -> Constant | Table | None:
+        """Temperature of the body in degrees Celsius; None without `temperature`.
+
+        Raises
+        ------
+        TableError
+            If a value of the file is outside of the range of a shift, or the file ends before the run.
+        """
+        given, end = self.config.temperature, self.config.time.end
+        if given is None:
+            return None
+        if given.file is None:
+            assert given.value is not None
+            return Constant(given.value)
+        found = _table(given.file, "temperature", tuple(filter(None, shifts(self.config).values())))
+        if (last := float(found.times[-1])) < end:
+            raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
+        return found
+
+    @cached_property
+    def interface(self) -> InterfaceLaw:
+        """Interaction of surface and punch across the gap beside the hard wall, voltages included."""
+        return total(law.interaction(self.config.units) for law in self.config.interfaces)
+
+    @cached_property
+    def reduced_time(self) -> ReducedTime | None:
+        """Reduced time of the whole body; None without a temperature, and where shifts differ."""
+        found = list(filter(None, self._by_law))
+        return found[0] if len({each.shift for each in found}) == 1 else None
+
+    @cached_property
+    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
+        """Reduced time of each of `config.laws`; None for a law whose relaxation times do not change."""
+        common = self.reduced_time
+        return self._by_law if common is None else (common,) * len(self.config.laws)
+
+    @cached_property
+    def _by_law(self) -> tuple[ReducedTime | None, ...]:
+        """Reduced time of each law that relaxes and has a shift."""
+        temperature, laws = self.temperature, self.config.laws
+        if temperature is None:
+            return (None,) * len(laws)
+        felt = (None if isinstance(law, Material) and law.elastic else law.shift for law in laws)
+        return tuple(None if shift is None else ReducedTime(shift, temperature) for shift in felt)
+
+    def elapsed(self, instant: Instant) -> float:
+        """Return the length of the step to a time point, in reduced time where the whole body has one."""
+        if self.reduced_time is None:
+            return instant.step
+        return self.reduced_time.step(instant.time - instant.step, instant.step)
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times t > 0 at which the slope of an imposed quantity jumps; not sorted."""
+        thermal = next((each.temperature for each in self.reduced_times if each is not None), None)
+        every = self.drive, self.velocity, self.interface, thermal
+        return tuple(time for each in every if each is not None for time in each.breakpoints)
+
+    @property
+    def output_times(self) -> tuple[float, ...]:
+        """Times of the rows on which adaptive steps land."""
+        times, end = self.config.output.times, self.config.time.end
+        if isinstance(times, float):
+            return tuple(times * i for i in range(1, math.floor(end / times + 1e-9) + 1))
+        return times or ()
+
+    @cached_property
+    def landings(self) -> list[Instant]:
+        """Times on which the steps land, with the length of fixed steps to each of them."""
+        time, snapshots = self.config.time, self.config.output.snapshot_times
+        if isinstance(time.step, str):
+            return time_points.stops(time.end, snapshots, self.breakpoints, self.output_times)
+        equal = time.integrator == "backward_euler"
+        fixed = time_points.equal_stops if equal else time_points.landing_stops
+        return fixed(time.end, time.step, snapshots, self.breakpoints)
+
+    def fixed_steps(self) -> time_points.FixedSteps:
+        """Return fixed steps: backward Euler takes equal ones, other schemes land on breakpoints."""
+        time, snapshots = self.config.time, self.config.output.snapshot_times
+        assert not isinstance(time.step, str)
+        equal = time.integrator == "backward_euler"
+        steps = time_points.equal_steps if equal else time_points.landing_steps
+        instants = steps(time.end, time.step, snapshots, self.breakpoints)
+        return time_points.FixedSteps(instants, self.landings, time.step)
+
+    def times_of_response(self, reduced: ReducedTime | None, wavenumber: float = 0.0) -> tuple[float, float]:
+        """Return the shortest and the longest time over which the response of a law matters.
+
+        The longest is the end of the run. The shortest is the time step; with adaptive steps it is the part
+        of the shortest stretch between breakpoints that their tolerance is: relaxation within it changes the
+        pressure by no more than that. A moving punch also drives the shortest wave of the grid along x, with
+        `wavenumber` [1/length]. With a temperature these are reduced times, at any time of the run.
+        """
+        time = self.config.time
+        if isinstance(time.step, str):
+            inner = sorted(each for each in set(self.breakpoints) if 0 < each < time.end)
+            assert time.tolerance is not None
+            shortest = time.tolerance * min(map(float, np.diff([0.0, *inner, time.end])))
+        else:
+            shortest = time.step
+        if self.velocity is not None:
+            moving = self.velocity
+            values = moving.values if isinstance(moving, Table) else moving.value
+            if fastest := float(np.abs(values).max()) * wavenumber:
+                shortest = min(shortest, 1 / fastest)
+        least, most = (1.0, 1.0) if reduced is None else reduced.extremes
+        return shortest / most, time.end / least
+
+    def tables(self) -> Iterator[tuple[Path, str, float]]:
+        """Yield file, quantity and last time of the tables of drive, velocity and voltages."""
+        given = self.config.trajectory
+        named = [(given.file, given.control), (given.velocity_file, "velocity")]
+        named += [(getattr(law, "voltage", None), "voltage") for law in self.config.interfaces]
+        for file, quantity in named:
+            if isinstance(file, Path):
+                yield file, quantity, float(_table(file, quantity).times[-1])
+
+
+def _table(file: Path, quantity: str, felt: tuple[Shift, ...] = ()) -> Table:
+    """Return a table of a quantity over time; the last few files are kept while they do not change."""
+    changed: tuple[int, ...] = ()
+    with suppress(OSError):  # an array has no file: its name is the digest of its contents
+        status = file.stat()
+        changed = status.st_mtime_ns, status.st_size, status.st_ino
+    return _read(file, quantity, felt, changed)
+
+
+@lru_cache(maxsize=8)
+def _read(file: Path, quantity: str, felt: tuple[Shift, ...], _changed: tuple[int, ...]) -> Table:
+    """Read a table; temperatures must be within the range of the shifts that feel them."""
+
+    def refused(row: Sequence[float]) -> str:
+        return next(filter(None, (shift.refused(row[1]) for shift in felt)), "")
+
+    return Table.read(file, quantity, refused if felt else None)

@@ -1,0 +1,470 @@
+"""The cases of a sweep as one labelled structure, from their files or from datasets in memory.
+
+    contact_area and the other columns of the cases (swept key, ..., time[, bin])      case (swept key, ...)
+    pull_off_force and other numbers of a whole case (swept key, ...)
+
+A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
+trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
+A case that ended in a steady state keeps its last row at all later times; one whose punch was pulled off is
+NaN there.
+
+A sweep over the product of its keys has one dimension for each key, named by the last part of the key
+(thickness, shear_modulus, Ginf), or by the whole key where two keys share the last part. Any other list of
+cases (zip, samples) has one dimension, `case`, with the swept values along it. Labels are numbers if all
+values of the key are numbers, else text. Arguments of xarray's `sel` do not name a dimension: the dimension
+of solver.method has the whole key, and `sel({"solver.method": "fire"})` selects from it.
+
+The names and units of columns are those in the files: results of an earlier version, or of an observable that
+is no longer declared, are gathered like any other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import h5py
+import numpy as np
+from h5py import h5a, h5f, h5g
+from numpy.typing import NDArray
+
+from gfmdlayer.config.sweeps import as_label
+from gfmdlayer.observables import known_numbers
+from gfmdlayer.observables.contact_statistics import TIME, ContactMeans
+from gfmdlayer.results.reader import SAME_TIME, attribute, column, opened
+from gfmdlayer.results.schema import FIELDS, OVER_TIME, VARIABLES, described_key
+
+if TYPE_CHECKING:
+    import xarray
+
+INCOMPLETE = "no complete result file"
+OF_ONE_CASE = {
+    *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *known_numbers(),
+    *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
+}
+
+_NAMED = 5  # cases in a line of the notes
+
+# These dimensions cannot be selected by keyword: sel(tolerance=1e-6) selects nothing, without an error.
+_ARGUMENTS_OF_SEL = ("indexers", "method", "tolerance", "drop")
+
+
+@dataclass(frozen=True)
+class CaseRecord:
+    """One case of a sweep: its file or its data, its values by dotted key, and the reason if it failed."""
+
+    index: int
+    source: Path | xarray.Dataset | None
+    values: Mapping[str, object]
+    failed: str | None = None
+
+
+class Column(NamedTuple):
+    """A column of the cases: its attributes and, of a distribution, the ends of its bins."""
+
+    described: Mapping[str, str]
+    bins: str = ""  # name of the dimension of the bins; empty for a number
+    edges: Mapping[str, tuple[Mapping[str, str], NDArray[np.float64]]] = MappingProxyType({})
+
+
+class Labelled(NamedTuple):
+    """A variable of the structure: its dimensions, attributes and values."""
+
+    dimensions: tuple[str, ...]
+    described: Mapping[str, str]
+    values: NDArray[Any]
+
+
+class CaseData(Protocol):
+    """One case, open for reading."""
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of all variables; cases with equal names have columns along equal dimensions."""
+
+    @property
+    def attributes(self) -> list[str]:
+        """Names of the attributes."""
+
+    def attribute(self, name: str) -> object:
+        """Value of an attribute, or None."""
+
+    def values(self, name: str) -> NDArray[np.float64]:
+        """Values of a variable."""
+
+    def columns(self) -> Iterator[tuple[str, Column]]:
+        """Variables along time."""
+
+
+class _File:
+    """A case in its file."""
+
+    def __init__(self, file: h5f.FileID) -> None:
+        self._file = file
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        return tuple(name.decode() for name in h5g.open(self._file, b"/"))
+
+    @property
+    def attributes(self) -> list[str]:
+        return [h5a.open(self._file, index=i).name.decode() for i in range(h5a.get_num_attrs(self._file))]
+
+    def attribute(self, name: str) -> object:
+        return attribute(self._file, name)
+
+    def values(self, name: str) -> NDArray[np.float64]:
+        return column(self._file, name)
+
+    def columns(self) -> Iterator[tuple[str, Column]]:
+        h5 = h5py.File(self._file)
+        for name, dataset in h5.items():
+            if not isinstance(dataset, h5py.Dataset) or dataset.maxshape[:1] != (None,):
+                continue
+            if name in {TIME.name, "snapshot", *FIELDS}:
+                continue
+            if dataset.ndim == 1:
+                yield name, Column(_described(dataset))
+            else:
+                bins = dataset.dims[1][0].name.lstrip("/")
+                edges = {end: (_described(h5[end]), h5[end][()]) for end in (bins, f"{bins}_end")}
+                yield name, Column(_described(dataset), bins, edges)
+
+
+def _described(dataset: h5py.Dataset) -> dict[str, str]:
+    return {key: str(dataset.attrs[key]) for key in ("long_name", "units") if key in dataset.attrs}
+
+
+class _Memory:
+    """A case in memory, as `Recording.dataset` gives it."""
+
+    def __init__(self, data: xarray.Dataset) -> None:
+        self._data = data
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        return tuple(map(str, self._data.variables))
+
+    @property
+    def attributes(self) -> list[str]:
+        return list(self._data.attrs)
+
+    def attribute(self, name: str) -> object:
+        return self._data.attrs.get(name)
+
+    def values(self, name: str) -> NDArray[np.float64]:
+        return self._data[name].to_numpy()
+
+    def columns(self) -> Iterator[tuple[str, Column]]:
+        for name, values in self._data.data_vars.items():
+            if values.dims[:1] == ("time",):
+                bins = str(values.dims[1]) if values.ndim > 1 else ""
+                ends = (bins, f"{bins}_end") if bins else ()
+                edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
+                yield str(name), Column(values.attrs, bins, edges)
+
+
+@contextmanager
+def _open(record: CaseRecord) -> Iterator[CaseData]:
+    if isinstance(record.source, Path):
+        with opened(record.source) as file:
+            yield _File(file)
+    elif record.source is not None:
+        yield _Memory(record.source)
+
+
+class _CommonTimes:
+    """Times at which all cases so far have a row; a case that ended early has all later times too."""
+
+    def __init__(self) -> None:
+        self.times: NDArray[np.float64] = np.empty(0)
+        self._is_first = self._all_early = True
+
+    def add(self, times: NDArray[np.float64], *, early: bool) -> None:
+        """Add the times of a case, and whether it ended early: in a steady state, or pulled off."""
+        if self._is_first:
+            self.times = times
+        elif not np.array_equal(times, self.times):
+            common = self.times[rows_at(times, self.times, steady=early) >= 0]
+            later = times > self.times.max(initial=0.0) if self._all_early else slice(0)
+            self.times = np.append(common, times[later])
+        self._is_first = False
+        self._all_early &= early
+
+
+class Gathered:
+    """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
+
+    The first pass, here, finds the common times, columns and shared attributes of the cases; the second,
+    `curves`, reads the columns.
+
+    Parameters
+    ----------
+    records : sequence of CaseRecord
+        The cases, in the order of their numbers.
+    keys : sequence of str
+        The swept keys, dotted, in the order of the dimensions.
+    listed : bool
+        Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
+    unit : callable
+        Label of a unit, from its words.
+
+    Attributes
+    ----------
+    failed : dict
+        Number -> reason of the cases without results.
+    dimensions, shape : tuple
+        Names and lengths of the dimensions of the cases.
+    places : list of tuple
+        Indices of each case along them.
+    """
+
+    def __init__(
+        self,
+        records: Sequence[CaseRecord],
+        keys: Sequence[str],
+        listed: bool = False,
+        unit: Callable[[str], str] = str,
+    ) -> None:
+        self._records, self._keys, self._unit = records, keys, unit
+        self._layout = lay_out([record.values for record in records], keys, listed)
+        self.dimensions, self.places = tuple(self._layout.lengths), self._layout.places
+        self.shape = tuple(self._layout.lengths.values())
+        self.failed = {each.index: each.failed for each in records if each.failed is not None}
+        self._columns: dict[str, Column] = {}
+        self._numbers: dict[str, dict[int, float]] = {}
+        self._shared: dict[str, object] = {}
+        self._of_first: frozenset[str] | None = None
+        self._layouts: dict[tuple[str, ...], dict[str, Column]] = {}
+        self._held: dict[int, frozenset[str]] = {}
+        common = _CommonTimes()
+        for record in records:
+            if record.index not in self.failed and not self._add(record, common):
+                self.failed[record.index] = INCOMPLETE
+        self._times = common.times
+        # Without a complete case, the columns of the paper.
+        self._columns = self._columns or {
+            each.name: Column(each.described) for each in ContactMeans.COLUMNS if each.name != TIME.name
+        }
+
+    def _add(self, record: CaseRecord, common: _CommonTimes) -> bool:
+        """Read what the cases have in common; False if the case is not complete."""
+        try:
+            with _open(record) as case:
+                times = case.values("time")
+                if case.attribute("complete") != 1 or case.attribute("rows") != len(times):
+                    return False
+                shared = self._shared_with(case)
+                early = bool(case.attribute("settled") or case.attribute("ended"))
+                held = self._columns_of(case)
+                own = {name: case.attribute(name) for name in known_numbers()}
+        except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
+            return False
+        common.add(times, early=early)
+        self._held[record.index] = held
+        for name, value in own.items():
+            if value is not None:
+                self._numbers.setdefault(name, {})[record.index] = float(str(value))
+        if self._of_first is None:
+            self._of_first = frozenset(shared)
+        self._shared = shared
+        return True
+
+    def _shared_with(self, case: CaseData) -> dict[str, object]:
+        if self._of_first is None:
+            return {name: case.attribute(name) for name in case.attributes if name not in OF_ONE_CASE}
+        shared = self._shared.items()
+        return {name: value for name, value in shared if np.array_equal(case.attribute(name), value)}  # type: ignore[arg-type]
+
+    def _columns_of(self, case: CaseData) -> frozenset[str]:
+        """Take note of the columns of a case; return the names of those over the bins of earlier cases."""
+        names = case.variables
+        if names not in self._layouts:
+            self._layouts[names] = dict(case.columns())
+        held = self._layouts[names]
+        for name, found in held.items():
+            self._columns.setdefault(name, found)
+        return frozenset(name for name, found in held.items() if self._fits(name, found, case))
+
+    def _fits(self, name: str, found: Column, case: CaseData) -> bool:
+        known = self._columns[name]
+        return found.bins == known.bins and all(
+            np.array_equal(case.values(end), edges) for end, (_, edges) in known.edges.items()
+        )
+
+    @property
+    def coordinates(self) -> dict[str, Labelled]:
+        """Time, the labels, the numbers of the cases and the ends of bins; each after its dimension."""
+        layout, time = self._layout, TIME.in_units(self._unit)
+        numbers = np.empty(self.shape, dtype=VARIABLES["case"].dtype)
+        for record, place in zip(self._records, self.places, strict=True):
+            numbers[place] = record.index
+        case = {"case": Labelled(self.dimensions, VARIABLES["case"].described, numbers)}
+        labels = {
+            name: Labelled((dimension,), described_key(key, self._unit), values)
+            for name, (key, dimension, values) in layout.labels.items()
+        }
+        both = case | labels if "case" in layout.lengths else labels | case
+        bins = {
+            end: Labelled((each.bins,), described, edges)
+            for each in self._columns.values()
+            for end, (described, edges) in each.edges.items()
+        }
+        return {TIME.name: Labelled((TIME.name,), time.described, self._times), **both, **bins}
+
+    @property
+    def numbers(self) -> dict[str, Labelled]:
+        """Numbers of whole cases, NaN where a case has none."""
+        found = {}
+        for name, values in self._numbers.items():
+            held = np.full(self.shape, np.nan)
+            for record, place in zip(self._records, self.places, strict=True):
+                held[place] = values.get(record.index, np.nan)
+            described = known_numbers()[name].in_units(self._unit).described
+            found[name] = Labelled(self.dimensions, described, held)
+        return found
+
+    @property
+    def columns(self) -> dict[str, tuple[tuple[str, ...], Mapping[str, str], tuple[int, ...]]]:
+        """Name -> dimensions, attributes and shape of each column."""
+        found = {}
+        for name, each in self._columns.items():
+            dimensions, shape = (*self.dimensions, "time"), (*self.shape, self._times.size)
+            if each.bins:
+                dimensions, shape = (*dimensions, each.bins), (*shape, each.edges[each.bins][1].size)
+            found[self._name(name)] = (dimensions, each.described, shape)
+        return found
+
+    def _name(self, column: str) -> str:
+        return f"{column}{OVER_TIME}" if column in self._layout.labels else column
+
+    def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, NDArray[np.float64]]]]:
+        """Yield the place of each complete case and its columns at the common times."""
+        for record, place in zip(self._records, self.places, strict=True):
+            if record.index in self.failed:
+                continue
+            try:
+                found = self._read(record)
+            except Exception:  # as above
+                self.failed[record.index] = INCOMPLETE
+            else:
+                yield place, found
+
+    def _read(self, record: CaseRecord) -> dict[str, NDArray[np.float64]]:
+        with _open(record) as case:
+            rows = rows_at(case.values("time"), self._times, steady=bool(case.attribute("settled")))
+            if np.any(rows < 0) and not case.attribute("ended"):
+                raise ValueError(f"{record.source}: has been changed")
+            return {self._name(name): _at_rows(case.values(name), rows) for name in self._held[record.index]}
+
+    @property
+    def notes(self) -> list[str]:
+        """Lines on columns that some cases lack, and on cases of other versions of the code."""
+        alike: dict[frozenset[int], list[str]] = {}
+        for name in self._columns:
+            if lacking := frozenset(index for index, held in self._held.items() if name not in held):
+                alike.setdefault(lacking, []).append(name)
+        lines = [
+            f"{', '.join(sorted(names))}: NaN in {_numbered(cases)}"
+            for cases, names in alike.items()
+            if len(cases) < len(self._held)
+        ]
+        if ((self._of_first or frozenset()) - self._shared.keys()) & {"gfmdlayer_version", "git_commit"}:
+            lines.append(
+                "the cases are of different versions of gfmdlayer (gfmdlayer_version and git_commit of their "
+                "files); --restart computes all of them anew"
+            )
+        return lines
+
+    def attributes(self, given: Mapping[str, object]) -> dict[str, object]:
+        """Attributes that all cases share, those given, the swept keys, failed cases and notes."""
+        report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(self.failed.items()))
+        own = {"swept": " ".join(self._keys), "complete": 1, "failed": report, "notes": "\n".join(self.notes)}
+        return {**self._shared, **given, **own}
+
+
+def _numbered(cases: Collection[int]) -> str:
+    """Name some cases, or the first of many."""
+    first = ", ".join(f"{index:04d}" for index in sorted(cases)[:_NAMED])
+    more = len(cases) - _NAMED
+    return f"case{'s' * (len(cases) > 1)} {first}" + (f" and {more} more" if more > 0 else "")
+
+
+def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool) -> NDArray[np.int64]:
+    """Find the rows of a case at given times, -1 where there is none; both increase.
+
+    After a steady state, the last row stands for all later times.
+    """
+    if times.size == 0 or wanted.size == 0:
+        return np.full(wanted.shape, -1)
+    tolerance = SAME_TIME * max(abs(times[-1]), abs(wanted[-1]))
+    after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
+    found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
+    return np.where(found, after, -1)
+
+
+def _at_rows(values: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the values of a column at rows, NaN where there is none (-1): behind the end of a case."""
+    found = values[rows]
+    if (rows < 0).any():
+        found = found.astype(np.float64)
+        found[rows < 0] = np.nan
+    return found
+
+
+class Labels(NamedTuple):
+    """Labels along a dimension: the swept key that they are values of, numbers or texts."""
+
+    key: str
+    dimension: str
+    values: NDArray[np.generic]
+
+
+class Layout(NamedTuple):
+    """Lengths of the dimensions, labels by coordinate, and the place of each case along the dimensions."""
+
+    lengths: dict[str, int]
+    labels: dict[str, Labels]
+    places: list[tuple[int, ...]]
+
+
+def dimension_names(keys: Sequence[str]) -> list[str]:
+    """Name the swept keys by their last parts, or by the whole key where the last part is taken."""
+    last = [key.rpartition(".")[2] for key in keys]
+    taken = Counter([*last, "time", "case", *VARIABLES, *_ARGUMENTS_OF_SEL])
+    return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
+
+
+def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
+    """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
+    columns = [_labels(key, [each[key] for each in values]) for key in keys]
+    named = list(zip(dimension_names(keys), keys, columns, strict=True))
+    axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
+    cells = list(zip(*columns, strict=True)) if keys else [()]
+    is_product = len(set(cells)) == len(values) == math.prod(map(len, axes))
+    if listed or not is_product:
+        along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
+        return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
+    lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
+    labels = {
+        name: Labels(key, name, np.array(list(axis)))
+        for (name, key, _), axis in zip(named, axes, strict=True)
+    }
+    places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
+    return Layout(lengths, labels, places)
+
+
+def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
+    """Return labels of one type for the values of one key: numbers if all are numbers, else text."""
+    if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+        return [int(str(value)) for value in values]
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return [float(str(value)) for value in values]
+    return [as_label(key, value) for value in values]
