@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
-    from gfmdlayer.body.relaxation import relaxation_spectrum
+    from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
+    from gfmdlayer.body.solid import Solid
     from gfmdlayer.body.stack import Layer, LayerStack
     from gfmdlayer.body.wavevectors import Wavevectors
     from gfmdlayer.config import Config, ConfigError, load
@@ -63,6 +64,8 @@ __all__ = [
     "RadialProfile",
     "SelfAffine",
     "Sinusoid",
+    "Solid",
+    "Spectrum",
     "Sphere",
     "ViscoelasticLayer",
     "Wavevectors",
@@ -110,7 +113,8 @@ _MODULES = {
     "gfmdlayer.body.materials": ("Elastic", "Prony", "Zener"),
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
-    "gfmdlayer.body.relaxation": ("relaxation_spectrum",),
+    "gfmdlayer.body.relaxation": ("Spectrum", "relaxation_spectrum"),
+    "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),
 }

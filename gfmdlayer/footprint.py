@@ -54,9 +54,10 @@ def estimate(programme: Programme, width: int) -> Footprint:
     pairs *= ADAPTIVE if config.time.step == "adaptive" else 1
     pairs *= SURFACE if len(config.grid.points) == 2 else 1
     pairs *= solver.rough if config.punch.rough else 1
-    if 0 < (thin := config.surface.thickness / max(config.grid.period) / THIN) < 1:
+    uppermost = next(iter(config.solid.thicknesses), math.inf)
+    if 0 < (thin := uppermost / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
-    branches = len(config.surface.material.roughly(config.time.end)[1])
+    branches = len(config.solid.roughly(config.time.end)[0][1])
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     fields = (3 + bool(config.interfaces)) * size * snapshots
@@ -87,8 +88,8 @@ def count_steps(programme: Programme) -> tuple[int, int]:
     last = next((stop for stop in planned if stop.time >= settled), planned[-1])
     planned = [*planned[: planned.index(last)], replace(last, time=min(settled, last.time))]
     if config.time.step != "adaptive":
-        return number_of_steps(planned), sum(stop.kink for stop in planned)
-    relaxed, branches = config.surface.material.roughly(config.time.end)
+        return number_of_steps(planned), sum(stop.breakpoint for stop in planned)
+    relaxed, branches = config.solid.roughly(config.time.end)[0]
     times, spent = _relaxation(relaxed, branches)
     finer = ((config.time.tolerance or 1e-4) / 1e-4) ** ADAPTIVE_POWER
     slowest = max((tau for _, tau in branches), default=0.0)
@@ -96,7 +97,7 @@ def count_steps(programme: Programme) -> tuple[int, int]:
     steps, begin, landings = FIRST_STEPS + finer * separating, 0.0, 0
     finer *= SLIDING_STEPS if given.moves and crossed < FAST else 1
     for stop in planned[1:]:
-        if stop.kink or stop is planned[-1]:
+        if stop.breakpoint or stop is planned[-1]:
             free = finer * spent[min(bisect_left(times, stop.time - begin), len(times) - 1)]
             steps += math.hypot(STRETCH_STEPS + free, landings)
             begin, landings = stop.time, 0
@@ -111,7 +112,7 @@ def _settling(programme: Programme) -> float:
     velocity = config.trajectory.velocity
     if config.time.steady is None or not velocity:
         return math.inf
-    relaxed, branches = config.surface.material.roughly(config.time.end)
+    relaxed, branches = config.solid.roughly(config.time.end)[0]
     glassy = relaxed + sum(modulus for modulus, _ in branches)
     slowest = max((tau for _, tau in branches), default=0.0)
     creep = slowest * glassy / relaxed if relaxed > 0 else math.inf

@@ -16,9 +16,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.body.body import Body, layered_body
-from gfmdlayer.body.stack import Layer
+import numpy as np
+
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.solid import fault
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config
+from gfmdlayer.config.bodies import place_of
+from gfmdlayer.config.layers import Layers
+from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.programme import Programme
 
@@ -31,6 +37,7 @@ if TYPE_CHECKING:
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.resumable import CompositeState
 
+FEW_WAVES = 6  # along an axis, at which a body of the user's own is computed before a run
 PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
 
 
@@ -296,12 +303,24 @@ def series_of(programme: Programme, wavenumber: float = 0.0) -> tuple[PronySerie
 
 
 def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
-    """Return the layers on their halfspace; a stack merges its modes to the tolerance of the solver."""
-    base, materials = config.halfspace, [each.material for each in series]
-    given = zip(config.stacked, materials, strict=False)  # the last is the halfspace's, where it has one
-    layers = [Layer(each.thickness, each.poisson, material) for each, material in given]
-    below = materials[-1] if base.shear_modulus is None else base.shear_modulus
-    return layered_body(layers, below, base.poisson, accuracy=config.solver.tolerance)
+    """Return the body with a series for each of its laws; modes merge to the solver's tolerance."""
+    return config.solid.with_series([each.material for each in series], config.solver.tolerance)
+
+
+def fault_of_the_body(model: Model, grid: Grid) -> str:
+    """Compute a body that is not made of layers at some waves; return why it cannot be used."""
+    body = model.config.body
+    if body is None or isinstance(body, Layers):
+        return ""
+    every = (np.ravel(axis) for axis in grid.wavevectors)
+    axes = [q[np.argsort(np.abs(q))][:: max(1, q.size // FEW_WAVES)] for q in every]  # q = 0 first
+    waves = Wavevectors.of_components(*(np.ravel(q) for q in np.meshgrid(*axes, indexing="ij")))
+    try:
+        return fault(make_body(model.config, series_of(model.programme)), waves)
+    except TableError:
+        return ""  # reported for the file that it is in
+    except Exception as error:
+        return f"{place_of(error, str(getattr(body, 'file', '')))}; must be computed without an error"
 
 
 def compile_by(run: Callable[[], object]) -> None:

@@ -149,7 +149,9 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
     for at, law in sections_in(config):
         if not isinstance(law, Interface) or not (found := law.interaction(config.units)).attracts:
             continue
-        zone = math.pi / 4 * _relaxed_modulus(config) * found.range**2 / found.work
+        if (modulus := config.solid.contact_modulus) is None:
+            continue
+        zone = math.pi / 4 * modulus * found.range**2 / found.work
         cell = list(zip(config.grid.points, config.grid.period, strict=True))
         in_zone = min(zone * points / period for points, period in cell)
         if in_zone < (wanted := law.points_in_zone):
@@ -159,17 +161,6 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
                 f"modulus, is {in_zone:.2g} points wide; edges of the contact are resolved from {wanted} on: "
                 f"grid.points: {enough[0] if len(enough) == 1 else enough} would do"
             )
-
-
-def _relaxed_modulus(config: Config) -> float:
-    """Relaxed E* = 2 G/(1 - nu) of the uppermost material; where it relaxes to zero, the unit of its law."""
-    for layer in config.stacked:
-        if layer.thickness > 0:
-            return 2 * layer.material.unit / (1 - layer.poisson)
-    base = config.halfspace
-    modulus = base.shear_modulus if base.material is None else base.material.unit
-    assert modulus is not None
-    return 2 * modulus / (1 - base.poisson)
 
 
 def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:

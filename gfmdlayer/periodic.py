@@ -20,7 +20,6 @@ from gfmdlayer.body.body import Body, internal_variables
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
-from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
@@ -45,7 +44,15 @@ from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import InterfaceLaw
-from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.model import (
+    ConvergenceError,
+    Footprint,
+    Model,
+    compile_by,
+    fault_of_the_body,
+    make_body,
+    series_of,
+)
 from gfmdlayer.observables import AcceptedStep, Column, Observable, columns, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
@@ -236,7 +243,7 @@ class Case(Model):
         """The time integrator over the relaxing modes of the body.
 
         Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
-        material; see `verification.third_order` for the equation itself.
+        material; see `verification.crosschecks` for the equation itself.
         """
         given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
         scheme, reduced = SCHEMES[given.integrator], self.reduced_time
@@ -350,6 +357,9 @@ class Case(Model):
         """
         config = self.config
         given, names = config.trajectory, files_named(config)
+        if message := fault_of_the_body(self, Grid(config.grid.points, config.grid.period)):
+            yield "body.file" if "body.file" in names else "body", message
+            return
         key = next((name for name in names if name.startswith("punch.")), "punch")
         try:
             heights = self.punch
@@ -385,8 +395,8 @@ class Case(Model):
                 )
                 yield "trajectory.file", message
             return
-        stiffness = mean_stiffness(config.stacked, config.halfspace)
-        if message := too_deep(float(values.max()), mean(heights, self._ranks), stiffness):
+        deepest, height = float(values.max()), mean(heights, self._ranks)
+        if message := too_deep(deepest, height, config.solid.mean_stiffness):
             yield "trajectory.depth" if given.file is None else "trajectory.file", message
 
     def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
@@ -441,7 +451,7 @@ class Case(Model):
                     surface = loading.surface(solution, kappa, b, instant.time)
                 history.advance(surface.spectrum)  # 8, 9
                 guess.remember(
-                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.kink
+                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.breakpoint
                 )
                 self.changes.remember(prescribed, problem, solution)
                 row: dict[str, float | FloatArray] = {}

@@ -1,6 +1,6 @@
-"""Work of a time step in FFT pairs, and time beside the bare FFT pairs.
+"""Work of a time step in FFT pairs, and time over the time of the bare FFT pairs.
 
-Every figure is a count, or a ratio of times measured in turns within the run, so that it holds elsewhere.
+All results are counts, or ratios of times of tasks that run in turns; so they hold on other machines too.
 
     python scripts/benchmark.py                     all sections: some minutes
     python scripts/benchmark.py --quick             small grids: about a minute
@@ -26,7 +26,7 @@ from benchmarks.tables import Effort, Table
 from gfmdlayer.results.provenance import provenance
 
 # A section is a module of scripts/benchmarks with `measure(effort)`, which yields tables, and the efforts
-# `EFFORT` and `QUICK`. The first line of its docstring is its help. To add one, name it here.
+# `EFFORT` and `QUICK`. The first line of its docstring is its help. To add a section, add its name.
 NAMES = (
     "iteration",
     "pairs",
@@ -41,7 +41,7 @@ NAMES = (
     "adhesion",
 )
 SECTIONS = {name: import_module(f"benchmarks.{name}") for name in NAMES}
-OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # --quick leaves them out
+OPTIONAL = ("ranks", "slabs", "peer", "rough", "ablation", "adhesion")  # --quick omits them
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for table in SECTIONS[name].measure(_effort(name, options)):
                 print(table.markdown(), flush=True)
                 tables.append(table)
-    finally:  # a section that fails takes no table along
+    finally:  # tables of other sections survive a failure
         _write(tables, machine, options)
 
 
@@ -76,20 +76,20 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--quick", action="store_true", help="small grids, few steps and repetitions")
-    add("--large", action="store_true", help="FFT pairs of the active set at n = 2^20 too")
-    add("--only", nargs="+", choices=SECTIONS, metavar="NAME", help="these sections")
+    add("--large", action="store_true", help="also FFT pairs of the active set at n = 2^20")
+    add("--only", nargs="+", choices=SECTIONS, metavar="NAME", help="only these sections")
     add("--points", nargs="+", type=_positive, metavar="N", help="grid points (default: the section's)")
     add(
         "--steps", type=_positive, metavar="N", help="time steps, or simulated cases (default: the section's)"
     )
-    add("--cases", type=_positive, metavar="N", help="cases of the sweep whose overhead is measured")
+    add("--cases", type=_positive, metavar="N", help="cases of the sweep for the overhead")
     add("--repetitions", type=_positive, metavar="N", help="repetitions of each measured time")
-    add("--json", type=Path, metavar="FILE", help="write the tables and the machine")
+    add("--json", type=Path, metavar="FILE", help="write the tables and a description of the machine")
     add("--markdown", type=Path, metavar="FILE", help="write the tables")
     options = parser.parse_args(arguments)
     for file in (options.json, options.markdown):
         if file and not file.parent.is_dir():
-            parser.error(f"{file}: there is no folder {file.parent}")
+            parser.error(f"{file}: no folder {file.parent}")
     return options
 
 

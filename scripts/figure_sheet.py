@@ -1,9 +1,9 @@
-"""Draw the contact sheet docs/figures.png: twelve pictures of `gfmdlayer plot`, of quick runs made for them.
+"""Draw the contact sheet docs/figures.png: twelve pictures of `gfmdlayer plot` from quick runs.
 
     python scripts/figure_sheet.py                       # about a minute
-    python scripts/figure_sheet.py --small --out x.png   # coarse grids, few steps: whether all of it runs
+    python scripts/figure_sheet.py --small --out x.png   # a test: coarse grids, few steps
 
-Above each picture stand the options of `gfmdlayer plot` that draw it.
+The caption of each picture has its options of `gfmdlayer plot`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FULL = {"grid": 1024, "surface": 96, "step": 0.05}
 
 
 class Picture(NamedTuple):
-    """A picture of the sheet: the run that it shows, and the options of `gfmdlayer plot`."""
+    """A picture of the sheet: its run, and its options of `gfmdlayer plot`."""
 
     run: str
     options: str
@@ -57,7 +57,7 @@ PICTURES = (
 
 
 def runs(size: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the configurations by name; the cycles of loading are written to a file of the folder."""
+    """Return the configurations by name; write the loading cycles to a file in the folder."""
     table = folder / "cycle.txt"
     table.write_text("0 0\n1 0.01\n2 0\n3 0.01\n4 0\n")
     steps = {"step": size["step"], "integrator": "exponential"}
@@ -164,7 +164,7 @@ def runs(size: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def draw(picture: Picture, folder: Path, out: Path) -> None:
-    """Draw a picture by the command line; of a movie, the frame in its middle."""
+    """Draw a picture with the command line; for a movie, its middle frame."""
     if "--movie" in picture.options:
         with open_case(folder / "cases" / "0000.h5") as case, styled(PAPER):
             figure, show = animated(case, "", PAPER)
@@ -175,7 +175,7 @@ def draw(picture: Picture, folder: Path, out: Path) -> None:
 
 
 def sheet(pictures: Sequence[tuple[str, Path]]) -> Image.Image:
-    """Put pictures below their captions, each into the column that is the shortest so far."""
+    """Put each picture under its caption into the shortest column."""
     font = ImageFont.truetype(font_manager.findfont("DejaVu Sans Mono"), LETTERS)
     placed, ends = [], [GAP] * COLUMNS
     for caption, path in pictures:
@@ -194,13 +194,13 @@ def sheet(pictures: Sequence[tuple[str, Path]]) -> Image.Image:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run, draw, and put together."""
+    """Run the cases, draw the pictures, and write the sheet."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--small", action="store_true", help="coarse grids, few steps")
-    parser.add_argument("--only", metavar="RUN", nargs="+", help="the pictures of these runs alone")
-    parser.add_argument("--runs", metavar="DIR", type=Path, help="keep the runs there (default: nowhere)")
+    parser.add_argument("--only", metavar="RUN", nargs="+", help="only the pictures of these runs")
+    parser.add_argument("--runs", metavar="DIR", type=Path, help="keep the runs in this folder")
     parser.add_argument("--out", metavar="FILE", type=Path, default=DEFAULT_SHEET)
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as scratch, assemble() as pool:

@@ -1,9 +1,9 @@
-"""How well force curves are fitted, what polynomial corrections get wrong: in docs/theory/indentation.md.
+"""Tables and figure of docs/theory/indentation.md: accuracy of fits, errors of polynomial corrections.
 
-python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how often 95 % intervals hold the truth
+python scripts/indentation_fits.py coverage [DRAWS [KIND ...]]   how many 95 % intervals have the true value
 python scripts/indentation_fits.py peers              moduli by polynomial corrections on the same curves
-python scripts/indentation_fits.py thickness          how thick is thick enough
-python scripts/indentation_fits.py histories          which history tells which parameters apart
+python scripts/indentation_fits.py thickness          contact sizes at which the base changes the force
+python scripts/indentation_fits.py histories          standard errors by history
 python scripts/indentation_fits.py figure             docs/theory/indentation.svg
 """
 
@@ -22,11 +22,9 @@ from gfmdlayer import ForceCurve, fit_indentation
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
-from gfmdlayer.fitting.indentation import forward
-from gfmdlayer.fitting.indentation.estimates import BAND
-from gfmdlayer.fitting.indentation.intervals import covariance, quantile
-from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation import problem as problems
+from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
 from gfmdlayer.indentation.solve import on_steps
 from gfmdlayer.indentation.space import History, find_space
 from gfmdlayer.punch.revolution import paraboloid
@@ -71,10 +69,10 @@ RAMP_HOLD_BACK = history((-0.4, -0.08), (1, DEPTH), (4, DEPTH), (5, -0.02))
 def truth(data: dict[str, Any], motion: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the force of a model, with many steps."""
     times, depth = motion
-    prediction = forward.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
-    steps, forward.STEPS = forward.STEPS, FINE
+    prediction = problems.Prediction(ForceCurve("truth", times, depth, np.maximum(depth, 0.0)))
+    steps, problems.STEPS = problems.STEPS, FINE
     prediction.adapt(Model(data).config)
-    forward.STEPS = steps
+    problems.STEPS = steps
     return prediction.force(Model(data).config)
 
 
@@ -93,28 +91,22 @@ KINDS: dict[str, tuple[dict[str, Any], float, tuple[str, ...]]] = {
 def at_truth(
     data: dict[str, Any], free: tuple[str, ...], motion: tuple[np.ndarray, np.ndarray], noise: float
 ) -> LeastSquares:
-    """Return the problem of a curve without noise, started at the truth; noise over the largest force."""
+    """Return the problem of a curve without noise, started at the true values; and the noise."""
     force = truth(data, motion)
     curve = ForceCurve("a", *motion, force, noise=noise * float(force.max()))
     spans = {"contact_point": (-DEPTH, DEPTH), "force_offset": (-float(force.max()), float(force.max()))}
     problem = LeastSquares(
-        Model(data), free_parameters(Model(data), free, ["a"], spans), [forward.Prediction(curve)]
+        Model(data), free_parameters(Model(data), free, ["a"], spans), [problems.Prediction(curve)]
     )
     problem.adapt(problem.start)
     return problem
 
 
 def held_by_theory(problem: LeastSquares, draws: np.ndarray) -> int:
-    """Return how many intervals of the linear problem hold the truth under the same draws of noise.
+    """Return how many intervals of the linear problem contain the true value for the same draws of noise.
 
-    For a linear problem 95 % is exact: what it misses in a few draws is chance.
-
-    Parameters
-    ----------
-    problem : LeastSquares
-        See `at_truth`.
-    draws : ndarray, shape (draws, rows)
-        Noise over its standard deviation.
+    For a linear problem 95 % is exact, apart from chance. `draws`, shape (draws, rows), is the noise over its
+    standard deviation.
     """
     jacobian, slopes = problem.jacobian(problem.start), problem.reported(problem.start)[1]
     spread = covariance(jacobian, 1.0)
@@ -126,10 +118,10 @@ def held_by_theory(problem: LeastSquares, draws: np.ndarray) -> int:
 
 
 def coverage(draws: str = "25", *kinds: str) -> None:
-    """Fit noisy curves of all kinds, or of those named, and count the intervals that hold the truth."""
+    """Fit noisy curves of all or of the named kinds, and count the intervals with the true value."""
     rng = np.random.default_rng(0)
     number, total, held, theory, seconds = int(draws), 0, 0, 0, []
-    print(f"{'kind':26} noise  free  held of all  linear   each parameter (%)            CPU s: median, most")
+    print(f"{'kind':26} noise  free  with truth   linear   each parameter (%)            CPU s: median, most")
     for name in kinds or KINDS:
         data, noise, free = KINDS[name]
         problem, known = at_truth(data, free, RAMP_HOLD_BACK, noise), Model(data).keys
@@ -151,13 +143,13 @@ def coverage(draws: str = "25", *kinds: str) -> None:
         print(f"{name:26} {noise:5.0%}  {len(free):4d}  {counts}   {share:28}  {seen}", flush=True)
         total, held, theory = total + every, held + int(inside.sum()), theory + linear
         seconds += spent
-    print(f"{len(seconds)} curves: {held} of {total} intervals hold the truth, {held / total:.1%}")
-    print(f"of the linear problem with the same noise: {theory}, {theory / total:.1%}")
-    print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, most {max(seconds):.2f}")
+    print(f"{len(seconds)} curves: {held} of {total} intervals contain the true value, {held / total:.1%}")
+    print(f"linear problem with the same noise: {theory}, {theory / total:.1%}")
+    print(f"CPU seconds of a fit: median {np.median(seconds):.2f}, maximum {max(seconds):.2f}")
 
 
 def started(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a model whose material is a factor of up to 2.5 from the truth."""
+    """Return a model whose material is wrong by a factor of up to 2.5."""
 
     def moved(value: Any) -> Any:
         if isinstance(value, dict):
@@ -202,7 +194,7 @@ def by_polynomial(
 
 
 def peers() -> None:
-    """Print errors of moduli and time by other methods, on ramps and holds without noise."""
+    """Print errors of moduli and time of other methods, for ramps and holds without noise."""
     motion = history((0, 0), (1, DEPTH), (4, DEPTH))
     print("| method | base | sqrt(R d)/h | G0 | Ginf | tau |\n|---|---|---|---|---|---|")
     for base, thickness in ((math.inf, 1.0), (math.inf, 2.0), (10.0, 1.0), (2.0, 1.0)):
@@ -232,7 +224,7 @@ def elastic_factor(ratio: float, base: float, poisson: float = 0.5) -> float:
 
 
 def thickness() -> None:
-    """Print the contact size at which the base changes the force by a part."""
+    """Print the contact sizes at which the base changes the force by 1, 5 and 10 %."""
     print("| base | nu | 1 % | 5 % | 10 % |\n|---|---|---|---|---|")
     for base in (0.1, 0.5, 2.0, 10.0, math.inf):
         for poisson in (0.5, 0.3):
@@ -260,7 +252,7 @@ HISTORIES = {
 
 
 def histories() -> None:
-    """Print standard errors of parameters, of curves of equal rows and 1 % noise, for several histories."""
+    """Print standard errors of parameters for several histories with equal rows and 1 % noise."""
     sets = {
         "material": ZENER,
         "and contact point": (*ZENER, OWN[0]),
@@ -283,7 +275,7 @@ def histories() -> None:
 
 
 def figure() -> None:
-    """Draw exact and polynomial corrections, and their errors."""
+    """Draw exact and polynomial corrections and their errors."""
     from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 
     sizes = np.linspace(0.02, 1.5, 40)

@@ -1,4 +1,4 @@
-"""Draw what gfmdlayer computes: punch, layer and halfspace, pressure while it relaxes, and the curves.
+"""Draw the picture of README.md: punch, layer and halfspace, the relaxing pressure, and the curves.
 
 usage: python scripts/picture.py [FILE]        default: scripts/picture.svg, the picture in README.md
 """

@@ -18,7 +18,7 @@ cat <<END
 data     $root/results/figure2-quick/sweep.h5  (each case: cases/NNNN.h5)
 figure   $root/$figure
 
-The paper's own Figure 2 (16384 points, 1600 steps a case) is one more command:
+This command computes the paper's full Figure 2 (16384 points, 1600 steps per case):
 
     (cd $here && . .venv/bin/activate && mpirun -n $cores gfmdlayer run configs/figure2.yaml && gfmdlayer plot results/figure2)
 END

@@ -1,4 +1,4 @@
-"""Reproduce Figures 2 to 4 of Petrenko et al. (2024), twice: by the paper's method and by a fast one.
+"""Reproduce Figures 2 to 4 of Petrenko et al. (2024) by the paper's method and by a fast one.
 
     python scripts/reproduce_paper.py                       all three, as published: some minutes
     python scripts/reproduce_paper.py --quick               1024 points and steps of 0.05 tau
@@ -6,15 +6,15 @@
     python scripts/reproduce_paper.py --inertia uniform     FIRE as published, one inertia for all wavelengths
 
 paper   configs/figureN.yaml: FIRE, and backward Euler with dt = 0.005 tau
-fast    the active set, and exponential steps as long as a tolerance of 1e-3 allows
-fine    the active set, and exponential steps of 0.005 tau: of second order, a reference for both
+fast    the active set, and adaptive exponential steps at a tolerance of 1e-3
+fine    the active set, and exponential steps of 0.005 tau: of second order, the reference for both
 
-Backward differences replace G(s) by G - (dt/2) s^2 G'(s), so for one relaxing modulus the relative error of
-the paper's pressure is up to dt/(2 tau). That, and the tolerance of the fast method, bounds their difference.
-The edge of contact lies between two points: where it passes a point at a slightly different time, each of the
-two edges differs by one cell of the grid.
+Backward differences replace G(s) by G - (dt/2) s^2 G'(s). So for one relaxing modulus the relative error of
+the paper's pressure is up to dt/(2 tau). This error and the tolerance of the fast method bound the
+difference. The edge of contact lies between two points: if it passes a point at a slightly different time,
+each edge differs by one cell.
 
-Results are kept (DIR/figureN, DIR/figureN-fast, DIR/figureN-fine), and the same command resumes.
+The results stay in DIR/figureN, DIR/figureN-fast and DIR/figureN-fine; the same command resumes.
 """
 
 from __future__ import annotations
@@ -64,22 +64,12 @@ METHODS: dict[str, list[str]] = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """One case by the three methods.
+    """One case by the three methods; `title` is its swept value.
 
-    Attributes
-    ----------
-    title : str
-        Its swept value.
-    difference, own, fast : float
-        Largest difference in ptilde of paper and fast, paper and fine, fast and fine, over the common times.
-    of_bound : float
-        The first as a part of its bound, dt/(2 tau) of ptilde and the tolerance of the largest ptilde.
-    cells : float
-        Largest difference of paper and fast in atilde, in grid cells at each of the two edges of contact.
-    pairs : dict
-        FFT pairs by method.
-    steps : dict
-        Time steps by method.
+    `difference`, `own` and `fast` are the largest differences in ptilde of paper and fast, paper and fine,
+    fast and fine, over the common times. `of_bound` is the first over its bound, dt/(2 tau) of ptilde plus
+    the tolerance of the largest ptilde. `cells` is the largest difference of paper and fast in atilde, in
+    grid cells at each edge. `pairs` and `steps` are the FFT pairs and time steps by method.
     """
 
     title: str
@@ -93,12 +83,12 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """FFT pairs of the paper's method over those of the fast one."""
+        """FFT pairs of the paper's method over FFT pairs of the fast one."""
         return self.pairs["paper"] / self.pairs["fast"]
 
     @property
     def inside(self) -> bool:
-        """Whether the difference is what the paper's step and the tolerance explain."""
+        """Whether the difference is within the errors of the paper's step and the tolerance."""
         return self.of_bound <= 1 and self.cells <= 1
 
     def line(self) -> str:
@@ -127,21 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def reproduce(number: int, options: argparse.Namespace, pool: WorkerPool) -> list[Comparison]:
-    """Run the cases of a figure by each method, draw them, and print the differences.
-
-    Parameters
-    ----------
-    number : int
-        Number of the figure.
-    options : Namespace
-        Options of the command line.
-    pool : WorkerPool
-        Runs the cases.
-
-    Returns
-    -------
-    list of Comparison
-    """
+    """Run the cases of a figure by each method, draw them, and print the differences."""
     name = f"figure{number}"
     folders = {
         method: options.out / (name if method == "paper" else f"{name}-{method}") for method in METHODS
@@ -211,7 +187,7 @@ def _at(times: Iterable[float], rows: Any) -> list[int]:
 
 
 def comparison_figure(folders: dict[str, Path]) -> Figure:
-    """Draw the paper's two panels: its own method as lines, the steps of the fast one as circles."""
+    """Draw the paper's two panels: lines for its method, circles for the steps of the fast one."""
     with open_results(folders["paper"]) as paper:
         figure = curves_figure(paper)
     with styled():
@@ -235,9 +211,9 @@ def _summary(found: list[Comparison]) -> list[str]:
         f"{TARGET_PRESSURE:g}), of which the paper's method {max(each.own for each in found):.2e} and the "
         f"fast one {max(each.fast for each in found):.2e}, against fine steps",
         f"largest difference in atilde: {cells:g} grid cells at each edge ({_verdict(cells <= 1)} 1)",
-        f"work: {total['paper']} FFT pairs ({total['paper'] / steps['paper']:.0f} a step) over "
-        f"{total['fast']} ({total['fast'] / len(found):.0f} a case), {total['paper'] / total['fast']:.0f} "
-        f"times; {least:.0f} times at least ({_verdict(least >= TARGET_RATIO)} {TARGET_RATIO})",
+        f"work: {total['paper']} FFT pairs ({total['paper'] / steps['paper']:.0f} per step) over "
+        f"{total['fast']} ({total['fast'] / len(found):.0f} per case), {total['paper'] / total['fast']:.0f} "
+        f"times; at least {least:.0f} times ({_verdict(least >= TARGET_RATIO)} {TARGET_RATIO})",
         f"cases inside their bound: {sum(each.inside for each in found)} of {len(found)}",
     ]
 
@@ -251,9 +227,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--figures", nargs="+", type=int, choices=(2, 3, 4), default=[2, 3, 4])
-    parser.add_argument("--quick", action="store_true", help="the -quick configs")
-    parser.add_argument("--points", metavar="N", type=int, help="grid points in place of the configs'")
-    parser.add_argument("--inertia", choices=("mass_weighted", "uniform"), help="of the paper's FIRE")
+    parser.add_argument("--quick", action="store_true", help="use the -quick configs")
+    parser.add_argument("--points", metavar="N", type=int, help="grid points (default: the configs')")
+    parser.add_argument("--inertia", choices=("mass_weighted", "uniform"), help="inertia of the paper's FIRE")
     parser.add_argument("--jobs", metavar="N", type=int, default=1, help="processes (default: 1)")
     parser.add_argument("--out", metavar="DIR", type=Path, help="(default: results/paper, or paper-quick)")
     options = parser.parse_args(arguments)

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Tests the scripts in slurm/ on a Slurm of one node, installed from Debian's packages and stopped at the end:
-# a sweep over ranks and one over an array, each with too short a time limit, must be complete after requeues,
-# every case run once; a sweep with a failing case must fail, and a cancelled one stay cancelled.
-# Takes some ten minutes. Prints "skipped" and the reason where Slurm cannot be started.
+# Tests the scripts in slurm/ on a Slurm of one node, which is installed from Debian's packages and stopped at the end.
+# A sweep on ranks and a sweep of an array, each with too short a time limit, must be complete after requeues, and
+# each case must run once. A sweep with a failing case must fail. A cancelled sweep must stay cancelled.
+# Takes some ten minutes. Prints "skipped" and the reason if Slurm cannot start.
 # usage: bash scripts/slurm_node.sh       as root, with gfmdlayer and its mpirun in the PATH or in .venv
 set -euo pipefail
 

@@ -1,21 +1,21 @@
 """Attack gfmdlayer at random for hours, and keep every failure with its seed.
 
-Trials are of these kinds, in turn as they are drawn:
+The kinds of trials are drawn at random:
 
-    extremes    an extreme case in memory: converged, finite, or an error that names the step
-    fuzz        a damaged configuration given to `gfmdlayer check`: taken, or refused in clear words
-    kills       a study run by one process, by several, by MPI ranks, or by ranks that share it, and killed
+    extremes    an extreme case in memory: it converges to finite numbers, or an error names the step
+    fuzz        a damaged configuration for `gfmdlayer check`: accepted, or rejected with a clear message
+    kills       a study on one process, several processes, MPI ranks, or ranks with a shared surface; killed
     faults      the same with full disks, damaged and lost files, failing locks, folders without permission
 
-Kills and faults end with a comparison, bit by bit, with an undisturbed run. Trial i of seed S follows from
-(S, i), but for the moment at which the machine hears of a signal.
+Kills and faults end with a bitwise comparison with an undisturbed run. (S, i) determines trial i of seed S,
+except for the moment at which a signal arrives.
 
     python scripts/soak.py 2                                        # hours
     python scripts/soak.py --only extremes --seed 7 --trials 1000 --methods fire newton
     python scripts/soak.py --only kills --seed 1:17                 # trial 17 of seed 1 again
-    python scripts/soak.py --table                                  # of the results so far
+    python scripts/soak.py --table                                  # table of the results so far
 
-The folder --out (default: soak) has trials.jsonl, one line a trial, and the files of each that failed.
+The folder --out (default: soak) has trials.jsonl, one line per trial, and the files of each failed trial.
 """
 
 from __future__ import annotations
@@ -48,12 +48,17 @@ KINDS: Mapping[str, Any] = {
     "kills": runs.killed,
     "faults": faults.trial,
 }
-SHARES = {"extremes": 0.3, "fuzz": 0.3, "kills": 0.25, "faults": 0.15}  # of the trials where all are drawn
+SHARES = {
+    "extremes": 0.3,
+    "fuzz": 0.3,
+    "kills": 0.25,
+    "faults": 0.15,
+}  # of the trials of all kinds
 SHOWN = 12  # failures of a kind that the table names
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run trials until the time or their number is reached; the exit status is 1 after any failure."""
+    """Run trials up to the given time or number; the exit status is 1 after any failure."""
     options = _parse(arguments)
     if options.table:
         print(table(_read(options.out)))
@@ -127,7 +132,7 @@ def _numbers(options: argparse.Namespace) -> Iterable[int]:
 
 
 def table(lines: Iterable[Mapping[str, Any]]) -> str:
-    """Return the trials by kind and end, with the seeds of those that failed, and what happened in them."""
+    """Return the trials by kind and end, the seeds of failed ones, and the number of their events."""
     ends: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     events: Counter[str] = Counter()
     slowest: dict[str, int] = {}
@@ -138,11 +143,11 @@ def table(lines: Iterable[Mapping[str, Any]]) -> str:
                 slowest[name] = max(slowest.get(name, 0), count)
             else:
                 events[name] += count
-    rows = ["| trials | end | number | which |", "|---|---|---|---|"]
+    rows = ["| trials | end | number | seeds |", "|---|---|---|---|"]
     for (kind, end), trials in sorted(ends.items()):
         which = "" if end in GOOD else ", ".join(trials[:SHOWN]) + " ..." * (len(trials) > SHOWN)
         rows.append(f"| {kind} | {end} | {len(trials)} | {which} |")
-    rows += ["", "| in them | number |", "|---|---|"]
+    rows += ["", "| event | number |", "|---|---|"]
     rows += [f"| {name} | {count} |" for name, count in (*sorted(events.items()), *sorted(slowest.items()))]
     return "\n".join(rows)
 
@@ -157,13 +162,18 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("hours", type=float, nargs="?", default=np.inf, help="time after which no trial is begun")
-    add("--seed", default="1", help="seed of all trials; S:I is trial I alone")
+    add("hours", type=float, nargs="?", default=np.inf, help="no trial starts after this time")
+    add("--seed", default="1", help="seed of all trials; S:I runs only trial I")
     add("--trials", type=int, help="number of trials")
     add("--first", type=int, default=0, help="number of the first trial")
     add("--only", nargs="+", choices=list(KINDS), default=list(KINDS), metavar="KIND", help="kinds of trials")
     add(
-        "--methods", nargs="+", choices=list(SOLVERS), default=[DEFAULT], metavar="SOLVER", help="of extremes"
+        "--methods",
+        nargs="+",
+        choices=list(SOLVERS),
+        default=[DEFAULT],
+        metavar="SOLVER",
+        help="for extremes",
     )
     add(
         "--ways",
@@ -171,11 +181,11 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         choices=list(launches.WAYS),
         default=[],
         metavar="WAY",
-        help="of kills: %(choices)s",
+        help="launches of kills: %(choices)s",
     )
-    add("--out", type=Path, default=Path("soak"), help="folder of what is found (default: soak)")
+    add("--out", type=Path, default=Path("soak"), help="folder of the results (default: soak)")
     add("--show", action="store_true", help="print the extreme cases")
-    add("--table", action="store_true", help="print the table of what is in the folder, and run nothing")
+    add("--table", action="store_true", help="only print the table of the folder")
     options = parser.parse_args(arguments)
     seed, colon, index = options.seed.partition(":")
     options.seed = int(seed)
@@ -187,7 +197,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    if not os.environ.keys() >= set(THREAD_VARIABLES):  # which count where they are set before numpy's import
+    if not os.environ.keys() >= set(THREAD_VARIABLES):  # they must be set before the import of numpy
         threads_each(os.environ)
         os.execv(sys.executable, [sys.executable, *sys.argv])
     sys.exit(main())

@@ -1,15 +1,15 @@
-"""A parabola that slides or rolls steadily over a viscoelastic halfspace: stepped, and solved directly.
+"""A parabola that slides or rolls steadily over a viscoelastic halfspace: by time steps and directly.
 
 In the frame of the punch the steady state is a problem without time: pressure and displacement are related by
 the stiffness K(q, -i q v) of each wave, and
 
     p >= 0,   gap = h - depth + C p >= 0,   p gap = 0
 
-with C the circulant matrix of 1/K. C is not symmetric, so there is no energy to minimise. Here it is set up
-dense, from the complex modulus of the halfspace alone, and the complementarity problem is solved by block
-principal pivoting (J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596): the linear equations of
-a guessed contact set are solved, and the points that contradict it change sides. The package's modes, time
-steps and contact solvers are not used.
+with the circulant matrix C of 1/K. C is not symmetric, so there is no energy to minimise. This script
+computes the dense C from the complex modulus of the halfspace. Block principal pivoting (J. J. Judice, F. M.
+Pires, Comput. Oper. Res. 21 (1994) 587-596) solves the complementarity problem: it solves the linear
+equations of a guessed contact set, and points that contradict the guess change sides. The direct solution
+uses none of the package's modes, time steps and contact solvers.
 
     python scripts/steady_sliding.py
 """
@@ -116,7 +116,7 @@ def direct(points: int, velocity: float, depth: float) -> dict[str, float | Floa
 
 
 def main() -> None:
-    """Print both answers for velocities around the peak of the friction."""
+    """Print both solutions for velocities around the maximum of the friction."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--points", type=int, default=512)
     options.add_argument("--depth", type=float, default=0.01)

@@ -185,27 +185,10 @@ def halfspace(material: Material | float, *, poisson: float = 0.5) -> Viscoelast
 def layered_body(
     layers: Sequence[Layer], base: Material | float, base_poisson: float, *, accuracy: float = 0.0
 ) -> Body:
-    """Return layers on a base, a single one with the closed forms for it.
+    """Return layers, from the surface down, on a base; a single one by its closed forms.
 
-    Parameters
-    ----------
-    layers : sequence of Layer
-        From the surface down; on an infinitely thick one the base has no effect.
-    base : Material or float
-        Law of the halfspace below, or its shear modulus: inf is rigid, 0 leaves the lower face free.
-    base_poisson : float
-        Its Poisson's ratio.
-    accuracy : float
-        Relative error of K(q, s) up to which the modes of a stack are merged.
-
-    Returns
-    -------
-    ViscoelasticLayer or LayerStack
-
-    Raises
-    ------
-    ValueError
-        If the layers are not possible.
+    `base` is the law of the halfspace below, or its shear modulus: inf is rigid, 0 leaves the lower face
+    free. A stack merges its modes up to a relative error `accuracy` of K(q, s).
     """
     law: Material | None = None
     if isinstance(base, Material):

@@ -115,20 +115,7 @@ class LayeredHalfspace:
         return np.where(q > 0, q * (G / (1 - self.poisson)) * (N / D), self.mean_stiffness * G)
 
     def layer_factor(self, q: ArrayLike, G: ArrayLike) -> NDArray[Any]:
-        """S(q) of Eq. (11): compliance relative to a halfspace of the layer's material.
-
-        Parameters
-        ----------
-        q : array_like
-            Wavenumbers, positive.
-        G : array_like
-            Modulus of the layer, as in `stiffness`.
-
-        Returns
-        -------
-        ndarray
-            In the broadcast shape.
-        """
+        """S(q) of Eq. (11), q > 0: compliance relative to a halfspace of the layer's material."""
         N, D = self._numerator_and_denominator(np.asarray(q, dtype=float), np.asarray(G))
         return np.asarray(D / N)
 

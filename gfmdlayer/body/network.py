@@ -31,13 +31,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.relaxation import Spectrum, distinct_branches, retardation_spectrum
+from gfmdlayer.body.relaxation import Spectrum, VectorSpectrum, distinct_branches, retardation_spectrum
 from gfmdlayer.body.springs import Springs
 
 
@@ -70,29 +71,15 @@ class Network:
 
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
-        order = np.argsort(self.times)
-        roots = np.sqrt(self.times[order])
-        if not roots.size or not self.force.shape[1]:
-            return np.zeros(0), np.zeros(0)
-        coupling = self.coupling[i][:, order] / roots
-        slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), coupling)))
-        return ((self.force[i] @ coupling) @ vectors) ** 2 / slowness**2, 1 / slowness**2
+        amplitudes, slowness = _amplitudes(self.force[i], self.coupling[i], self.times)
+        return amplitudes**2 / slowness**2, 1 / slowness**2
 
     def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return times of the modes at one wavenumber, fastest first, and the springs' parts in them.
+        """Return times and axes of the modes at one wavenumber, fastest first, for other theta_j.
 
-        Parameters
-        ----------
-        i : int
-            Number of the wavenumber.
-        times : ndarray, shape (internal,)
-            theta_j in place of `times`.
-
-        Returns
-        -------
-        ndarray, ndarray, shape (internal,), (internal + redundant, internal)
-            theta' and the orthonormal columns U, the left singular vectors of (1; B) theta^(-1/2): the
-            springs (-xi; g u - B xi) hold their energy in the modes by Y = U^T (-xi; g u - B xi).
+        The axes are the orthonormal columns U, (internal + redundant, internal): the left singular vectors of
+        (1; B) theta^(-1/2). The springs (-xi; g u - B xi) hold their energy in the modes by
+        Y = U^T (-xi; g u - B xi).
         """
         order = np.argsort(times)
         system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
@@ -119,6 +106,44 @@ class InternalVariables(NamedTuple):
     network: Network
     number: IntArray
     laws: tuple[int, ...]
+
+
+def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> VectorSpectrum:
+    """Return the modes of a network on which n displacements of the surface act.
+
+    K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g.
+
+    Parameters
+    ----------
+    force : ndarray, shape (nq, redundant, n)
+        g, real or complex.
+    coupling : ndarray, shape (nq, redundant, internal)
+        B.
+    times : ndarray, shape (internal,)
+        theta.
+    """
+    softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
+    relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
+    found = [_amplitudes(*each, times) for each in zip(force, coupling, strict=True)]
+    vectors = np.stack([(amplitudes / slowness).T for amplitudes, slowness in found], axis=1)
+    return VectorSpectrum(relaxed, vectors, np.stack([1 / slowness**2 for _, slowness in found], axis=1))
+
+
+def _amplitudes(
+    force: NDArray[Any], coupling: FloatArray, times: FloatArray
+) -> tuple[NDArray[Any], FloatArray]:
+    """Return amplitudes a_j, (modes,) or (n, modes), and slownesses: v_j = a_j/slowness_j, fastest first.
+
+    `force` has the shape (redundant,) or (redundant, n); the times of the modes are 1/slowness^2.
+    """
+    order = np.argsort(times)
+    roots = np.sqrt(times[order])
+    if not roots.size or not len(force):
+        return np.zeros((*force.shape[1:], 0)), np.zeros(0)
+    scaled = coupling[:, order] / roots
+    slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), scaled)))
+    adjoint = force.conj().T if np.iscomplexobj(force) else force.T
+    return (adjoint @ scaled) @ vectors, slowness
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
@@ -159,16 +184,8 @@ class Member(NamedTuple):
 def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displacements: int) -> Network:
     """Eliminate the displacements of the interfaces, and give each spring the elements of its material.
 
-    Parameters
-    ----------
-    members : sequence of Member
-        From the surface down.
-    free : ndarray, shape (nq,)
-        Stiffness of the uppermost layer alone, for a unit modulus.
-    q : ndarray, shape (nq,)
-        Wavenumbers, not negative, the unit of the springs' stiffness.
-    displacements : int
-        Number of displacements: that of the surface, and two of each interface that moves.
+    `members` stand from the surface down, `free` (nq,) is the stiffness of the uppermost layer alone for a
+    unit modulus. There is one displacement of the surface, and two of each interface that moves.
     """
     if not members:
         none = np.zeros((q.size, 0))

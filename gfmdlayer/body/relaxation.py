@@ -39,6 +39,9 @@ from gfmdlayer.body.materials import Material
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
 
+# Rounding of an entry of K_0, relative to the largest.
+_ASYMMETRIC = 1e-12
+
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
 
@@ -67,12 +70,34 @@ class Spectrum:
         theta_j(q) > 0.
     error : float
         Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
+
+    Examples
+    --------
+    >>> found = gfmdlayer.Spectrum.of_material([1.0, 2.0], gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0))
+    >>> found.glassy, found.stiffness(1 / 2.0)
+    (array([10., 20.]), array([ 5.5, 11. ]))
     """
 
     relaxed: FloatArray
     weights: FloatArray
     times: FloatArray
     error: float = 0.0
+
+    @classmethod
+    def of_material(cls, stiffness: ArrayLike, material: Material) -> Spectrum:
+        """Return the modes of a stiffness that is proportional to one modulus.
+
+        Parameters
+        ----------
+        stiffness : array_like
+            K(q)/G.
+        material : Material
+            Law G(s), a spring beside Maxwell branches.
+        """
+        unit = np.asarray(stiffness, dtype=float)
+        moduli, times = distinct_branches(material)
+        each = np.repeat(times[:, np.newaxis], unit.size, axis=1).reshape(-1, *unit.shape)
+        return cls(unit * material.relaxed, np.multiply.outer(moduli, unit), each)
 
     @property
     def glassy(self) -> FloatArray:
@@ -86,6 +111,65 @@ class Spectrum:
         """
         cycles = np.asarray(s) * self.times
         return np.asarray(self.relaxed + (self.weights * (cycles / (1 + cycles))).sum(axis=0))
+
+    def modes_at(self, i: int) -> tuple[list[float], list[float]]:
+        """Return weights and times of the modes at one wave."""
+        some = self.weights[:, i] > 0
+        return self.weights[some, i].tolist(), self.times[some, i].tolist()
+
+
+@dataclass(frozen=True)
+class VectorSpectrum:
+    """Relaxing modes of n = 1, 2 or 3 components: K(s) = K_inf - sum_j v_j v_j^H/(1 + s theta_j).
+
+    The components are displacements of the surface, and the tractions that do work on them: normal alone,
+    normal and along the wave, or all three. K is Hermitian at real s; a component that is i times a real one
+    makes it real. Each mode has one scalar state, driven by v^H u. A scalar mode of weight w is v = w^(1/2).
+
+    Attributes
+    ----------
+    relaxed : ndarray, shape (*q.shape, n, n)
+        K_0(q) = K(q, s = 0), Hermitian, not negative.
+    vectors : ndarray, shape (modes, *q.shape, n)
+        v_j(q); zero where a mode is left out.
+    times : ndarray, shape (modes, *q.shape)
+        theta_j(q) > 0.
+    """
+
+    relaxed: NDArray[Any]
+    vectors: NDArray[Any]
+    times: FloatArray
+
+    @classmethod
+    def of(cls, spectrum: Spectrum) -> VectorSpectrum:
+        """Return the modes of one component as vectors."""
+        relaxed, vectors = spectrum.relaxed[..., np.newaxis, np.newaxis], np.sqrt(spectrum.weights)
+        return cls(relaxed, vectors[..., np.newaxis], spectrum.times)
+
+    @property
+    def entries(self) -> Spectrum:
+        """The modes of each entry of K, shape (*q.shape, n, n); those beside the diagonal have any sign."""
+        products = self.vectors[..., :, np.newaxis] * self.vectors[..., np.newaxis, :].conj()
+        return Spectrum(self.relaxed, products, self.times[..., np.newaxis, np.newaxis])
+
+    @property
+    def glassy(self) -> NDArray[Any]:
+        """K_inf(q), shape (*q.shape, n, n)."""
+        return self.entries.glassy
+
+    def stiffness(self, s: ArrayLike) -> NDArray[Any]:
+        """K(q, s), shape (*q.shape, n, n), at the Laplace variable s, a number or of the shape of q."""
+        return self.entries.stiffness(np.asarray(s)[..., np.newaxis, np.newaxis])
+
+    def fault(self) -> str:
+        """Return which promise the modes do not keep, if any: K_0 Hermitian and not negative, times > 0."""
+        adjoint = np.swapaxes(self.relaxed, -1, -2).conj()
+        size = np.abs(self.relaxed).max(axis=(-1, -2))
+        if (np.abs(self.relaxed - adjoint).max(axis=(-1, -2)) > _ASYMMETRIC * size).any():
+            return "relaxed: must be Hermitian"
+        if (np.linalg.eigvalsh(self.relaxed).min(axis=-1) < -_ASYMMETRIC * size).any():
+            return "relaxed: has a negative eigenvalue; must be >= 0"
+        return "" if (self.times > 0).all() else "times: must be > 0"
 
 
 def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:
@@ -188,24 +272,10 @@ def distinct_branches(material: Material) -> tuple[FloatArray, FloatArray]:
 def retardation_spectrum(
     moduli: FloatArray, times: FloatArray, relaxed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compliances J_k and retardation times theta_k of Prony solids that differ in their relaxed modulus.
+    """Compliances J_k > 0 and times theta_k > tau_k, (n, m), of Prony solids of relaxed moduli A, (m,).
 
-    Parameters
-    ----------
-    moduli, times : ndarray, shape (n,)
-        G_k > 0 and ascending, distinct tau_k of the branches.
-    relaxed : ndarray, shape (m,)
-        Relaxed moduli A > 0.
-
-    Returns
-    -------
-    ndarray, ndarray, shape (n, m)
-        J_k > 0, with sum_k J_k = 1/A - 1/(A + sum_k G_k), and theta_k > tau_k.
-
-    Raises
-    ------
-    ArithmeticError
-        If the iteration does not converge.
+    All have the same moduli G_k > 0 and ascending, distinct times tau_k. sum_k J_k = 1/A - 1/(A + sum_k G_k).
+    Raises ArithmeticError if the iteration does not converge.
     """
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
     width = max(1, _CHUNK // moduli.size**2)

@@ -35,30 +35,14 @@ from gfmdlayer.body.layer import HALFSPACE_DEPTH, sinh_minus
 
 
 class Springs(NamedTuple):
-    """Springs of unit shear modulus at the wavenumbers q > 0.
-
-    Attributes
-    ----------
-    strains : ndarray, shape (nq, springs, displacements)
-        Each spring's strain for unit displacements.
-    stiffness : ndarray, shape (nq, springs)
-        In units of q.
-    """
+    """Springs of unit modulus: strains (nq, springs, displacements), stiffness/q (nq, springs)."""
 
     strains: FloatArray
     stiffness: FloatArray
 
 
 def layer_springs(x: FloatArray, poisson: float) -> Springs:
-    """Four springs between the faces of a layer, over the displacements (W_t, U_t, W_b, U_b).
-
-    Parameters
-    ----------
-    x : ndarray, shape (nq,)
-        q d > 0.
-    poisson : float
-        nu.
-    """
+    """Four springs between the faces of a layer, x = q d > 0, over the displacements (W_t, U_t, W_b, U_b)."""
     x = np.minimum(x, HALFSPACE_DEPTH)
     m, e_1 = 1 - poisson, 1 - 2 * poisson
     k, decay = 1 + 2 * e_1, np.exp(-x)
@@ -77,19 +61,7 @@ def layer_springs(x: FloatArray, poisson: float) -> Springs:
 
 
 def surface_springs(x: FloatArray, poisson: float) -> tuple[Springs, FloatArray]:
-    """Two springs of the uppermost layer, over (u, W_b, U_b), and its stiffness as a free layer.
-
-    Parameters
-    ----------
-    x : ndarray, shape (nq,)
-        q d > 0.
-    poisson : float
-        nu.
-
-    Returns
-    -------
-    Springs, ndarray of shape (nq,)
-    """
+    """Two springs of the uppermost layer over (u, W_b, U_b), and its stiffness as a free layer."""
     x = np.minimum(x, HALFSPACE_DEPTH)
     m, e_1 = 1 - poisson, 1 - 2 * poisson
     decay, r, rho = np.exp(-x), np.exp(-2 * x), -np.expm1(-2 * x)
@@ -106,15 +78,7 @@ def surface_springs(x: FloatArray, poisson: float) -> tuple[Springs, FloatArray]
 
 
 def halfspace_springs(count: int, poisson: float) -> Springs:
-    """Two springs of a halfspace, over (W, U) of its surface.
-
-    Parameters
-    ----------
-    count : int
-        Number of wavenumbers, at all of which they are the same.
-    poisson : float
-        nu.
-    """
+    """Two springs of a halfspace at `count` wavenumbers, over (W, U) of its surface."""
     m, e_1 = 1 - poisson, 1 - 2 * poisson
     one, none = np.ones(count), np.zeros(count)
     strains = ((one, -one * (e_1 / (2 * m))), (none, one))
@@ -122,24 +86,13 @@ def halfspace_springs(count: int, poisson: float) -> Springs:
 
 
 def minors(x: FloatArray, poisson: float) -> FloatArray:
-    """Matrix that carries the minors of the impedance through a layer of unit shear modulus.
+    """Matrix, (..., 5, 5), that carries the minors of the impedance through a layer of unit shear modulus.
 
     The impedance Z below an interface, tractions (on W and U) by displacements in units of q, is kept by its
     homogeneous coordinates (1, Z_WW, Z_WU, Z_UU, det Z), on which a layer acts linearly: no matrix is
     inverted, and only the products with Z_WU are subtracted, which det Z bounds. They are minors of the
     layer's matrix of stiffness, times (k S C - y)(k S C + y) exp(-2x), and found as those in
     Dunkin, Bull. Seismol. Soc. Am. 55 (1965) 335-358, are for waves.
-
-    Parameters
-    ----------
-    x : ndarray, shape (...)
-        q d > 0.
-    poisson : float
-        nu.
-
-    Returns
-    -------
-    ndarray, shape (..., 5, 5)
     """
     x = np.minimum(x, HALFSPACE_DEPTH)
     m, e_1 = 1 - poisson, 1 - 2 * poisson

@@ -43,19 +43,9 @@ from gfmdlayer.body.wavevectors import Wavevectors
 
 
 def merged(weights: FloatArray, times: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, float]:
-    """Return fewer modes of the same relaxed stiffness.
+    """Return fewer modes of the same relaxed stiffness, and the bound on the change of K that they reach.
 
-    Parameters
-    ----------
-    weights, times : ndarray, shape (modes,)
-        w_j > 0 and theta_j > 0.
-    bound : float
-        Largest change of K at any s of Re s >= 0.
-
-    Returns
-    -------
-    ndarray, ndarray, float
-        Weights and times of the modes that stay, and the bound on the change that they reach.
+    `bound` is the largest change allowed at any s of Re s >= 0.
     """
     strengths = np.sqrt(weights * times)
     gramian = np.multiply.outer(strengths, strengths) / np.add.outer(times, times)

@@ -29,9 +29,9 @@ class Temperature(Section):
     def problems(self) -> Iterator[Problem]:
         """Refuse both and neither."""
         if self.value is None and self.file is None:
-            yield Problem((), "holds neither value nor file; must be {value: ...} or {file: ...}")
+            yield Problem((), "has neither value nor file; must be {value: ...} or {file: ...}")
         if self.value is not None and self.file is not None:
-            yield Problem(("file",), "given beside value; must be left out, or value be left out", ("value",))
+            yield Problem(("file",), "given beside value; remove one of the two", ("value",))
 
 
 def shifts(config: Section) -> dict[Location, Shift | None]:
@@ -41,38 +41,29 @@ def shifts(config: Section) -> dict[Location, Shift | None]:
 
 
 def temperature_problems(
-    config: Section, temperature: Temperature | None, *, moves: bool
+    config: Section, temperature: Temperature | None, *, moves: bool, layered: bool
 ) -> Iterator[Problem]:
-    """Yield why a temperature and the shifts of materials do not go together.
-
-    Parameters
-    ----------
-    config : Section
-        The configuration.
-    temperature : Temperature, optional
-        Its temperature.
-    moves : bool
-        Whether the punch moves along the surface.
-    """
+    """Yield why a temperature and the shifts of materials do not go together."""
     found = shifts(config)
     if temperature is None:
         for at, law in sections_in(config):
             if isinstance(law, Law) and law.shift is not None:
-                message = "given, but there is no temperature; must be left out, or temperature be given"
+                message = "only with a temperature; remove it or set temperature"
                 yield Problem((*at, "shift"), message, ("temperature",))
         return
     others = tuple(dotted(at) for at in found)
     if not any(found.values()):
-        message = "given, but no material that relaxes has a shift; must be left out, or a material have one"
+        message = "no material that relaxes has a shift; remove it or give a shift"
         yield Problem(("temperature",), message, others)
     elif not all(found.values()):
         at = next(at for at, shift in found.items() if shift is None)
         message = "missing; all materials that relax must have a shift, or none"
         yield Problem((*at, "shift"), message, others)
-    elif moves and len(set(found.values())) > 1:
+    elif (moves or not layered) and len(set(found.values())) > 1:
         at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
-        message = "differs from that of other materials; must be the same where the punch moves"
-        yield Problem((*at, "shift"), message, (*others, *_MOTION))
+        where = "where the punch moves" if layered else "in a body that is not made of layers"
+        message = f"differs from that of other materials; must be the same {where}"
+        yield Problem((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
     if temperature.value is not None:
         for at, shift in found.items():
             if shift is not None and (refused := shift.refused(temperature.value)):

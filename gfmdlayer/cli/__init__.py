@@ -1,7 +1,7 @@
 """The command line: verbs of a few lines each that call the library.
 
-Nothing heavy is imported before a verb needs it, so that help and `check` answer at once. Errors in the input
-are caught in `main`: a line each on standard error, and exit status 2.
+A verb imports heavy modules only when it needs them, so that help and `check` answer at once. `main` catches
+errors in the input and prints each on a line of standard error, with exit status 2.
 
 Exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable.
 """
@@ -29,14 +29,7 @@ from gfmdlayer.cli import (
     status,
     verify,
 )
-from gfmdlayer.cli.terminal import (
-    COMPLETE,
-    FAILED,
-    RESUMABLE,
-    STATUSES,
-    input_problems,
-    refuse,
-)
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, input_problems, refuse
 
 VERBS = (
     new,
@@ -58,8 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     threads = os.environ.get("NUMBA_NUM_THREADS", "1")
     if not (threads.isdecimal() and int(threads) >= 1):  # Numba raises an error, or prints one, when imported
-        return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset")
-    # More threads of the linear algebra bring nothing here; where they cannot be started it sends a SIGINT.
+        return refuse(f"NUMBA_NUM_THREADS={threads}: must be 1 or more, or unset")
+    # More threads of the linear algebra gain nothing here; OpenBLAS sends a SIGINT if it cannot start them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         options = command_line().parse_args(arguments)
@@ -86,9 +79,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_ranks() -> None:
-    """Die by a signal where an MPI launcher started this process, which then ends the other ranks.
+    """End by a signal under an MPI launcher, so that it ends the other ranks.
 
-    An exit does not tell it: the others would wait for this rank in the start of MPI for ever.
+    After a plain exit the other ranks would wait for this one in the start of MPI for ever.
     """
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # another one may follow
     from gfmdlayer.execution.preflight import launched_size
@@ -99,7 +92,7 @@ def _end_ranks() -> None:
 
 
 class _Version(argparse.Action):
-    """Print the version, which is looked up only then."""
+    """Print the version; it is looked up only here."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         from importlib.metadata import version
@@ -119,11 +112,9 @@ def command_line() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in VERBS:  # a module named as the verb, whose first line is the help, and a function in it
-        name, summary = (
-            verb.__name__.rpartition(".")[2],
-            (verb.__doc__ or "").partition(": ")[2].rstrip(".\n"),
-        )
+    for verb in VERBS:  # a module with a function, both named as the verb; its first line is the help
+        name, first = verb.__name__.rpartition(".")[2], (verb.__doc__ or "").partition("\n")[0]
+        summary = first.partition(": ")[2].rstrip(".")
         added = verbs.add_parser(
             name.replace("_", "-"),
             help=summary,

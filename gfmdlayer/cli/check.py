@@ -52,7 +52,7 @@ def check(options: argparse.Namespace) -> int:
         first = some if part == 1 else every[:LISTED]
         lines += cut_short((f"  {case.index:04d}  {label(case.values)}" for case in first), len(every))
     if part < 1:
-        lines.append(f"examined   {len(some)} cases, drawn at random; a run examines all before it begins")
+        lines.append(f"examined   {len(some)} cases at random; a run examines all before it starts")
     lines += [
         f"steps      {'about ' * (part < 1)}{cost.steps:,}",
         *([f"FFT pairs  about {float(f'{cost.pairs:.2g}'):,.0f}"] if cost.pairs else []),
@@ -70,7 +70,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def _methods(configs: Sequence[Config]) -> list[str]:
-    """Return the numerical methods and why they are taken; those of some cases of a long sweep."""
+    """Return the numerical methods and the reasons for the choice; of a long sweep, for some cases."""
     from gfmdlayer.model import model_of
 
     some = configs[:: -(-len(configs) // MOST_EXPLAINED)]
@@ -78,7 +78,7 @@ def _methods(configs: Sequence[Config]) -> list[str]:
 
 
 def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[Sequence[Case], list[str]]:
-    """Return the cases as they are in the results folder, and lines on what it holds."""
+    """Return the cases with their numbers in the results folder, and lines about its contents."""
     from gfmdlayer.execution.folder import Folder
 
     folder = Folder(directory)
@@ -90,14 +90,14 @@ def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[
     try:
         found = growth.compare(folder, config)
     except FolderError as error:
-        return every, [f"warning: a run would be refused: {error}"]
+        return every, [f"warning: a run would be rejected: {error}"]
     every = growth.with_earlier(folder, found.numbered(every))
     first, *others = growth.lines(folder, found, every)
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 
 def _time(directory: Path, every: Sequence[Case], part: float) -> str:
-    """Estimate the seconds of the cases that are not complete; `every` may be a part of them."""
+    """Estimate the time of the cases that are not complete; `every` may be a sample of them."""
     from gfmdlayer.execution.cost import CostModel
     from gfmdlayer.execution.folder import Folder
     from gfmdlayer.execution.status import duration
@@ -105,7 +105,7 @@ def _time(directory: Path, every: Sequence[Case], part: float) -> str:
     folder = Folder(directory)
     complete = folder.numbers()["h5"] if folder.is_results() else set()
     done = {folder.case(case.index): case.config for case in every if case.index in complete}
-    model = CostModel.of_files(done) if done else CostModel()  # which reads no file
+    model = CostModel.of_files(done) if done else CostModel()
     left = [case for case in every if case.index not in complete]
     seconds = sum(model.seconds(case.config) for case in left) / part
     of = "" if len(left) == len(every) else f" for the {count_cases(round(len(left) / part))} left"

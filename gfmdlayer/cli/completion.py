@@ -1,4 +1,4 @@
-"""`gfmdlayer completion`: print the script by which a shell completes verbs, options and file names."""
+"""`gfmdlayer completion`: print the script for a shell to complete verbs, options and file names."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ EXAMPLE = 'eval "$(gfmdlayer completion bash)"'
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell that reads the script")
+    parser.add_argument("shell", choices=SHELLS, help="name of the shell")
 
 
 def completion(options: argparse.Namespace) -> int:
-    """Print the script by which a shell completes verbs, options and file names."""
+    """Print the script for a shell to complete verbs, options and file names."""
     import shtab
 
     from gfmdlayer.cli import command_line

@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, add_out, cut_short, refuse
+from gfmdlayer.cli.terminal import COMPLETE, FAILED, STATUSES, add_out, conclude, input_problems, refuse
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.run import Summary
     from gfmdlayer.fitting.indentation.estimates import FitOptions
 
 EXAMPLE = (
@@ -27,14 +26,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "data",
         metavar="DATA",
         nargs="+",
-        help="files of curves (text, HDF5; AFM formats), or folders of them",
+        help="files of curves (text, HDF5, AFM formats), or folders",
     )
     parser.add_argument(
         "--model",
         metavar="YAML",
         nargs="+",
         required=True,
-        help="body and indenter in the words of a configuration; several models are compared",
+        help="file of body and indenter, with the keys of a configuration; several files are compared",
     )
     parser.add_argument(
         "--free",
@@ -47,27 +46,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--units",
         metavar=("TIME", "DEPTH", "FORCE"),
         nargs=3,
-        help="units of columns without their own, such as s nm nN; numbers are then in SI",
+        help="units of columns without a unit, such as s nm nN; a model without units is then in SI",
     )
     parser.add_argument(
         "--contact",
         choices=("given", "detect"),
         default="given",
-        help="detect: contact point and offset of the force are free, and start where the force rises",
+        help="detect: also fit the contact point and the offset of the force (default: given)",
     )
     parser.add_argument(
         "--loss",
         choices=("linear", "soft_l1", "huber", "cauchy"),
         default="linear",
-        help="of residuals over the noise; the others are for outliers (default: linear)",
+        help="loss of the residuals; soft_l1, huber and cauchy give outliers less weight (default: linear)",
     )
     parser.add_argument(
-        "--profile", action="store_true", help="profile intervals too; three to ten times as long"
+        "--profile", action="store_true", help="also find profile intervals; takes three to ten times as long"
     )
     parser.add_argument(
         "--each",
         action="store_true",
-        help="fit the curves one by one into a results folder, with maps; also under mpirun or srun",
+        help="fit each curve by itself into a results folder, with maps; also under mpirun or srun",
     )
     add_out(parser)
     parser.add_argument("--restart", action="store_true", help="with --each: remove earlier results in DIR")
@@ -86,28 +85,27 @@ def fit_indentation(options: argparse.Namespace) -> int:
             return refuse(free)
         if options.each:
             if len(options.model) > 1:
-                return refuse("--each: fits one model; several are compared without it")
+                return refuse("--each takes one model; leave --each out to compare several")
             return _fit_each(options, chosen, free)
         if options.restart or options.jobs > 1:
-            return refuse("--restart and --jobs: have no effect without --each")
+            return refuse("--restart and --jobs: only with --each")
         return _fit_together(options, chosen, free)
     except FitError as error:
         return refuse(*str(error).splitlines())
 
 
 def _free(keys: list[str] | None) -> dict[str, list[float] | None] | str | None:
-    """Read KEY or KEY=LOW:HIGH; a text is why one is refused."""
+    """Read KEY or KEY=LOW:HIGH; return an error message as a string."""
     if keys is None:
         return None
     found: dict[str, list[float] | None] = {}
     for text in keys:
         key, equals, bounds = text.partition("=")
         try:
-            found[key] = [float(end) for end in bounds.split(":")] if equals else None
+            low, high = map(float, bounds.split(":")) if equals else (0.0, 0.0)
         except ValueError:
             return f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers"
-        if equals and len(found[key] or ()) != 2:
-            return f"--free {text}: must be KEY, or KEY=LOW:HIGH with two numbers"
+        found[key] = [low, high] if equals else None
     return found
 
 
@@ -116,7 +114,7 @@ def _fit_together(options: argparse.Namespace, chosen: FitOptions, free: Any) ->
     from gfmdlayer.fitting.indentation.curve import in_si
     from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
     from gfmdlayer.fitting.indentation.fit import fit_curves, read_model
-    from gfmdlayer.fitting.indentation.parameters import Model
+    from gfmdlayer.fitting.indentation.problem import Model
 
     out = Path(options.out or f"{Path(options.data[0]).stem}-fit")
     report.targets(out, options.force)
@@ -144,12 +142,11 @@ def _fit_each(options: argparse.Namespace, chosen: FitOptions, free: Any) -> int
 
 
 def _prepare() -> None:
-    """Import what a fit needs, on MPI's other ranks."""
+    """Import the modules of a fit on the other MPI ranks."""
     import gfmdlayer.fitting.force_map  # noqa: F401
 
 
 def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) -> int:
-    from gfmdlayer.cli.terminal import input_problems
     from gfmdlayer.execution.progress import make_display
     from gfmdlayer.fitting.force_map import ForceMap
     from gfmdlayer.fitting.indentation.fit import read_model
@@ -168,19 +165,4 @@ def _run(options: argparse.Namespace, chosen: FitOptions, free: Any, pool: Any) 
         if not (problems := input_problems(error)):
             raise
         return refuse(*problems)
-    return _conclude(summary, directory)
-
-
-def _conclude(summary: Summary, directory: Path) -> int:
-    """Print how the fits ended and return the exit status."""
-    if stopped := summary.count("stopped"):
-        left = f"{stopped} curves wait" if stopped > 1 else "1 curve waits"
-        print(f"stopped: {left}; the same command goes on from there")
-        return RESUMABLE
-    if summary.failures:
-        print(f"{len(summary.failures)} of {len(summary.outcomes)} curves failed:")
-        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"map of the others: {directory / 'sweep.h5'}; the same command tries the failed ones again")
-        return FAILED
-    print(f"complete: {directory / 'sweep.h5'}")
-    return COMPLETE
+    return conclude(summary, directory, "curve")

@@ -13,7 +13,9 @@ EXAMPLE = "gfmdlayer fit-material configs/polymer.csv --temperature 35 --referen
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("data", metavar="DATA", help="file of two or three columns, the first increasing")
+    parser.add_argument(
+        "data", metavar="DATA", help="file with two or three columns; the first must increase"
+    )
     parser.add_argument("--law", choices=LAWS, default="prony", help="law to fit (default: a Prony series)")
     parser.add_argument("--columns", metavar="NAMES", help='names of columns, such as "f, E\', tan delta"')
     parser.add_argument(
@@ -27,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--relaxed-modulus", metavar="G0", type=float, help="relaxed modulus (default: fitted)"
     )
     parser.add_argument("--normalise", action="store_true", help="write moduli in units of G0")
-    parser.add_argument("--temperature", metavar="T", type=float, help="temperature to shift the times to")
+    parser.add_argument("--temperature", metavar="T", type=float, help="shift the times to this temperature")
     parser.add_argument("--reference", metavar="T0", type=float, help="temperature of the data")
     parser.add_argument("--wlf", metavar=("C1", "C2"), nargs=2, type=float, help="WLF constants at T0")
     parser.add_argument("--force", action="store_true", help="overwrite files")
@@ -40,7 +42,7 @@ def fit_material(options: argparse.Namespace) -> int:
 
     shift = (options.temperature, options.reference, options.wlf)
     if None in shift and any(value is not None for value in shift):
-        return refuse("--temperature, --reference and --wlf: must be given together")
+        return refuse("--temperature, --reference and --wlf: give all three or none")
     if not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
     try:

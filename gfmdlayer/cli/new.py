@@ -1,13 +1,120 @@
-"""`gfmdlayer new`: write a configuration to start from, with the meaning of every key."""
+"""`gfmdlayer new`: write a configuration to start from, with the meaning of every key.
+
+The text follows from the model of the configuration; editors show the same meanings.
+"""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
-LIKE = ("indentation", "sweep", "prony", "stack", "sliding", "adhesion", "sphere", "rough")
+if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+
+    from gfmdlayer.validation.sections import Section
+
+_COLUMN = 36  # of the comments
+_HEAD = """\
+# {summary}
+#
+# Every key except name has a default. A key behind a # has no default, or no meaning in this case. Lengths
+# are in units of the period, moduli in units of G0, times in units of tau; or use any units, but the same
+# everywhere.
+"""
+_SWEEP = """\
+# sweep:
+#   layer.thickness: [0.02, 0.05, .inf]
+"""
+_QUICK = "{grid.points: 1024, time.step: adaptive, output.snapshots: [1.0, 8.0]}"
+_SURFACE = """
+grid.points: [128, 128]
+trajectory.control: load
+time.end: 2.0
+time.step: adaptive
+output.snapshots: [1.0, 2.0]
+"""
+# For each kind a sentence, and the dotted keys that differ from the defaults.
+TEMPLATES = {
+    "indentation": ("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
+    "sweep": (
+        "A parabola is pressed into layers of several thicknesses.",
+        _QUICK,
+        "sweep: {layer.thickness: [0.02, 0.05, 0.1, 0.2]}",
+    ),
+    "prony": (
+        "A parabola is pressed into a layer that relaxes over two decades of time.",
+        _QUICK,
+        """
+layer.material: {model: prony, branches: [{G: 6.0, tau: 0.1}, {G: 3.0, tau: 10.0}]}
+time.end: 100.0
+output.snapshots: [1.0, 10.0, 100.0]
+""",
+    ),
+    "stack": (
+        "A parabola is pressed into a stiff skin on a soft layer on a rigid base, each viscoelastic.",
+        _QUICK,
+        """
+layers:
+  - {thickness: 0.01, poisson: 0.45, material: {G0: 5.0, Ginf: 20.0, tau: 1.0}}
+  - {thickness: 0.1, poisson: 0.49, material: {G0: 1.0, Ginf: 4.0, tau: 0.3}}
+halfspace.shear_modulus: .inf
+sweep: {layers.0.thickness: [0.005, 0.01, 0.02]}
+""",
+    ),
+    "sliding": (
+        "A cylinder rolls or slides along a layer at several speeds, until its friction is steady.",
+        _QUICK,
+        """
+punch: {shape: cylinder, radius: 0.6}
+trajectory.control: load
+trajectory.load: 0.01
+trajectory.velocity: 0.1
+time.end: 400.0
+time.steady: 1e-3
+output.snapshots: []
+sweep: {trajectory.velocity: [0.03, 0.3, 3.0]}
+""",
+    ),
+    "adhesion": (
+        "A parabola is pressed onto a layer that sticks, held, and pulled off at several speeds.",
+        _QUICK,
+        """
+layer.thickness: 0.2
+halfspace.shear_modulus: .inf
+interface: {law: exponential, work: 2.0e-4, range: 1.0e-3}
+trajectory: {kind: approach_retract, start: -0.004, depth: 0.002, approach_speed: 0.001, dwell: 10.0,
+  retract_speed: 0.001, final: -0.015}
+time.end: 190.0
+output.snapshots: []
+sweep: {trajectory.retract_speed: [1.0e-4, 1.0e-3, 1.0e-2]}
+""",
+    ),
+    "sphere": (
+        "A sphere is pressed into a coated solid by a force; a surface in two directions.",
+        _SURFACE,
+        """
+halfspace: {shear_modulus: 10.0, poisson: 0.3}
+punch: {shape: sphere, radius: 1.0}
+trajectory.load: 0.02
+""",
+    ),
+    "rough": (
+        "A self-affine rough surface is pressed into a layer on a rigid base.",
+        _SURFACE,
+        """
+layer.thickness: 0.2
+halfspace.shear_modulus: .inf
+punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.0625, seed: 1, roll_off: 0.25, rms_slope: 0.1}
+trajectory.load: 0.05
+output.patches: true
+""",
+    ),
+}
 
 EXAMPLE = "gfmdlayer new first.yaml && gfmdlayer run first.yaml && gfmdlayer plot results/first"
 
@@ -18,16 +125,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--like",
         metavar="KIND",
-        choices=LIKE,
-        default=LIKE[0],
-        help=f"{', '.join(LIKE)} (default: {LIKE[0]})",
+        choices=TEMPLATES,
+        default="indentation",
+        help=f"{', '.join(TEMPLATES)} (default: indentation)",
     )
     parser.add_argument("--force", action="store_true", help="overwrite FILE")
 
 
 def new(options: argparse.Namespace) -> int:
     """Write a configuration to start from."""
-    from gfmdlayer.cli.templates import commented
     from gfmdlayer.config import ConfigError
     from gfmdlayer.files.whole import write_text
 
@@ -38,8 +144,54 @@ def new(options: argparse.Namespace) -> int:
     except ConfigError as error:
         return refuse(*(f"{path}: {problem}" for problem in error.problems))
     except FileExistsError:
-        return refuse(f"{path}: exists; choose another name, or --force to overwrite it")
+        return refuse(f"{path}: exists; choose another name, or overwrite it with --force")
     except OSError as error:
         return refuse(f"{path}: cannot be written ({error.strerror})")
     print(f"{path}: explains each key; run it with  gfmdlayer run {path}")
     return COMPLETE
+
+
+def commented(name: str, like: str) -> str:
+    """Return a configuration as YAML with the meaning of every key."""
+    from gfmdlayer.config import text
+    from gfmdlayer.config.model import Config
+
+    summary, *parts = TEMPLATES[like]
+    values = {"name": name}
+    for part in parts:
+        values |= text.read(part, "template").data
+    config = Config(name="new").with_values(values)
+    lines = (f"{entry:<{_COLUMN - 2}}  # {words}".rstrip(" #") for entry, words in _entries(config))
+    return _HEAD.format(summary=summary) + "\n".join(lines) + "\n" + ("" if config.sweep else _SWEEP)
+
+
+def _entries(section: Section, indent: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the lines of a section, each with the meaning of its key."""
+    from gfmdlayer.config import text
+    from gfmdlayer.validation.fields import meanings
+    from gfmdlayer.validation.sections import Section
+
+    values, words = section.model_dump(exclude_none=True), meanings(type(section))
+    for key, known in type(section).model_fields.items():
+        value = getattr(section, key)
+        if isinstance(value, Section):
+            inner = [*_kinds(known, indent + "  "), *_entries(value, indent + "  ")]
+            live = any(not line.lstrip().startswith("#") for line, _ in inner)
+            yield f"{indent}{'' if live else '# '}{key}:", words.get(known.alias or key, "")
+            yield from inner
+        elif key in values and value != {}:
+            first, *rest = text.written({key: values[key]}).splitlines()
+            yield indent + first, words.get(known.alias or key, "")
+            yield from ((indent + line, "") for line in rest)
+        elif value is None:
+            yield f"{indent}# {key}:", words.get(known.alias or key, "")
+
+
+def _kinds(field: FieldInfo, indent: str) -> Iterator[tuple[str, str]]:
+    """Yield lines with the kinds of section that a key may have, if there are several."""
+    from gfmdlayer.validation.sections import OneOf, held_by
+
+    held = held_by(field)
+    if isinstance(held, OneOf):
+        lines = wrap(f"one of {', '.join(held.members)}", 100)
+        yield from ((f"{indent}# {line}", "") for line in lines)

@@ -8,15 +8,15 @@ from typing import Any
 from gfmdlayer.cli.terminal import COMPLETE, refuse
 
 KINDS = {
-    "curves": "contact area and mean pressure (depth, where the load is prescribed; of a moving punch also "
-    "friction) against time, or the columns of --y against that of --x",
-    "loop": "force against depth over the whole run, with the area of the loop",
+    "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
+    "a moving punch), or the columns --y over --x",
+    "loop": "force over depth for the whole run, with the area of the loop",
     "snapshots": "the surface at the snapshot times: profiles, or maps of pressure and gap with a cut",
     "waterfall": "pressure profiles through time",
-    "body": "the layers and their moduli; also of a configuration, DIR then being its file",
+    "body": "the layers and their moduli; DIR may also be a configuration file",
     "map": "contact area and mean pressure, or the columns of --z, over two swept keys",
 }
-# The kinds of figure that take an option; None, without --kind, is the curves and the snapshots.
+# The kinds of figure that take an option; None stands for no --kind: the curves and the snapshots.
 KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "log_time": (None, "curves"),
     "inset": (None, "curves"),
@@ -27,7 +27,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
     "fps": ("movie",),
 }
 
-MOST_FRAMES = 100  # in a second; more than a GIF can have
+MOST_FRAMES = 100  # per second, the limit of a GIF
 
 EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time"
 
@@ -46,14 +46,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         dest="kind",
         action="store_const",
         const="movie",
-        help="displacement and pressure, a frame a snapshot: .mp4 where ffmpeg is present, else .gif",
+        help="displacement and pressure, one frame for each snapshot: .mp4 with ffmpeg, else .gif",
     )
     parser.add_argument(
         "--style",
         choices=("paper", "screen"),
-        help="for a journal (default) or for a talk (default of movies)",
+        help="paper: for a journal (default); screen: for a talk (default of movies)",
     )
-    parser.add_argument("--case", metavar="N", type=int, help="the case whose snapshots are drawn")
+    parser.add_argument("--case", metavar="N", type=int, help="draw the snapshots of this case")
     parser.add_argument("--log-time", action="store_true", help="logarithmic time axis of the curves")
     parser.add_argument(
         "--inset",
@@ -61,7 +61,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs="+",
         default=[],
-        help="inset of punch and surface in the curves, at these snapshot times",
+        help="draw punch and surface at these snapshot times in an inset of the curves",
     )
     parser.add_argument(
         "--select",
@@ -69,47 +69,47 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="draw the cases with this value of a swept key, or the nearest: thickness=0.1; or with values "
-        "in a range: thickness=0.1:0.5",
+        help="draw only the cases with this (or the nearest) value of a swept key, thickness=0.1, or with "
+        "values in a range, thickness=0.1:0.5",
     )
     parser.add_argument(
         "--x",
         metavar="NAME",
         default="",
-        help="time (default), a column, or a swept key; of a map: a swept key",
+        help="time (default), a column, or a swept key; map: a swept key",
     )
     parser.add_argument(
         "--y",
         metavar="NAME",
         nargs="+",
         default=[],
-        help="columns, in a panel each; of a loop: one; of a map: a swept key",
+        help="columns, one panel for each; loop: one column; map: a swept key",
     )
     parser.add_argument("--z", metavar="NAME", nargs="+", default=[], help="columns of the map")
     parser.add_argument(
         "--time",
         metavar="T",
-        help="time of a map, or of curves against a swept key: a number, end (default), or for the extremes "
-        "over time max or min",
+        help="time of a map, or of curves over a swept key: a number, end (default), or the max or min over "
+        "time",
     )
-    parser.add_argument("--fps", metavar="N", type=int, help="frames of a movie in a second")
+    parser.add_argument("--fps", metavar="N", type=int, help="frames per second of a movie")
 
 
 def _selected(texts: list[str]) -> dict[str, str]:
-    """Return what is selected, by key; ValueError where that is not said."""
+    """Return the selected values by key; ValueError for another form."""
     selected: dict[str, str] = {}
     for text in texts:
         key, _, value = (part.strip() for part in text.partition("="))
         if not (key and value):
             raise ValueError(f"--select: got {text!r}; must be KEY=VALUE, such as thickness=0.1")
         if key in selected:
-            raise ValueError(f"--select: {key} is given twice; must be given once, or with a range: 0.1:0.5")
+            raise ValueError(f"--select: {key} is given twice; give it once, or as a range: 0.1:0.5")
         selected[key] = value
     return selected
 
 
 def _time(text: str | None) -> Any:
-    """Return the time of a map; ValueError where it is none."""
+    """Return the time of a map; ValueError for another word."""
     if text in ("end", "max", "min", None):
         return text
     try:
@@ -123,7 +123,7 @@ def plot(options: argparse.Namespace) -> int:
     for name, kinds in KINDS_WITH.items():
         if getattr(options, name) not in (None, False, [], "") and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
-            return refuse(f"--{name.replace('_', '-')}: has no effect on this figure; must be with {allowed}")
+            return refuse(f"--{name.replace('_', '-')}: only with {allowed}")
     try:
         selected, time = _selected(options.select), _time(options.time)
     except ValueError as error:

@@ -17,8 +17,7 @@ from gfmdlayer.cli.terminal import (
     STATUSES,
     add_config,
     add_out,
-    count_cases,
-    cut_short,
+    conclude,
     input_problems,
     interval,
     read_config,
@@ -28,11 +27,10 @@ from gfmdlayer.cli.terminal import (
 from gfmdlayer.execution import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
-    from gfmdlayer.execution.run import Summary
     from gfmdlayer.execution.sweep import Shard
     from gfmdlayer.execution.workers import WorkerPool
 
-MANY_CASES = 20_000  # in a run, which is silent for seconds before its first case
+MANY_CASES = 20_000  # a larger sweep takes seconds before its first case
 
 EXAMPLE = f"gfmdlayer run configs/figure2-quick.yaml --jobs 2\n\n{STATUSES}"
 
@@ -52,7 +50,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=int,
         default=1,
-        help="MPI ranks that compute a case together, each a part of its surface (default: 1)",
+        help="MPI ranks that share a case, each with a part of its surface (default: 1)",
     )
     parser.add_argument(
         "--shard",
@@ -65,8 +63,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         type=interval,
         default=CHECKPOINT_EVERY,
-        help="time between checkpoints of a case, from which a killed run goes on (default: %(default)g; "
-        "0: after every step; inf: only when a signal stops the run)",
+        help="time between checkpoints of a case; a killed run continues from the last (default: "
+        "%(default)g; 0: after every step; inf: only when a signal stops the run)",
     )
     either = parser.add_mutually_exclusive_group()
     either.add_argument("--restart", action="store_true", help="remove earlier results in DIR and start over")
@@ -88,7 +86,9 @@ def run(options: argparse.Namespace) -> int:
     from gfmdlayer.execution import case_run, interrupts, workers
 
     if options.shard and options.restart:
-        return refuse("--shard and --restart exclude each other: start over once, with --restart alone")
+        return refuse(
+            "--shard and --restart cannot be combined; start over once with --restart, then run the shards"
+        )
     interrupts.listen()
     threads = workers.threads_each(os.environ, options.threads)
     with _pool(options, case_run.prepare) as pool:
@@ -108,7 +108,7 @@ def _pool(
     if size < 1:
         raise workers.LauncherError(f"--ranks-per-case {size}: must be 1 or more")
     if options.jobs > 1:
-        raise workers.LauncherError("--jobs N and --ranks-per-case N exclude each other: leave --jobs out")
+        raise workers.LauncherError("--jobs and --ranks-per-case cannot be combined; leave --jobs out")
     return groups_of(size, prepare)
 
 
@@ -136,35 +136,14 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
             options.ranks_per_case,
         )
         if (number := count(config.sweep)) > MANY_CASES:
-            print(f"{number} cases are made first, some thousands a second", file=sys.stderr)
+            print(f"preparing {number} cases, some thousands per second", file=sys.stderr)
         summary = run_sweep(config, directory, pool, chosen, lambda: make_display(sys.stderr))
-    except (ConfigError, FolderError) as error:  # here: an exception that leaves the pool aborts the ranks
+    except (ConfigError, FolderError) as error:  # caught here, since it would abort the ranks
         return refuse(*input_problems(error))
     except KeyboardInterrupt:
         print("stopped before the first case")
         return RESUMABLE
-    except (ResultsError, PermissionError) as error:  # one that was lost during the run
+    except (ResultsError, PermissionError) as error:  # the folder became read-only during the run
         print(f"gfmdlayer: {error}", file=sys.stderr)
         return FAILED
-    return _conclude(summary, directory, options.shard)
-
-
-def _conclude(summary: Summary, directory: Path, shard: Shard | None) -> int:
-    """Print how the run ended and return the exit status."""
-    print("".join(f"note: {line}\n" for line in summary.notes), end="")
-    if stopped := summary.count("stopped"):
-        left = f"{stopped} cases wait" if stopped > 1 else "1 case waits"
-        print(f"stopped: {left}; the same command goes on from there")
-        return RESUMABLE
-    if summary.failures:
-        print(f"{len(summary.failures)} of {len(summary.outcomes)} cases failed:")
-        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
-        print(f"complete cases are in {directory}; the same command tries the failed ones again")
-        return FAILED
-    if waiting := summary.count("waiting"):
-        print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
-    elif not summary.collected:
-        print(f"shard {shard} complete; sweep.h5 follows when the other shards are")
-    else:
-        print(f"complete: {directory / 'sweep.h5'}")
-    return COMPLETE
+    return conclude(summary, directory, "case", options.shard)

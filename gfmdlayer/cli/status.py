@@ -26,7 +26,7 @@ EXAMPLE = "gfmdlayer status results/figure2-quick"
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("directory", metavar="DIR", help="results folder")
-    parser.add_argument("--watch", action="store_true", help="repeat until no case is left, or Ctrl-C")
+    parser.add_argument("--watch", action="store_true", help="update until no case is left; Ctrl-C ends it")
 
 
 def status(options: argparse.Namespace) -> int:
@@ -46,7 +46,7 @@ def status(options: argparse.Namespace) -> int:
 
 
 def _watch(folder: Folder) -> None:
-    """Show the overview until no case is left: on a terminal in place, elsewhere a line at each change."""
+    """Show the overview until no case is left: in place on a terminal, else a line at each change."""
     if sys.stdout.isatty():
         from rich.console import Console
         from rich.live import Live
@@ -109,7 +109,7 @@ def _running(case: Running) -> str:
 
 
 def _records(records: list[Record], number: int, state: str) -> list[str]:
-    """List a few cases with what is on record one by one, and many in groups of the same reason."""
+    """List a few cases one by one, and many in groups with the same reason."""
     from gfmdlayer.execution.status import group_by_reason
     from gfmdlayer.execution.sweep import label
 

@@ -1,4 +1,4 @@
-"""Parts that the verbs share: exit statuses, options, the refusal of bad input, lists cut short."""
+"""Shared by the verbs: exit statuses, options, messages about bad input, long lists."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
+    from gfmdlayer.execution.run import Summary
+    from gfmdlayer.execution.sweep import Shard
 
 COMPLETE, FAILED, REFUSED, RESUMABLE = 0, 1, 2, 75
 STATUSES = (
     "exit status: 0 all cases complete; 1 some case failed; 2 bad input; 75 stopped by a signal, resumable"
 )
 LISTED = 20  # entries of a list before it is cut short
-REPORTED = 100  # problems of a configuration, likewise
+REPORTED = 100  # problems of a configuration before the list is cut short
 
 
 def folder_name(name: str) -> str:
@@ -42,7 +44,9 @@ def interval(text: str) -> float:
 
 def add_config(parser: argparse.ArgumentParser) -> None:
     """Add the configuration, and --set, to a verb."""
-    parser.add_argument("config", metavar="CONFIG", help="YAML file, or a case's result file to run it again")
+    parser.add_argument(
+        "config", metavar="CONFIG", help="YAML file, or the result file of a case to run it again"
+    )
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -61,18 +65,18 @@ def add_out(parser: argparse.ArgumentParser) -> None:
 
 
 def refuse(*problems: str) -> int:
-    """Print what is wrong with the input, a line each, and return the exit status."""
+    """Print each problem of the input on a line and return the exit status."""
     for problem in problems[:REPORTED]:
         print(f"gfmdlayer: {printable(problem)}", file=sys.stderr)
     if (further := len(problems) - REPORTED) > 0:
-        print(f"gfmdlayer: ... and {further} more of these", file=sys.stderr)
+        print(f"gfmdlayer: ... and {further} more", file=sys.stderr)
     return REFUSED
 
 
 def input_problems(error: Exception) -> Sequence[str]:
-    """Return the messages of an error in the input or the results, and nothing for an error of the program.
+    """Return the messages of an error in the input or the results; empty for any other error.
 
-    The error classes are imported only here, after an error, so that a verb loads no module for them.
+    The error classes are imported only after an error, so that a verb loads no module for them.
     """
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution.folder import FolderError
@@ -83,25 +87,12 @@ def input_problems(error: Exception) -> Sequence[str]:
     if isinstance(error, ConfigError):
         return error.problems
     if isinstance(error, PermissionError):
-        return [f"{error}; this user must be allowed to read it, or to write there"]
+        return [f"{error}; you need permission to read it, or to write there"]
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
 def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
-    """Read the configuration named on the command line, or that of a case's result file.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        The command line.
-    ranks_per_case : int
-        Ranks that are to compute a case together.
-
-    Raises
-    ------
-    ConfigError
-        With every error in it.
-    """
+    """Read the configuration on the command line, from YAML or from the result file of a case."""
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
 
@@ -117,7 +108,7 @@ def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
 
 
 def results_folder(options: argparse.Namespace, config: Config) -> Path:
-    """Return --out, or results/NAME; results/NAME-NNNN for a case that is run again."""
+    """Return --out, or results/NAME; results/NAME-NNNN when a case is run again."""
     from gfmdlayer.execution.folder import is_result
 
     rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
@@ -130,7 +121,28 @@ def count_cases(number: int) -> str:
 
 
 def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
-    """Return the first lines of a list, and the number of further ones; of `number` lines if given."""
+    """Return the first lines of a list, and how many of `number` lines (default: all) are left out."""
     every = list(map(printable, lines))
     further = (len(every) if number is None else number) - LISTED
     return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]
+
+
+def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None = None) -> int:
+    """Print the end of a run over cases or curves (`noun`), and return the exit status."""
+    print("".join(f"note: {line}\n" for line in summary.notes), end="")
+    if stopped := summary.count("stopped"):
+        left = f"{stopped} {noun}s wait" if stopped > 1 else f"1 {noun} waits"
+        print(f"stopped: {left}; the same command continues")
+        return RESUMABLE
+    if summary.failures:
+        print(f"{len(summary.failures)} of {len(summary.outcomes)} {noun}s failed:")
+        print("\n".join(cut_short(f"  {each.index:04d}: {each.reason}" for each in summary.failures)))
+        print(f"complete {noun}s are in {directory}; the same command retries the failed ones")
+        return FAILED
+    if waiting := summary.count("waiting"):
+        print(f"no failed case is left; {count_cases(waiting)} wait: run again without --only-failed")
+    elif not summary.collected:
+        print(f"shard {shard} complete; sweep.h5 follows when all shards are complete")
+    else:
+        print(f"complete: {directory / 'sweep.h5'}")
+    return COMPLETE

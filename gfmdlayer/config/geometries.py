@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -69,6 +68,8 @@ def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
 
 def _plainly_possible_in_a_cell(config: Any) -> bool:
     """Whether no file has to be read, and the depth is well below a mean height in closed form."""
+    if config.body is not None:
+        return False
     given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
     if files_named(config) or mean_height is None:
         return False
@@ -127,13 +128,9 @@ def _of_the_punch(punch: Any) -> Iterator[Problem]:
 
 
 def _of_the_base(config: Any) -> Iterator[Problem]:
-    layers, modulus = config.stacked, config.halfspace.shear_modulus
-    thickness = sum(layer.thickness for layer in layers)
-    if modulus == 0 and math.isfinite(thickness):
-        message = "got 0: a layer without a base does not support an isolated load; must be > 0"
-        yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers", *_GEOMETRY))
-    depth = config.trajectory.depth
-    if depth is not None and modulus == math.inf and depth >= thickness:
+    yield from (problem.within((), *_GEOMETRY) for problem in config.solid.problems_isolated())
+    depth, thickness = config.trajectory.depth, config.solid.rigid_below
+    if depth is not None and depth >= thickness:
         message = f"got {depth!r}, beyond the rigid base; must be below the thickness above it, {thickness!r}"
         yield Problem(("trajectory", "depth"), message, ("layer.thickness", "layers", "halfspace"))
 

@@ -1,7 +1,7 @@
 """All errors of a configuration at once, also those that others hide.
 
-A value that is refused is removed and the rest validated once more, so that errors hidden by the first are in
-the same report; errors that depend on a removed value are left out.
+A rejected value is removed and the rest is validated again, so that hidden errors are in the same report;
+errors that depend on a removed value are left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from gfmdlayer.config.sweeps import unswept
 from gfmdlayer.validation.problems import Location, Problem, dotted_key, without_last_places
 
-# Young's moduli, as they are often given, and the shear moduli that a configuration has in their place.
+# Young's moduli, and the shear moduli that a configuration takes instead.
 _YOUNGS = {
     "E0": ("G0",),
     "Einf": ("Ginf",),
@@ -27,22 +27,7 @@ _YOUNGS = {
 def with_hidden(
     data: dict[str, Any], found: list[Problem], validate: Callable[[dict[str, Any]], list[Problem]]
 ) -> list[Problem]:
-    """Return the problems of a configuration and those that they hide.
-
-    Parameters
-    ----------
-    data : dict
-        Plain nested data.
-    found : list of Problem
-        Its problems as they were found first.
-    validate : callable
-        Returns the problems of plain nested data.
-
-    Returns
-    -------
-    list of Problem
-        At the places where the user wrote.
-    """
+    """Return the problems `found` in plain data and the problems that they hide."""
     rest = copy.deepcopy(data)
     new = found
     aside: list[str] = []

@@ -1,9 +1,9 @@
 """The configuration as a JSON Schema (draft 2020-12), by which editors complete keys and mark mistakes.
 
-It follows from the model and takes everything that the loader takes.  What rests on more than one value
-(a sphere that ends inside the cell, a snapshot past the end), on files, or on a whole number being written
-without a decimal point, is known to the loader alone.  YAML's infinity is a number like any other here, so
-keys without .inf are bounded by the largest finite number.
+It follows from the model and accepts all that the loader accepts. Only the loader checks conditions on
+several values (a sphere that ends inside the cell, a snapshot past the end), files, and whole numbers without
+a decimal point. YAML's infinity is a number here, so keys without .inf are bounded by the largest finite
+number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gfmdlayer.validation.fields import meanings, sequence, two
 from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_PLACE = "@"  # stands in dotted keys for the place in a list
+_PLACE, _OWN = "@", "~"  # in dotted keys: the place in a list, and keys of a user's own body
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
 
 
@@ -38,7 +38,7 @@ def json_schema() -> dict[str, Any]:
 
 
 class _Generator(GenerateJsonSchema):
-    """Adds the values that validators take and refuse, which pydantic cannot know."""
+    """Adds the conditions of validators, which pydantic cannot know."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
         return False  # keys are their own titles
@@ -51,7 +51,7 @@ class _Generator(GenerateJsonSchema):
         return result
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        return self.generate_inner(schema["schema"])  # None is for the model; a user leaves the key out
+        return self.generate_inner(schema["schema"])  # None is internal; a user leaves the key out
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
         result = super().default_schema(schema)
@@ -87,7 +87,7 @@ class _Generator(GenerateJsonSchema):
 
 
 def _require_words(node: Any, sections: Mapping[str, Any]) -> None:
-    """Require the word that chooses a section in every one of several but the first, which is the default."""
+    """Require the word that chooses a section in all of several sections but the first, the default."""
     for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
         _require_words(inner, sections)
     for member in node.get("oneOf", ())[1:] if isinstance(node, dict) else ():
@@ -98,7 +98,7 @@ def _require_words(node: Any, sections: Mapping[str, Any]) -> None:
 
 
 def _described(node: Any) -> Any:
-    """Return a schema with descriptions for users: the meaning of each key and the values allowed."""
+    """Return a schema with the meaning and the allowed values of each key as descriptions."""
     if isinstance(node, list):
         return [_described(item) for item in node]
     if not isinstance(node, dict):
@@ -113,7 +113,7 @@ def _described(node: Any) -> Any:
 
 
 def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield dotted keys and their schemas, of each kind of section that may be there."""
+    """Yield dotted keys and their schemas, for each possible kind of section."""
     for member in node.get("oneOf", ()):
         yield from _keys(schema, member, prefix)
     if "items" in node:
@@ -122,6 +122,8 @@ def _keys(schema: Mapping[str, Any], node: Mapping[str, Any], prefix: str) -> It
         for key, value in schema["$defs"][node["$ref"].rpartition("/")[2]]["properties"].items():
             yield f"{prefix}.{key}", value
             yield from _keys(schema, value, f"{prefix}.{key}")
+        if schema["$defs"][node["$ref"].rpartition("/")[2]].get("additionalProperties") is True:
+            yield f"{prefix}.{_OWN}", {"anyOf": [{"type": "number"}, {}]}
 
 
 def _sweep(schema: Mapping[str, Any]) -> None:
@@ -129,16 +131,19 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     kinds = {key: {"anyOf": members} for key, members in _swept(schema).items()}
     lists = {key: {"type": "array", "minItems": 1, "items": kind} for key, kind in kinds.items()}
     different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
-    # Bounds are not held to those of the key: they may lie where no sample does.
+    # The ends of a range need not satisfy the bounds of the key: no sample may lie there.
     ranges = {key: {"$ref": "#/$defs/Range"} for key, kind in kinds.items() if _takes_numbers(kind)}
     sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
     for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
-        named = {key: value for key, value in values.items() if _PLACE not in key}
-        in_lists = {f"^{re.escape(key)}$": value for key, value in values.items() if _PLACE in key}
+        named = {key: value for key, value in values.items() if not {_PLACE, _OWN} & {*key}}
+        patterns = {re.escape(key): value for key, value in values.items() if key not in named}
         section |= {
             "properties": section.get("properties", {}) | named,
-            "patternProperties": {key.replace(_PLACE, "[0-9]+"): value for key, value in in_lists.items()},
+            "patternProperties": {
+                f"^{key.replace(_PLACE, '[0-9]+').replace(_OWN, '.+')}$": value
+                for key, value in patterns.items()
+            },
             "additionalProperties": False,
             "minProperties": required + 1,
         }
@@ -149,7 +154,7 @@ def _sweep(schema: Mapping[str, Any]) -> None:
 
 
 def _takes_numbers(node: Mapping[str, Any]) -> bool:
-    """Whether a schema takes numbers with a fraction."""
+    """Whether a schema accepts numbers with a fraction."""
     members = [*node.get("anyOf", ()), *node.get("oneOf", ())]
     return node.get("type") == "number" or any(map(_takes_numbers, members))
 

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
-from gfmdlayer.body.materials import Law, Zener
+from gfmdlayer.body.materials import Law, Material, Zener
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.config.material_file import MATERIALS
 from gfmdlayer.validation.fields import Extended, MustBe, given, strict
 from gfmdlayer.validation.problems import Location, Problem
 from gfmdlayer.validation.sections import Section
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from gfmdlayer.body.body import Body
+    from gfmdlayer.body.relaxation import Spectrum
+    from gfmdlayer.body.wavevectors import Wavevectors
 
 Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 and <= 0.5")]
 
@@ -50,28 +58,38 @@ class Halfspace(Section):
     def problems(self) -> Iterator[Problem]:
         """Refuse a modulus beside a material."""
         if self.material is not None and self.shear_modulus is not None:
-            message = "given beside material; must be left out, or material be left out"
+            message = "given beside material; remove one of the two"
             yield Problem(("shear_modulus",), message, ("material",))
 
 
-def problems_of_layers(
-    layers: tuple[StackedLayer, ...] | None, layer: Layer | None, halfspace: Halfspace
-) -> Iterator[Problem]:
-    """Yield contradictions between the layers and with the halfspace.
+def layered(data: Mapping[str, Any]) -> bool:
+    """Whether the body of a configuration is made of layers, which is the default."""
+    return isinstance(data.get("body"), Layers | None)
 
-    Parameters
-    ----------
-    layers, layer
-        The values of these keys, of which one has to be given.
-    halfspace : Halfspace
-        What lies below.
-    """
+
+def problems_of_the_body(
+    body: Solid | None,
+    layers: tuple[StackedLayer, ...] | None,
+    layer: Layer | None,
+    halfspace: Halfspace | None,
+) -> Iterator[Problem]:
+    """Yield contradictions between the keys of the body, and between layers and halfspace."""
+    if not layered({"body": body}):
+        assert body is not None
+        for key, value in (("layers", layers), ("layer", layer), ("halfspace", halfspace)):
+            if value is not None:
+                message = (
+                    f"not available with body: {{kind: {body.kind}}}; remove it or set body: {{kind: layers}}"
+                )
+                yield Problem((key,), message, ("body",), at_key=True)
+        return
+    assert halfspace is not None
     if layers is not None and layer is not None:
-        yield Problem(("layers",), "given beside layer; must be one of the two", ("layer",), at_key=True)
+        yield Problem(("layers",), "given beside layer; remove one of the two", ("layer",), at_key=True)
         return
     every = layers or (() if layer is None else (layer,))
     if not every:
-        yield Problem(("layers",), "got an empty list; must hold at least one {thickness: ...}")
+        yield Problem(("layers",), "got an empty list; must have at least one {thickness: ...}")
         return
     for i, above in enumerate(every[:-1]):
         if math.isinf(above.thickness):
@@ -86,20 +104,112 @@ def problems_of_layers(
         yield Problem(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))
 
 
-def mean_stiffness(layers: tuple[Layer, ...], halfspace: Halfspace) -> float:
-    """Return K(q = 0) by the units of the layers' laws; 0 where the mean height of the surface stays.
+class Layers(Solid):
+    """Layers on a halfspace, by the keys layer, layers and halfspace of the configuration."""
 
-    Parameters
-    ----------
-    layers : tuple of Layer
-        From the surface down.
-    halfspace : Halfspace
-        What lies below.
-    """
-    rigid = halfspace.shear_modulus == math.inf and math.isfinite(layers[-1].thickness)
-    compliances = [
-        layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
-        for layer in layers
-        if layer.poisson < 0.5
-    ]
-    return 1 / sum(compliances) if rigid and any(compliances) else 0.0
+    isolated: ClassVar[bool] = True
+
+    kind: Literal["layers"] = "layers"
+    """layers on a halfspace: the keys layer, layers and halfspace beside body"""
+
+    _layers: tuple[Layer, ...] = ()
+    _base: Halfspace = PrivateAttr(default_factory=Halfspace)
+
+    @classmethod
+    def of(cls, layers: tuple[Layer, ...], base: Halfspace) -> Layers:
+        """Return the body of these layers, from the surface down."""
+        made = cls()
+        made._layers, made._base = layers, base
+        return made
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers from the surface down."""
+        return self._layers
+
+    @property
+    def base(self) -> Halfspace:
+        """The halfspace below them."""
+        return self._base
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws of the layers from the surface down, and of the halfspace where it has one."""
+        base = self._base.material
+        return (*(layer.material for layer in self._layers), *(() if base is None else (base,)))
+
+    def with_series(self, materials: Sequence[Material], accuracy: float) -> Body:
+        """Return the layers on their base; a stack merges its modes to the accuracy."""
+        from gfmdlayer.body import stack
+        from gfmdlayer.body.body import layered_body
+
+        base = self._base
+        given = zip(self._layers, materials, strict=False)  # the last is the halfspace's, where it has one
+        layers = [stack.Layer(each.thickness, each.poisson, material) for each, material in given]
+        below = materials[-1] if base.shear_modulus is None else base.shear_modulus
+        return layered_body(layers, below, base.poisson, accuracy=accuracy)
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s) of layers whose laws are series."""
+        return self._as_given.stiffness(waves, s)
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes of layers whose laws are series."""
+        return self._as_given.spectrum(waves)
+
+    @property
+    def _as_given(self) -> Body:
+        return self.with_series([law for law in self.laws if isinstance(law, Material)], 0.0)
+
+    @property
+    def mean_stiffness(self) -> float:
+        """K(q = 0) by the units of the layers' laws; 0 where the mean height of the surface stays."""
+        rigid = self._base.shear_modulus == math.inf and math.isfinite(self._layers[-1].thickness)
+        compliances = [
+            layer.thickness * (1 - 2 * layer.poisson) / (2 * (1 - layer.poisson) * layer.material.unit)
+            for layer in self._layers
+            if layer.poisson < 0.5
+        ]
+        return 1 / sum(compliances) if rigid and any(compliances) else 0.0
+
+    @property
+    def moduli(self) -> tuple[float, ...]:
+        """Finite moduli of the layers and the halfspace."""
+        base = self._base.shear_modulus
+        return (*super().moduli, *((base,) if base and math.isfinite(base) else ()))
+
+    @property
+    def thicknesses(self) -> tuple[float, ...]:
+        """Thicknesses of the layers from the surface down."""
+        return tuple(layer.thickness for layer in self._layers)
+
+    @property
+    def rigid_below(self) -> float:
+        """Depth of a rigid base."""
+        return sum(self.thicknesses) if self._base.shear_modulus == math.inf else math.inf
+
+    @property
+    def contact_modulus(self) -> float | None:
+        """E* = 2 G/(1 - nu) of the uppermost material; where it relaxes to zero, by the unit of its law."""
+        for layer in self._layers:
+            if layer.thickness > 0:
+                return 2 * layer.material.unit / (1 - layer.poisson)
+        base = self._base
+        modulus = base.shear_modulus if base.material is None else base.material.unit
+        assert modulus is not None
+        return 2 * modulus / (1 - base.poisson)
+
+    @property
+    def merges(self) -> bool:
+        """Whether the body is a stack, whose modes are merged."""
+        return (
+            len(self._layers) > 1
+            or isinstance(self._layers[0], StackedLayer)
+            or self._base.material is not None
+        )
+
+    def problems_isolated(self) -> Iterator[Problem]:
+        """Refuse layers without a base."""
+        if self._base.shear_modulus == 0 and math.isfinite(sum(self.thicknesses)):
+            message = "got 0: a layer without a base does not support an isolated load; must be > 0"
+            yield Problem(("halfspace", "shear_modulus"), message, ("layer.thickness", "layers"))

@@ -1,7 +1,7 @@
-"""The material in a file, such as fit-material and fit-indentation write, where the file is named.
+"""A material in a file of its own, as fit-material and fit-indentation write it.
 
-The configuration holds the material itself, so that results, digests and the configuration stored with them
-rest on the contents of the file and not on its name.
+The configuration takes the material itself, so that results, digests and the stored configuration depend on
+the contents of the file and not on its name.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class MaterialFile(Section):
 
 
 class _LawOrFile(OneOf[Any]):
-    """Annotation of a field that holds a law, or names a file that does."""
+    """Annotation of a field with a law, or with a file that contains one."""
 
     def word(self, value: object) -> str:
-        """Return the model; a mapping that names a file needs none."""
+        """Return the word of the law; {file: ...} needs none."""
         if isinstance(value, MaterialFile) or (isinstance(value, Mapping) and {*value} == {"file"}):
             return "file"
         return super().word(value)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Put the law in the place of the file that holds it."""
+        """Replace a file by the law in it."""
         schema = super().__get_pydantic_core_schema__(source, handler)
         return core_schema.no_info_after_validator_function(_read, schema)
 
@@ -51,18 +51,12 @@ class _Holder(Section):
 
 
 def _read(given: Law | MaterialFile) -> Law:
-    """Return a law itself, or that in a file."""
+    """Return a law, or the law in a file."""
     return given if isinstance(given, Law) else read_material(given.file)
 
 
 def read_material(path: Path) -> Law:
-    """Read the material in a YAML file: its only section `layer.material`, or `material`.
-
-    Raises
-    ------
-    InconsistentError
-        The file holds no material, or one that is not possible; the message names the place in the file.
-    """
+    """Read the material in a YAML file: its only section `layer.material`, or `material`."""
     document = text.read(path.read_bytes(), str(path))
     if document.problems:
         _refuse(f"{place}: {message}" for place, message in document.problems)
@@ -71,7 +65,7 @@ def read_material(path: Path) -> Law:
     if isinstance(held.get("layer"), dict):
         held, at = held["layer"], ("layer", "material")
     if not isinstance(held.get("material"), dict):
-        _refuse([f"{path}:1:1: holds no material; must be YAML with a section layer: {{material: ...}}"])
+        _refuse([f"{path}:1:1: has no material; must be YAML with a section layer: {{material: ...}}"])
     try:
         law = _Holder.model_validate({"material": held["material"]}).material
         found = [problem.within(("material",)) for problem in contradictions(law)]

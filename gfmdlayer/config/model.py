@@ -1,7 +1,7 @@
-"""The whole configuration: its sections, the cases made from it, and its text in YAML.
+"""The whole configuration: its sections, its cases, and its text in YAML.
 
-A `Config` that exists is sound: every value allowed, no two in contradiction, every case of its sweep as good
-as itself. See `gfmdlayer.config.sections` for the keys.
+Every `Config` is valid: all values are allowed, none contradicts another, and so for every case of its sweep.
+See `gfmdlayer.config.sections` for the keys.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
-from gfmdlayer.config.adhesion import attracting, problems_of_the_interface
+from gfmdlayer.config.bodies import BODY
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.hidden import with_hidden
-from gfmdlayer.config.layers import Halfspace, Layer, StackedLayer, problems_of_layers
-from gfmdlayer.config.output import Output
+from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
+from gfmdlayer.config.sections import Output
 from gfmdlayer.config.trajectory import Trajectory, ending_with, problems_of_the_motion
-from gfmdlayer.contact.solvers import Choice, choose, contrast, finer
+from gfmdlayer.contact.solvers import AUTO, SOLVERS, Choice, choose, contrast, finer
+from gfmdlayer.interface.electrostatic import NO_PERMITTIVITY, Electrostatic
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.laws import LAWS
 from gfmdlayer.punch.shape import Shape
@@ -44,6 +46,30 @@ from gfmdlayer.validation.sections import (
 )
 from gfmdlayer.validation.units import Units
 
+# Whether an interface law goes with the rest of a configuration.
+
+
+def attracting(interface: Interface | tuple[Interface, ...] | None) -> tuple[Interface, ...]:
+    """Return the laws that attract, which the hard wall does not."""
+    every = interface if isinstance(interface, tuple) else () if interface is None else (interface,)
+    return tuple(law for law in every if law.attracts)
+
+
+def problems_of_the_interface(config: Any) -> Iterator[Problem]:
+    """Yield contradictions between the interface laws of a `Config` and its other sections."""
+    if config.interface == ():
+        yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+    if not config.interfaces:
+        return
+    for at, law in sections_in(config):
+        if isinstance(law, Electrostatic) and law.permittivity_of_vacuum(config.units) is None:
+            yield Problem((*at, "permittivity"), NO_PERMITTIVITY, ("units",))
+    if config.solver.method != AUTO and not SOLVERS[config.solver.method].adhesive:
+        able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
+        message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
+        yield Problem(("solver", "method"), message, ("interface",))
+
+
 Name = Annotated[
     str,
     Field(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,127}$"),
@@ -60,7 +86,7 @@ class Config(Section):
         Names the folder of the results.
     units : Units, optional
         Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
-    grid, layer, halfspace, punch, trajectory, time, solver, output : Section
+    grid, body, layer, layers, halfspace, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
@@ -74,37 +100,41 @@ class Config(Section):
     """
 
     name: Name
-    """names the folder of the results"""
+    """name of the results folder"""
     units: Annotated[Units | None, given] = None
     """labels of files and plots: {length: m, stress: Pa, time: s}"""
     grid: sections.Grid = Field(default_factory=sections.Grid)
     """the periodic cell and its points"""
+    body: Annotated[Solid | None, BODY, given] = None
+    """the body; layers, by the three keys below, or {file: mine.py, ...}"""
     layers: Annotated[tuple[StackedLayer, ...] | None, given] = Field(
         default=None, json_schema_extra={"minItems": 1}
     )
-    """layers from the surface down, in place of layer"""
+    """layers from the surface downwards, in place of layer"""
     layer: Annotated[Layer | None, given] = Field(
-        default_factory=lambda data: Layer() if data.get("layers") is None else None
+        default_factory=lambda data: Layer() if data.get("layers") is None and layered(data) else None
     )
     """the viscoelastic layer"""
-    halfspace: Halfspace = Field(default_factory=Halfspace)
+    halfspace: Annotated[Halfspace | None, given] = Field(
+        default_factory=lambda data: Halfspace() if layered(data) else None
+    )
     """the base under the layers"""
     temperature: Annotated[Temperature | None, given] = None
-    """temperature of the body, over time; for materials with a shift"""
+    """temperature of the body over time, for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
     """the rigid punch; its shape"""
     interface: Annotated[Interface | tuple[Interface, ...] | None, OneOrMore(LAWS), given] = None
-    """attraction across the gap, beside the hard wall: a law or several"""
+    """attraction across the gap, besides the hard wall: one law or several"""
     trajectory: Trajectory = Field(default_factory=Trajectory)
-    """what is prescribed over time"""
+    """prescribed depth, load or force over time"""
     time: sections.Time = Field(default_factory=sections.Time, validate_default=True)
     """time axis and steps"""
     solver: sections.Solver = Field(default_factory=sections.Solver)
-    """the contact problem of each step"""
+    """solver of the contact problem in each step"""
     output: Output = Field(default_factory=Output)
-    """what is kept besides the curves"""
+    """output besides the curves"""
     sweep: Annotated[dict[str, Any], sweeps.PlainSweep()] = Field(default_factory=dict)
-    """dotted keys and their values; the cases are their product"""
+    """dotted keys with values; the cases are all combinations"""
 
     @field_validator("time")
     @classmethod
@@ -126,8 +156,9 @@ class Config(Section):
 
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between sections."""
-        yield from problems_of_layers(self.layers, self.layer, self.halfspace)
-        yield from temperature_problems(self, self.temperature, moves=self.trajectory.moves)
+        yield from problems_of_the_body(self.body, self.layers, self.layer, self.halfspace)
+        moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
+        yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
         yield from self.geometry.problems(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
@@ -137,7 +168,7 @@ class Config(Section):
         time, output = self.time, self.output
         yield from (each.within(("output",), "time.end") for each in output.problems_until(time.end))
         if output.times is not None and time.step != "adaptive":
-            message = "given, but a fixed step records every step; must be left out, or time.step be adaptive"
+            message = "fixed steps write every row; remove it or set time.step: adaptive"
             yield Problem(("output", "times"), message, ("time.step",))
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
@@ -154,29 +185,26 @@ class Config(Section):
         return GEOMETRIES[self.grid.geometry or "periodic"]
 
     @property
-    def stacked(self) -> tuple[Layer, ...]:
-        """The layers from the surface down: those of `layers`, or `layer` alone."""
-        return self.layers or (() if self.layer is None else (self.layer,))
-
-    @property
-    def surface(self) -> Layer:
-        """The uppermost layer: its modulus is the unit of dimensionless pressures, its time that of times."""
-        return self.stacked[0]
+    def solid(self) -> Solid:
+        """The body: layers, or another one."""
+        if self.body is not None and not isinstance(self.body, Layers):
+            return self.body
+        assert self.halfspace is not None
+        return Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws of the layers from the surface down, and of the halfspace where it has one."""
-        base = self.halfspace.material
-        return (*(layer.material for layer in self.stacked), *(() if base is None else (base,)))
+        """The material laws of the body."""
+        return self.solid.laws
 
     @property
     def interfaces(self) -> tuple[Interface, ...]:
-        """The interface laws that attract, which add; none with the hard wall alone."""
+        """The interface laws that attract; they add. Empty for the hard wall."""
         return attracting(self.interface)
 
     @property
     def contact_solver(self) -> Choice:
-        """The solver that `solver.method` means, and why."""
+        """The solver for `solver.method`, and the reason."""
         return self.solver_where(bool(self.interfaces))
 
     def solver_where(self, attracts: bool) -> Choice:
@@ -187,7 +215,7 @@ class Config(Section):
     @property
     def contrast(self) -> float:
         """Roughly the largest glassy over relaxed modulus in times up to the end of the run."""
-        return contrast(self.laws, self.time.end)
+        return contrast(self.solid.roughly(self.time.end))
 
     @property
     def finer_tolerance(self) -> float:
@@ -208,18 +236,7 @@ class Config(Section):
         return words if self.units is None else self.units.label(words)
 
     def with_values(self, values: Mapping[str, object]) -> Config:
-        """Return the case in which the dotted keys have these values; it has no sweep.
-
-        Parameters
-        ----------
-        values : mapping
-            Dotted key -> value, such as ``{"layer.thickness": 0.1}``.
-
-        Raises
-        ------
-        ConfigError
-            A key does not exist, or a value is not possible.
-        """
+        """Return the case in which the dotted keys have these values; it has no sweep."""
         data = sweeps.assigned(self._given(), plain(values))
         try:
             return Config.model_validate(data)
@@ -258,14 +275,9 @@ class Config(Section):
 
 
 def digest(config: Config) -> str:
-    """Return a hash of everything that determines a case's results, and of nothing else.
+    """Return a hash of all input of a case's results, and of nothing else.
 
-    The name and the sweep do not enter; files enter by their contents, not by their paths.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
+    Name and sweep do not enter; files enter by their contents, not by their paths.
     """
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
@@ -275,11 +287,6 @@ def stem(config: Config) -> str:
 
     A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
-
-    Raises
-    ------
-    OSError
-        A file named by the configuration cannot be read any more.
     """
     times = (
         {"keep_state", "times"}
@@ -293,15 +300,17 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces:  # a hard wall that is named is the paper's all the same
+    if not config.interfaces:  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
+    if isinstance(config.body, Layers):  # by the keys beside it
+        left_out = left_out | {"body": True}
     data = config.model_dump(exclude=left_out, exclude_none=True)
     data["solver"]["method"] = config.contact_solver.method
 
     def contents(value: object) -> str:
         if isinstance(value, Path):
             return hashlib.sha256(value.read_bytes()).hexdigest()
-        raise TypeError(f"{type(value).__name__} does not belong in a configuration")
+        raise TypeError(f"{type(value).__name__} is no part of a configuration")
 
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"), default=contents)
     return hashlib.sha256(canonical.encode()).hexdigest()

@@ -1,6 +1,6 @@
-"""From a file and the command line's overrides to a `Config`, or to a list of everything that is wrong.
+"""From a file and the command line's overrides to a `Config`, or to a list of all errors.
 
-Python hands over the same data as a mapping; its errors have the same words, without a place.
+Python passes the same data as a mapping; its errors have the same words, without a place.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def load(
         ``dotted.key=value`` with the value in YAML, or dotted keys and their values in Python, each replacing
         the value in the file, in this order.
     inspect : callable, optional
-        Checks the numbers and files of a sound configuration: yields dotted keys and why they are refused.
+        Checks the numbers and files of a valid configuration: yields dotted keys with messages.
     content : str, optional
-        The YAML, where the file holds it in another form.
+        The YAML, if the file stores it in another form.
 
     Returns
     -------
@@ -80,22 +80,10 @@ def from_python(
     values: Mapping[str, object] | None = None,
     inspect: Inspection | None = None,
 ) -> Config:
-    """Return the configuration that Python objects describe.
+    """Return the configuration from Python objects: keys and values as in YAML, sections, NumPy's numbers.
 
-    Parameters
-    ----------
-    given : mapping or Config
-        Keys and values as in YAML; sections, NumPy's numbers and arrays may be among the values. File names
-        are relative to the working directory.
-    values : mapping, optional
-        Dotted keys and values that replace those of `given`; None leaves a key out.
-    inspect : callable, optional
-        As in `load`.
-
-    Raises
-    ------
-    ConfigError
-        With every problem, each ``key: value found; values allowed``.
+    File names are relative to the working directory. `values` are dotted keys that replace those of `given`;
+    None removes a key.
     """
     if isinstance(given, Config):
         given = given.model_dump(exclude_unset=True)
@@ -109,7 +97,7 @@ def _validated(
     folder: Path,
     inspect: Inspection | None,
 ) -> Config:
-    """Return the configuration in a document that holds a mapping, or raise all of its problems."""
+    """Return the configuration in a document, which is a mapping, or raise all of its problems."""
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             _assign(document, key, Document(data=plain(value)), _PYTHON)
@@ -117,13 +105,13 @@ def _validated(
         for override in overrides:
             _override(document, override)
     if document.data.get("sweep") == {}:
-        message = "sweep: got an empty mapping; must hold a dotted key with a list of values, or be left out"
+        message = "sweep: got an empty mapping; give dotted keys with lists of values, or remove it"
         document.problems.append((document.values.get(("sweep",), _PYTHON), message))
     document.data = _with_absolute_paths(document.data, folder)
     try:
         config = Config.model_validate(document.data)
     except ValidationError as error:
-        # A value that could not be read has been reported as such; do not report it as missing, too.
+        # A value that could not be read is reported already; do not report it as missing too.
         unreadable = {place for place, _ in document.problems if place.line}
         found = [(_place(document, p), str(p)) for p in Config.all_problems(document.data, error)]
         raise _error(document.problems + [each for each in found if each[0] not in unreadable]) from None
@@ -155,7 +143,7 @@ def _document(path: str | Path) -> Document:
         document.problems.append((start, f"is empty; {wanted}"))
     elif not isinstance(document.data, dict) and not document.problems:
         hint = colon_without_space(document.data) if isinstance(document.data, str) else ""
-        document.problems.append((document.values[()], f"holds no keys; {wanted}{hint}"))
+        document.problems.append((document.values[()], f"has no keys; {wanted}{hint}"))
         document.data = None
     return document
 
@@ -192,7 +180,7 @@ def _assign(document: Document, key: str, new: Document, option: Place) -> None:
         if isinstance(inner, list):
             wrong = not_in_list(part, len(inner), section)
         elif not isinstance(inner, dict):
-            wrong = f"{section} is not a mapping, so no key of it can be set"
+            wrong = f"{section} is not a mapping and has no keys to set"
         elif isinstance(part, int):
             wrong = f"{section} is not a list"
         if wrong:
@@ -229,7 +217,7 @@ def _with_absolute_paths(data: Any, folder: Path, key: str = "") -> Any:
 
 
 def _place(document: Document, problem: Problem) -> Place:
-    """Return the place of the value or key; where there is none, of the section that should hold it."""
+    """Return the place of the value or key, or of the section where it is missing."""
     if problem.at_key and problem.location in document.keys:
         return document.keys[problem.location]
     return document.place(problem.location)

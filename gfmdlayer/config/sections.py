@@ -1,7 +1,7 @@
-"""The sections of a configuration besides punch, trajectory and material, the paper's case as defaults.
+"""The sections grid, time, solver and output of a configuration; the defaults are the paper's case.
 
-Lengths are in units of the period, moduli in units of G0 and times in units of tau, unless a configuration
-gives all three in other units consistently. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.
+Lengths are in units of the period, moduli in units of G0 and times in units of tau; or use any other units,
+but the same everywhere. Symbols and defaults follow Petrenko et al., Mater. Phys. Mech.
 52 (2024), Eq. (5) for the Zener material and Eq. (30) for the time axis.
 """
 
@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import (
     BeforeValidator,
+    Discriminator,
     Field,
     FieldSerializationInfo,
+    Tag,
     ValidationInfo,
     field_serializer,
     field_validator,
@@ -27,10 +30,13 @@ from gfmdlayer.validation.fields import (
     MANY,
     Count,
     MustBe,
+    NotNegative,
     Optional,
     Positive,
+    Switch,
     Word,
     given,
+    number_or_list,
     sequence,
     strict,
 )
@@ -51,26 +57,18 @@ Step = Annotated[
 
 
 class Grid(Section):
-    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact.
-
-    Attributes
-    ----------
-    geometry
-        None for a periodic surface.
-    extent
-        Of an isolated contact: radius up to which profiles are kept.
-    """
+    """The periodic cell: `points` n or (nx, ny), `period` L or (Lx, Ly); or an isolated contact."""
 
     geometry: Annotated[Annotated[str, Word(*GEOMETRIES)] | None, given] = None
-    """periodic, unless axisymmetric: an isolated contact of revolution"""
+    """periodic (default), or axisymmetric: one isolated indenter"""
     points: Annotated[tuple[Points, ...], BeforeValidator(sequence)] = Field(
         default_factory=lambda data: (GEOMETRIES[data.get("geometry") or "periodic"].points,)
     )
-    """points n, or [nx, ny] of a surface; axisymmetric: of the profiles"""
+    """number of points, or [nx, ny]; axisymmetric: points of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """period L of the cell, or [Lx, Ly]: length"""
     extent: Optional = None
-    """axisymmetric: radius up to which profiles are kept: length"""
+    """axisymmetric: profiles are written up to this radius: length"""
 
     @field_validator("points", "period")
     @classmethod
@@ -91,7 +89,7 @@ class Grid(Section):
 
     @property
     def cell(self) -> Cell:
-        """The cell as shapes of the punch see it."""
+        """The cell, for shapes of the punch."""
         return Cell(self.points, self.period)
 
     def problems(self) -> Iterator[Problem]:
@@ -109,22 +107,22 @@ class Grid(Section):
 
 
 class Time(Section):
-    """The time axis from 0 to `end`; `tolerance` is the relative error allowed to adaptive steps.
+    """The time axis from 0 to `end`.
 
-    A trajectory with an end of its own (`kind: approach_retract`) sets the default of `end`. With `steady`
-    the run of a moving punch ends when it changes by less than this, relative to itself.
+    For `kind: approach_retract` the default of `end` is the end of the path. With `steady` the run of a
+    moving punch ends when its relative change is smaller.
     """
 
     end: Positive = 8.0
-    """end of the simulation; by default that of an approach_retract: time"""
+    """end of the run; default: the end of the approach_retract path: time"""
     step: Step = 0.005
-    """time step, or adaptive, steps to the tolerance below: time"""
+    """time step; adaptive: steps to the tolerance below: time"""
     integrator: Annotated[str, Word("backward_euler", "exponential")] = "exponential"
-    """exponential, of second order, or backward_euler, the paper's"""
+    """exponential (second order), or backward_euler as in the paper"""
     tolerance: Optional = Field(default_factory=lambda data: 1e-4 if data.get("step") == "adaptive" else None)
-    """relative error of adaptive steps, 1e-4 by default"""
+    """relative error of adaptive steps, default 1e-4"""
     steady: Optional = None
-    """relative change below which the run of a moving punch ends"""
+    """moving punch: the run ends below this relative change"""
 
     def problems(self) -> Iterator[Problem]:
         """Refuse an integrator that cannot adapt its steps, and steps that do not end at `end`."""
@@ -136,7 +134,7 @@ class Time(Section):
                 yield Problem(("integrator",), message, ("step",))
             return
         if self.tolerance is not None:
-            message = "given, but a fixed step has no use for it; must be left out, or time.step be adaptive"
+            message = "only for adaptive steps; remove it or set time.step: adaptive"
             yield Problem(("tolerance",), message, ("step",))
         if self.step > self.end:
             message = f"got {self.step!r}, beyond time.end = {self.end!r}; must be a number <= time.end"
@@ -145,34 +143,135 @@ class Time(Section):
             yield Problem(("end",), message, ("step", "integrator"))
 
     def misses(self, time: float) -> str:
-        """Return why no step ends at a time, if so: the steps of backward Euler are equal, as the paper's."""
+        """Return a message if no step ends at a time; backward Euler's steps are equal, as in the paper."""
         if self.integrator != "backward_euler" or self.step == "adaptive" or whole_steps(time, self.step):
             return ""
-        allowed = f"must be a whole number of steps of {self.step!r}, or time.integrator be exponential"
+        allowed = f"must be a whole number of steps of {self.step!r}, or set time.integrator: exponential"
         return f"got {time!r}; {allowed}"
 
 
 class Solver(Section):
-    """How one step's contact problem is solved; `inertia` is None for every method but fire."""
+    """Solver of the contact problem of each step; `inertia` is None except for fire."""
 
     method: Annotated[str, Word(AUTO, *SOLVERS)] = AUTO
-    """auto, or a solver; with adhesion newton or fire, the paper's"""
+    """auto, or a solver; newton or fire if an interface attracts"""
     tolerance: Tolerance = 1e-6
-    """residual at which a step is accepted, relative to pressure and depth"""
+    """largest residual of a step, relative to pressure and depth"""
     inertia: Annotated[Annotated[str, Word("mass_weighted", "uniform")] | None, given] = Field(
         default_factory=lambda data: "mass_weighted" if data.get("method") == "fire" else None
     )
-    """of the modes, mass_weighted by default, or uniform; for method: fire"""
+    """fire: inertia of the modes, mass_weighted (default) or uniform"""
     max_iterations: Count = 20000
-    """iterations of a step after which its case fails"""
+    """a case fails after this many iterations in one step"""
 
     def problems(self) -> Iterator[Problem]:
-        """Refuse the inertia of modes where they have none."""
+        """Reject an inertia for solvers without one."""
         if self.inertia is not None and self.method != "fire":
-            message = f"given, but method is {self.method}; must be left out, or method be fire"
+            message = "only for method: fire; remove it or set method: fire"
             yield Problem(("inertia",), message, ("method",))
 
 
 def whole_steps(time: float, step: float) -> bool:
     """Whether a time is a whole number of steps, within a millionth of one."""
     return abs(time / step - round(time / step)) <= 1e-6
+
+
+# The section of the configuration that lists the output of a run.
+
+Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
+Rows = Annotated[
+    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
+    number_or_list,
+]
+Bins = Annotated[int, Field(strict=True, ge=1, le=1000), MustBe("a whole number from 1 to 1000")]
+Snapshots = Annotated[
+    Annotated[tuple[NotNegative, ...], Tag("list")]
+    | Annotated[Literal["every"], MustBe("a list of times, or the word every", ("every",)), Tag("word")],
+    Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "word"),
+]
+MOST_ROWS = 1_000_000  # of a case
+
+
+class Histogram(Section):
+    """Bins of a distribution: `bins` equal bins from 0 to `max`, or on a log scale from `min` to `max`.
+
+    One further bin at each end counts the values beyond.
+    """
+
+    max: Positive
+    """end of the last bin: pressure or length"""
+    bins: Bins = 50
+    """number of bins"""
+    scale: Annotated[str, Word("linear", "log")] = "linear"
+    """linear: bins start at 0; log: at min"""
+    min: Optional = None
+    """scale: log: start of the first bin: pressure or length"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Reject a start that does not fit the scale or the end."""
+        wrong = ""
+        if self.scale == "linear" and self.min is not None:
+            wrong = "only for scale: log; remove it or set scale: log"
+        elif self.scale == "log" and self.min is None:
+            wrong = "missing; scale: log needs a number > 0 and < max"
+        elif self.min is not None and self.min >= self.max:
+            wrong = f"got {self.min!r}; must be a number > 0 and < max = {self.max!r}"
+        if wrong:
+            yield Problem(("min",), wrong, ("scale", "max"))
+
+
+class Histograms(Section):
+    """Distributions over the surface, written with each row; None: not written."""
+
+    pressure: Annotated[Histogram | None, given] = None
+    """distribution of the contact pressure: {max: ..., bins: ...}"""
+    gap: Annotated[Histogram | None, given] = None
+    """distribution of the gap: {max: ..., bins: ..., scale: ..., min: ...}"""
+
+
+class Output(Section):
+    """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
+
+    Snapshots of every accepted step make a complete film, and need disk space for it. Without `times`
+    adaptive steps land only on the snapshots, the breakpoints of the trajectory and the end.
+    """
+
+    snapshots: Snapshots = ()
+    """times at which the surface is written; every: after each step: time"""
+    times: Annotated[Rows | None, given] = None
+    """adaptive steps: times of the rows, a spacing or a list: time"""
+    patches: Switch = False
+    """count the connected patches of contact"""
+    histograms: Histograms = Field(default_factory=Histograms)
+    """distributions written with each row"""
+    keep_state: Switch = False
+    """keep the final state, so that a later time.end continues from it"""
+
+    @property
+    def snapshot_times(self) -> tuple[float, ...]:
+        """The times of the snapshots that a run must land on."""
+        return () if self.snapshots == "every" else self.snapshots
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse times that do not increase."""
+        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
+            for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
+                if time <= before:
+                    yield Problem((key, i), f"got {time!r} after {before!r}; times must increase", (key,))
+
+    def problems_until(self, end: float) -> Iterator[Problem]:
+        """Refuse times past the end of the run, and too many rows."""
+        for key, times in (("snapshots", self.snapshots), ("times", self.times)):
+            for i, time in enumerate(times if isinstance(times, tuple) else ()):
+                if time > end:
+                    yield Problem(
+                        (key, i), f"got {time!r}, past the end; must be a number <= time.end = {end!r}"
+                    )
+        if isinstance(self.times, float) and not 0 < self.times <= end:
+            message = f"got a spacing of {self.times!r}; must be a number > 0 and <= time.end = {end!r}"
+            yield Problem(("times",), message)
+        elif isinstance(self.times, float) and end / self.times > MOST_ROWS:
+            message = (
+                f"got {self.times!r}, which gives {end / self.times:.3g} rows; must be >= {end / MOST_ROWS!r}"
+            )
+            yield Problem(("times",), message)

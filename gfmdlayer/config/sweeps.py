@@ -24,6 +24,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, fi
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.materials import Law
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.punch.shape import Shape
 from gfmdlayer.validation.fields import Count, Finite, Seed, Word, given
@@ -43,18 +44,18 @@ SAMPLED = ("latin_hypercube", "sobol")
 LISTS = ("zip", *SAMPLED)
 UNSWEPT = frozenset({"name", "units", "sweep"})  # keys and sections that are the same in all cases
 
-# Samples are rounded to so many digits: the last ones differ between the mathematical libraries of machines,
-# and a sweep that is taken up elsewhere must find its own cases again.
+# Samples are rounded to so many digits: the last digits differ between mathematical libraries, and a sweep
+# that continues on another machine must find its cases again.
 _DIGITS = 12
 
 Row = dict[str, object]
 
 
 class Range(Section):
-    """Where samples of a key lie: from one number to a larger one, spread evenly, or so in the logarithm."""
+    """Range of the samples of a key, spread evenly or evenly in the logarithm."""
 
     from_: Finite = Field(alias="from")
-    """beginning of the range"""
+    """start of the range"""
     to: Finite
     """end of the range"""
     scale: Annotated[str, Word("linear", "log")] = "linear"
@@ -72,7 +73,7 @@ class Range(Section):
     def _has_logarithm(cls, scale: str, info: ValidationInfo) -> str:
         if scale == "log" and info.data.get("from_", 1.0) <= 0:
             raise ValueError(
-                f"got log from {shown(info.data['from_'])}; must be linear, or from a number > 0"
+                f"got log with from = {shown(info.data['from_'])}; must be linear, or set from > 0"
             )
         return scale
 
@@ -86,7 +87,7 @@ class Range(Section):
 
 
 class Samples(Section):
-    """How many samples are drawn, by which seed, of which keys."""
+    """Number of samples, seed, and keys with their ranges."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Range]
@@ -95,32 +96,32 @@ class Samples(Section):
     samples: Count
     """number of samples"""
     seed: Seed = 0
-    """of the random numbers: the same samples every time"""
+    """seed of the random numbers; the same seed gives the same samples"""
 
 
 _Samples = Annotated[Samples | None, given]
 
 
 class Sweep(Section):
-    """The shape of a sweep; `gfmdlayer.config.sweeps` looks at its keys and values."""
+    """The form of a sweep; the functions below check its keys and values."""
 
     model_config = ConfigDict(extra="allow")
 
     zip: Annotated[dict[str, Any] | None, given] = None
-    """dotted keys and values that belong together: first with first, second with second"""
+    """dotted keys with lists of equal length: first with first, second with second"""
     latin_hypercube: _Samples = None
-    """number of samples, and dotted keys with their ranges"""
+    """number of samples, and dotted keys with ranges"""
     sobol: _Samples = None
-    """number of samples, a power of two, and dotted keys with their ranges"""
+    """number of samples, a power of two, and dotted keys with ranges"""
 
 
 class PlainSweep:
-    """Annotation of a mapping that has the shape of a `Sweep` and stays plain data."""
+    """Annotation of a mapping with the form of a `Sweep` that stays plain data."""
 
     section = Sweep
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Validate the shape, then write it back with its defaults."""
+        """Validate the form, then return plain data with the defaults."""
         as_it_is = core_schema.simple_ser_schema("any")
         shape = handler.generate_schema(Sweep)
         return core_schema.no_info_after_validator_function(_plain, shape, serialization=as_it_is)
@@ -133,24 +134,14 @@ def _plain(sweep: Sweep) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One factor of the product: a swept key with its values, or a list of combinations.
+    """One factor of the product: a swept key with its values, or a list of combinations."""
 
-    Attributes
-    ----------
-    rows : sequence of dict
-        Dotted keys and their values, in each place of the axis.
-    location : tuple of str
-        Where the keys are in the configuration.
-    sampled : bool
-        Whether the values were drawn, and stand nowhere in the configuration.
-    """
-
-    rows: Sequence[Row]
-    location: Location
-    sampled: bool = False
+    rows: Sequence[Row]  # dotted keys and their values, in each place of the axis
+    location: Location  # where the keys are in the configuration
+    sampled: bool = False  # whether the values were drawn, and stand nowhere in the configuration
 
     def place(self, key: str, index: int) -> Location:
-        """Where the value of a key in a row was written."""
+        """Return the location of a key's value in a row."""
         return (*self.location, key) if self.sampled else (*self.location, key, index)
 
 
@@ -185,7 +176,7 @@ def is_listed(sweep: Mapping[str, Any]) -> bool:
 
 
 def sampling(sweep: Mapping[str, Any]) -> dict[str, str | int | float]:
-    """Return how samples were drawn, if any were: method, samples and seed."""
+    """Return method, number and seed of the samples; empty without samples."""
     name = next((name for name in SAMPLED if name in sweep), "")
     return {"sampling": name} | {key: sweep[name][key] for key in Samples.model_fields} if name else {}
 
@@ -201,7 +192,7 @@ def count(sweep: Mapping[str, Any]) -> int:
 
 
 def location_of(sweep: Mapping[str, Any], key: str) -> Location:
-    """Return where a key, swept by itself or with its section or not at all, is given."""
+    """Return the location of a key: in the sweep if the key or its section is swept, else its own."""
     swept = next((name for name in swept_keys(sweep) if f"{key}.".startswith(f"{name}.")), None)
     if swept is None:
         return location_of_key(key)
@@ -209,14 +200,14 @@ def location_of(sweep: Mapping[str, Any], key: str) -> Location:
 
 
 def unswept(key: str) -> str:
-    """Return the key that is meant by one with the sweep's own names before it: sweep.zip.punch.radius."""
+    """Remove the sweep's own names before a key: sweep.zip.punch.radius is punch.radius."""
     for head in ("sweep", *LISTS):
         key = key.removeprefix(f"{head}.")
     return key
 
 
 def as_label(key: str, value: object) -> str:
-    """Write a value for people: fire, 64x128 for a grid, model=zener, G0=1.0 for a mapping."""
+    """Write a value for labels: fire, 64x128 for a grid, model=zener, G0=1.0 for a mapping."""
     if isinstance(value, Mapping):
         return ", ".join(f"{name}={as_label('', entry)}" for name, entry in value.items())
     if isinstance(value, list | tuple):
@@ -240,7 +231,7 @@ def _samples(method: str, design: Mapping[str, Any]) -> list[Row]:
 
 @lru_cache(maxsize=4)
 def _points(method: str, dimensions: int, samples: int, seed: int) -> list[list[float]]:
-    """Return points of the unit cube, one a sample: the same for the same seed."""
+    """Return points of the unit cube, one for each sample; the same seed gives the same points."""
     import numpy as np
     from scipy.stats import qmc
 
@@ -250,7 +241,7 @@ def _points(method: str, dimensions: int, samples: int, seed: int) -> list[list[
 
 
 def leaves(config: Section) -> list[str]:
-    """Return the dotted keys of all sections that hold a value of their own, in the order of the model."""
+    """Return the dotted keys of all values, in the order of the model."""
     return [
         dotted_key((*at, key))
         for at, section in sections_in(config)
@@ -261,14 +252,14 @@ def leaves(config: Section) -> list[str]:
 
 
 def sweepable(config: Section) -> list[str]:
-    """Return the dotted keys that may be swept: the leaves, and sections of which there are several kinds."""
-    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface))]
+    """Return the dotted keys that may be swept: the leaves, and sections with several kinds."""
+    kinds = [at for at, section in sections_in(config) if isinstance(section, (Law, Shape, Interface, Solid))]
     swept = (key for key in leaves(config) if key.partition(".")[0] not in UNSWEPT)
     return [*swept, *(dotted_key(at) for at in kinds)]
 
 
 def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
-    """Return nested `data` with values at dotted keys; `data` itself is left as it is."""
+    """Return a copy of nested `data` with values at dotted keys."""
     result = dict(data)
     for key, value in values.items():
         head, _, tail = key.partition(".")
@@ -289,8 +280,7 @@ def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str,
 
 MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
-
-MAX_CHECKED_VALUES = 5_000  # of a key; of more of them some, and the others when their cases are run
+MAX_CHECKED_VALUES = 5_000  # of a key; of more, some are checked now and the others when their cases run
 
 Validate = Callable[[Row], list[Problem]]
 
@@ -300,21 +290,13 @@ def conflicts(
 ) -> Iterator[Problem]:
     """Yield the problems of a sweep.
 
-    Parameters
-    ----------
-    sweep : mapping
-        The sweep of a configuration.
-    keys : sequence of str
-        Dotted keys that can be swept.
-    unswept : sequence of Problem
-        Problems of the configuration with its own values of the swept keys.
-    validate : callable
-        Dotted key -> value, to the problems of the case made with these values.
+    `keys` can be swept; `unswept` are the problems of the configuration with its own values of the swept
+    keys; `validate` returns the problems of the case with given values of dotted keys.
     """
     wrong = list(_keys(sweep, keys)) or list(_lists(sweep))
     if not wrong and (size := count(sweep)) > MAX_CASES:
         wrong = [Problem(("sweep",), f"got a product of {size} cases; must be at most {MAX_CASES}")]
-    if wrong:  # the loader sets these keys aside and asks for the rest
+    if wrong:  # the loader removes these keys and validates again
         yield from wrong
         return
     factors = axes(sweep)
@@ -337,12 +319,12 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
     """Yield unknown keys, keys swept twice, and lists of combinations beside each other."""
     lists = [name for name in LISTS if name in sweep]
     for name in lists[1:]:
-        message = f"given beside {lists[0]}; must be one of {', '.join(LISTS)}"
+        message = f"given beside {lists[0]}; choose one of {', '.join(LISTS)}"
         yield Problem(("sweep", name), message, at_key=True)
     for name in lists:
         if not keys_of(sweep[name]):
             values = "{from: ..., to: ...}" if name in SAMPLED else "a list of values"
-            yield Problem(("sweep", name), f"got no keys; must hold dotted keys, each with {values}")
+            yield Problem(("sweep", name), f"got no keys; give dotted keys, each with {values}")
     seen: list[str] = []
     listed = [(("sweep", name, key), key) for name in lists for key in keys_of(sweep[name])]
     for location, key in [*listed, *((("sweep", key), key) for key in sweep if key not in LISTS)]:
@@ -356,7 +338,7 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
         elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)
         elif same is not None:
-            yield Problem(location, f"swept beside {same}; must be given once", at_key=True)
+            yield Problem(location, f"already swept by {same}; give one of the two", at_key=True)
         else:
             seen.append(key)
 
@@ -372,9 +354,9 @@ def _is_range(values: Mapping[str, Any]) -> bool:
 
 
 def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
-    """Return the message for a range, or for keys in a mapping, with the dotted keys that are meant."""
+    """Return the message for a range or a mapping in place of a list, with the dotted keys to use."""
     if _is_range(values):
-        return f"got a range; must be a list of values, or be under one of {', '.join(SAMPLED)}"
+        return f"got a range; give a list of values, or put the range under {' or '.join(SAMPLED)}"
     names, inner = [], [(key, values)]
     for head, mapping in inner:
         for name, value in mapping.items():
@@ -382,7 +364,7 @@ def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
             names += [] if isinstance(value, Mapping) else [f"{head}.{name}"]
     meant = [name if name in keys else next(iter(get_close_matches(name, keys, n=1)), name) for name in names]
     hint = " and ".join(name for name in dict.fromkeys(meant) if name != key)
-    return "got a mapping; must be a list under each dotted key" + (hint and f"; did you mean {hint}?")
+    return "got a mapping; give a list under each dotted key" + (hint and f"; did you mean {hint}?")
 
 
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
@@ -397,7 +379,7 @@ def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:
 
 
 def _not_in_its_list(key: str, keys: Sequence[str]) -> str:
-    """Return why a part of a key names no entry of a list; nothing if all do."""
+    """Return a message if a part of a key is beyond its list."""
     parts = key.split(".")
     for depth in range(1, len(parts)):
         head = ".".join(parts[:depth])
@@ -410,7 +392,7 @@ def _not_in_its_list(key: str, keys: Sequence[str]) -> str:
 
 
 def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
-    """Yield values that are no list or no list of the right length, and impossible numbers of samples."""
+    """Yield values that are not lists or have a wrong length, and impossible numbers of samples."""
     zipped = {("sweep", "zip", key): values for key, values in sweep.get("zip", {}).items()}
     for location, values in (zipped | {("sweep", k): v for k, v in sweep.items() if k not in LISTS}).items():
         if not isinstance(values, list | tuple):
@@ -423,14 +405,13 @@ def _lists(sweep: Mapping[str, Any]) -> Iterator[Problem]:
     first = next(iter(lists), "")
     for key, values in lists.items():
         if len(values) != len(lists[first]):
-            message = f"got {len(values)} values beside {len(lists[first])} of {first}; must be as many"
+            message = f"got {len(values)} values, but {first} has {len(lists[first])}; give the same number"
             yield Problem(("sweep", "zip", key), message)
     number = sweep.get("sobol", {}).get("samples", 1)
     if number & (number - 1):
         below = 1 << (number.bit_length() - 1)
-        message = (
-            f"got {number}; must be a power of two, such as {below} or {2 * below} (others lose balance)"
-        )
+        allowed = f"must be a power of two, such as {below} or {2 * below}"
+        message = f"got {number}; {allowed} (other numbers cover the ranges unevenly)"
         yield Problem(("sweep", "sobol", "samples"), message)
 
 
@@ -445,11 +426,9 @@ def _values(axis: Axis) -> Iterator[Problem]:
         if before != i and not nothing and not axis.sampled:
             key, value = next(iter(row.items()))
             if axis.location == ("sweep",):
-                yield Problem(
-                    axis.place(key, i), f"got {shown(value)} a second time; must be different values"
-                )
+                yield Problem(axis.place(key, i), f"got {shown(value)} a second time; give each value once")
             else:
-                message = f"the combination at [{before}] a second time; must be different ones"
+                message = f"the same combination as at [{before}]; give each combination once"
                 yield Problem(axis.place(key, i), message, (".".join(map(str, axis.location)),))
 
 
@@ -467,8 +446,8 @@ def _rests_on(problem: Problem, key: str) -> bool:
 def _of_cases(left: Mapping[Axis, Sequence[int]], validate: Validate) -> list[Problem]:
     """Return the problems of the cases: those that differ from the first in one value, then all of them.
 
-    Only the cases run, so a value of the configuration itself that no case has is not refused. Each problem
-    is at the swept value that it comes from; of drawn values the first is returned.
+    Only the cases count; the configuration's own value of a swept key may be impossible. Each problem is at
+    the swept value that causes it; for samples only the first is returned.
     """
     factors, places = list(left), list(left.values())
 

@@ -24,10 +24,10 @@ from ruamel.yaml.representer import SafeRepresenter
 from gfmdlayer.files.tables import NumberList, shortened
 from gfmdlayer.validation.problems import Location, colon_without_space, dotted
 
-_TOO_DEEP = "nested too deeply to be a configuration"
+_TOO_DEEP = "nested too deeply for a configuration"
 _MOST_OPEN = 1000  # brackets: the parser takes a time that grows with the square of their number
 _NO_LISTS: Mapping[str, NumberList] = {}
-_TAG = "the tag {} is not used here; must be written without it"
+_TAG = "the tag {} is not allowed; remove it"
 _COLLECTIONS = {"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"}
 _NUMBERS = {"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"}
 _PLAIN = re.compile(r"[A-Za-z/][A-Za-z0-9_./-]*")  # words that need no quotes
@@ -73,17 +73,7 @@ class Document:
 
 
 def read(content: str | bytes, source: str, at: Location = ()) -> Document:
-    """Return the data in a text; errors in the text are collected, never raised.
-
-    Parameters
-    ----------
-    content : str or bytes
-        YAML, in UTF-8.
-    source : str
-        File, for the places.
-    at : tuple of str and int
-        Location of the text's value within the configuration.
-    """
+    """Return the data in a text; errors in the text are collected, never raised."""
     if isinstance(content, bytes):
         try:
             content = content.decode("utf-8-sig")
@@ -144,7 +134,7 @@ def _refusal(error: MarkedYAMLError, content: str, source: str) -> tuple[Place, 
     for number in range(mark.line, max(mark.line - 3, -1), -1):  # a value may seem to go on over some lines
         line = lines[number] if number < len(lines) else ""
         if number == mark.line and line[mark.column : mark.column + 1] == "\t":
-            return Place(source, number + 1, mark.column + 1), "not YAML: a tab; must be spaces"
+            return Place(source, number + 1, mark.column + 1), "not YAML: a tab; use spaces"
         if hint := colon_without_space(line):
             column = len(line) - len(line.lstrip()) + 1
             return Place(source, number + 1, column), f"not YAML: no value{hint}"
@@ -170,7 +160,7 @@ class _Builder:
     def build(self, node: Node, at: Location) -> Any:
         self.document.values[at] = self.place(node)
         if id(node) in self.seen or node.anchor:
-            return self.complain(node, at, "anchors and aliases are not used here; must be written out")
+            return self.complain(node, at, "anchors and aliases are not allowed; write the value out")
         self.seen.add(id(node))
         if isinstance(node, ScalarNode):
             return self.scalar(node, at)
@@ -196,10 +186,10 @@ class _Builder:
         result: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, ScalarNode):
-                self.complain(key, at, "a key that is a list or a mapping; must be a word")
+                self.complain(key, at, "the key is a list or a mapping; it must be a word")
             elif key.value in result:
                 first = self.document.keys[*at, key.value]
-                message = f"duplicate key, first given at line {first.line}; must be given once"
+                message = f"duplicate key, first given at line {first.line}; give it once"
                 self.complain(key, (*at, key.value), message)
             else:
                 self.document.keys[*at, key.value] = self.place(key)

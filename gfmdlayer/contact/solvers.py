@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    from gfmdlayer.body.materials import Law
+    from gfmdlayer.body.solid import Relaxation
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,9 @@ def choose(method: str, *, axes: int, rough: bool, attracts: bool) -> Choice:
     return Choice("active_set", "a line" if axes == 1 else "a smooth punch, whose contact a window holds")
 
 
-def contrast(laws: Iterable[Law], end: float) -> float:
-    """Return roughly the largest glassy over relaxed modulus in times up to the end of a run.
-
-    Laws that relax to zero are left out.
-    """
-    every = (law.roughly(end) for law in laws)
-    return max((1 + sum(G for G, _ in branches) / G0 for G0, branches in every if G0 > 0), default=1.0)
+def contrast(materials: Iterable[Relaxation]) -> float:
+    """Return the largest glassy over relaxed modulus of materials; those that relax to zero are left out."""
+    return max((1 + sum(G for G, _ in branches) / G0 for G0, branches in materials if G0 > 0), default=1.0)
 
 
 def finer(tolerance: float, of_steps: float | None, stiffened: float, *, attracts: bool) -> float:

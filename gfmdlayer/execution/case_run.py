@@ -223,9 +223,9 @@ def attributes(model: Model, given: Config | None = None, *, surfaces: bool = Tr
     """
     config = model.config
     found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
-    if (tau := config.surface.material.characteristic_time) is not None:
+    if (tau := config.solid.characteristic_time) is not None:
         found["tau"] = tau
-    found["G0"] = config.surface.material.unit
+    found["G0"] = config.solid.unit
     found["control"] = config.trajectory.control
     found |= model.attributes
     if config.units is not None:

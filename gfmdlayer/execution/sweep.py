@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config, ConfigError
-from gfmdlayer.config.layers import mean_stiffness
 from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution import interrupts, preflight
 from gfmdlayer.execution.cost import estimate
@@ -176,9 +175,10 @@ def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tu
 
     seen = set()
     for config in configs:
-        stiffness, relaxing = mean_stiffness(config.stacked, config.halfspace), shifts(config).values()
+        stiffness, relaxing = config.solid.mean_stiffness, shifts(config).values()
         decisive = (
-            *(config.grid, config.punch, config.trajectory, config.time.steady, stiffness, config.interface),
+            *(config.body, config.grid, config.punch),
+            *(config.trajectory, config.time.steady, stiffness, config.interface),
             *(config.temperature, config.temperature and config.time.end, *relaxing),
         )
         if decisive not in seen:

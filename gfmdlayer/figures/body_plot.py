@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
+from gfmdlayer.config.layers import Layers
 from gfmdlayer.figures.labels import value_labels
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
+from gfmdlayer.programme import Programme
 from gfmdlayer.results.reader import attributes, case_path
 from gfmdlayer.results.schema import ResultsError
 
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 LEAST_HEIGHT = 0.12  # of a layer, relative to that of all: its label fits
 BASE_HEIGHT = 0.25  # of the halfspace
 DECADES = 6  # of time up to the end of the run
+_STIFFNESS = "pressure / length"
 CLEAREST, PALEST = 0.55, 0.2  # opacity of the stiffest and of the softest layer
 
 
@@ -76,14 +80,17 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
     ResultsError
         If the configuration is that of a sweep over the body.
     """
-    if any(key.split(".")[0] in {"layer", "layers", "halfspace"} for key in config.sweep):
+    if any(key.split(".")[0] in {"body", "layer", "layers", "halfspace"} for key in config.sweep):
         raise ResultsError(f"{config.name}: the body differs between the cases; draw a case of the results")
-    blocks = _blocks(config)
+    body = config.solid
+    if not isinstance(body, Layers):
+        return _response_figure(config, style)
+    blocks = _blocks(body)
     shades = colours(len(blocks))
     with styled(style):
         figure = new_figure(2, 62.0, style)
         section, moduli = figure.subplots(1, 2, width_ratios=(1, 1.2))
-        _draw_section(section, config, blocks, shades)
+        _draw_section(section, config, body, blocks, shades)
         times = np.geomspace(config.time.end * 10.0**-DECADES, config.time.end, 121)
         for block, shade in zip(blocks, shades, strict=True):
             values = np.full(times.size, block.modulus)
@@ -96,11 +103,42 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
     return figure
 
 
-def _blocks(config: Config) -> list[Block]:
-    several, base = len(config.stacked) > 1, config.halfspace
+def _response_figure(config: Config, style: Style) -> Figure:
+    """Draw the stiffness of a body against the wavenumber, along x and along y, and how it relaxes."""
+    programme = Programme(config)
+    every = zip(config.laws, programme.reduced_times, strict=True)
+    series = [law.prony(*programme.times_of_response(reduced, 0.0)) for law, reduced in every]
+    body = config.solid.with_series([each.material for each in series], 0.0)
+    cell = list(zip(config.grid.points, config.grid.period, strict=True))
+    q = math.pi * np.geomspace(2 / max(config.grid.period), max(n / length for n, length in cell), 121)
+    along = {"$q_x$": Wavevectors.of_components(q)}
+    if len(config.grid.points) == 2:
+        along["$q_y$"] = Wavevectors.of_components(0.0, q)
+    with styled(style):
+        figure = new_figure(2, 62.0, style)
+        stiffness, relaxation = figure.subplots(1, 2)
+        times = np.geomspace(config.time.end * 10.0**-DECADES, config.time.end, 121)
+        for (name, waves), shade in zip(along.items(), colours(len(along)), strict=True):
+            found = body.spectrum(waves)
+            stiffness.loglog(q, found.relaxed, color=shade, label=f"along {name}")
+            stiffness.loglog(q, found.glassy, color=shade, linestyle="--")
+            kept = (found.weights[:, 0] * np.exp(-times[:, np.newaxis] / found.times[:, 0])).sum(axis=1)
+            relaxation.loglog(times, found.relaxed[0] + kept, color=shade, label=f"along {name}")
+        stiffness.set(xlabel=_in(config, "$q$", "1 / length"), ylabel=_in(config, "$K$", _STIFFNESS))
+        stiffness.set_title("relaxed, and sudden (dashed)")
+        relaxation.set(xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$K$", _STIFFNESS))
+        relaxation.set_title("at the longest wave")
+        relaxation.set_xlim(times[0], times[-1])
+        for axes in (stiffness, relaxation):
+            axes.legend()
+    return figure
+
+
+def _blocks(body: Layers) -> list[Block]:
+    several, base = len(body.layers) > 1, body.base
     blocks = [
         Block(f"layer {i}" if several else "layer", layer.thickness, layer.material, layer.material.unit)
-        for i, layer in enumerate(config.stacked, 1)
+        for i, layer in enumerate(body.layers, 1)
         if layer.thickness
     ]
     if blocks and math.isinf(blocks[-1].thickness):
@@ -112,14 +150,14 @@ def _blocks(config: Config) -> list[Block]:
     return blocks
 
 
-def _draw_section(axes: Axes, config: Config, blocks: list[Block], shades: list[str]) -> None:
+def _draw_section(axes: Axes, config: Config, body: Layers, blocks: list[Block], shades: list[str]) -> None:
     finite = [block.thickness for block in blocks if math.isfinite(block.thickness)]
     total = sum(finite) or 1.0
     heights = [
         max(block.thickness / total, LEAST_HEIGHT) if math.isfinite(block.thickness) else BASE_HEIGHT
         for block in blocks
     ]
-    poissons = [layer.poisson for layer in config.stacked if layer.thickness] + [config.halfspace.poisson]
+    poissons = [layer.poisson for layer in body.layers if layer.thickness] + [body.base.poisson]
     logarithms = np.log([block.modulus for block in blocks])
     span = float(np.ptp(logarithms)) or 1.0
     top = 0.0
@@ -134,7 +172,7 @@ def _draw_section(axes: Axes, config: Config, blocks: list[Block], shades: list[
         axes.text(0.5, top - height / 2, rf"{written}, $\nu$ = {poissons[i]:g}", ha="center", va="center")
         top -= height
     if not math.isinf(blocks[-1].thickness):
-        rigid = config.halfspace.shear_modulus != 0
+        rigid = body.base.shear_modulus != 0
         axes.axhline(top, color="black", linewidth=0.6)
         axes.axhspan(top - 0.07, top, fill=False, hatch="////" if rigid else "", linewidth=0)
         axes.text(0.5, top - 0.12, "rigid base" if rigid else "free", ha="center", va="top")

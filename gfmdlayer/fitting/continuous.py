@@ -1,8 +1,7 @@
 """Fits of laws with a continuous spectrum to measured curves.
 
-The parameters are found by least squares of the relative errors of the moduli, as the Prony series are
-(`prony`), from several starts. Moduli and times enter by their logarithms and exponents by their logits, so
-that no bound is needed.
+The parameters minimise the squares of the relative errors of the moduli, as in `prony`, from several starts.
+Moduli and times enter by their logarithms and exponents by their logits, so no bound is needed.
 """
 
 from __future__ import annotations
@@ -24,47 +23,21 @@ from gfmdlayer.fitting.measurement import Measurement
 from gfmdlayer.fitting.prony import FLOWING, Fit
 
 EXPONENTS = (0.25, 0.5, 0.8)  # of the starts
-BEST = 3  # starts from which the least squares are found
+BEST = 3  # starts that are refined by least squares
 LIMIT = 30.0  # of the logarithms and logits
-NO_SPRING = 1e-3  # part of the lowest modulus below which the spring beside a springpot is left out
+NO_SPRING = 1e-3  # of the lowest modulus: a weaker spring beside a springpot is left out
 
 
 @dataclass(frozen=True)
 class _Unknowns:
-    """A law as a function of unbounded numbers, and where to start.
+    """A law as a function of unbounded numbers, and starts for them."""
 
-    Attributes
-    ----------
-    law : callable
-        From the numbers to the law.
-    starts : list of list of float
-    """
-
-    law: Callable[[FloatArray], Law]
+    law: Callable[[FloatArray], Law]  # from the numbers to the law
     starts: list[list[float]]
 
 
 def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) -> Fit:
-    """Fit a law with a continuous spectrum to a measured curve.
-
-    Parameters
-    ----------
-    measurement : Measurement
-        The curve.
-    model : str
-        One of `MODELS`.
-    relaxed : float, optional
-        G0; fitted by default.
-
-    Returns
-    -------
-    Fit
-
-    Raises
-    ------
-    FitError
-        The relaxed modulus is not possible; or the law needs one, and the data do not determine it.
-    """
+    """Fit the law MODELS[model] to a measured curve, with G0 = `relaxed` if given."""
     if not (model == "power_law" and relaxed == 0):
         prony.check_relaxed(measurement, relaxed)
     unknowns = MODELS[model](measurement, relaxed)

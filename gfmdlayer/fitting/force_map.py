@@ -1,8 +1,7 @@
-"""Fits of a force map: each curve is a case of a results folder, as a simulation of a sweep is.
+"""Fits of a force map: each curve is a case of a results folder, like a simulation of a sweep.
 
-Pools of workers, scheduling, requests to stop, locks, status, records of failures and files that are whole
-are those of `gfmdlayer.execution`. Here are the rest: the fits that are not done yet, found by the contents
-of their files, and the map of all of them.
+`gfmdlayer.execution` provides workers, scheduling, requests to stop, locks, status and records of failures.
+This module finds the fits that are not done yet, from the contents of their files, and writes the map.
 """
 
 from __future__ import annotations
@@ -39,13 +38,12 @@ from gfmdlayer.fitting.indentation.curve import in_si
 from gfmdlayer.fitting.indentation.curve_files import Entry, Units, contents, entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit
 from gfmdlayer.fitting.indentation.fit import fit_curves
-from gfmdlayer.fitting.indentation.forward import Prediction
-from gfmdlayer.fitting.indentation.parameters import Free, Model
+from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
 
-# One fit of a force map: a curve as a case, its fit, and the file cases/NNNN.h5 of its estimates.
+# The file cases/NNNN.h5 of the estimates of one curve:
 #
 # estimate, error, low, high (parameter)    value, standard error and 95 % interval
 # correlation (parameter, parameter)        of the estimates
@@ -57,21 +55,11 @@ SCALARS = ("noise", "aic", "bic")
 
 @dataclass(frozen=True)
 class MapCase:
-    """A curve of a map.
+    """A curve of a map."""
 
-    Attributes
-    ----------
-    index : int
-        Its number, that of its file.
-    entry : Entry
-        The curve in its file.
-    contents : str
-        Hash of this file.
-    """
-
-    index: int
-    entry: Entry
-    contents: str
+    index: int  # its number, that of its file
+    entry: Entry  # the curve in its file
+    contents: str  # hash of this file
 
     @property
     def values(self) -> dict[str, object]:
@@ -81,30 +69,16 @@ class MapCase:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Fit of one curve of a map.
+    """Fit of one curve of a map."""
 
-    Attributes
-    ----------
-    folder : Folder
-        A claimed results folder.
-    model : mapping
-        Body and indenter.
-    free : sequence or mapping
-        Free parameters.
-    options : FitOptions
-        How curves are fitted.
-    units : sequence of str, optional
-        Of columns without their own.
-    """
-
-    folder: Folder
-    model: dict[str, Any]
-    free: Free
-    options: FitOptions
-    units: Units | None = None
+    folder: Folder  # a claimed results folder
+    model: dict[str, Any]  # body and indenter
+    free: Free  # free parameters
+    options: FitOptions  # how curves are fitted
+    units: Units | None = None  # of columns without their own
 
     def digest(self, case: MapCase) -> str:
-        """Return a hash of everything that determines the estimates of a case."""
+        """Return a hash of all input that determines the estimates of a case."""
         asked = self.free if isinstance(self.free, dict) else list(self.free)
         units = None if self.units is None else list(self.units)
         determined = [
@@ -113,7 +87,7 @@ class FitTask:
         return hashlib.sha256(json.dumps(determined, default=str).encode()).hexdigest()
 
     def __call__(self, case: MapCase) -> Outcome:
-        """Fit a curve into its file; an error becomes the outcome, which names the curve."""
+        """Fit a curve and write its file; an error becomes the outcome, with the name of the curve."""
         begun = time.monotonic()
         try:
             with StatusFile(self.folder, case.index, 1.0, case.entry.name):
@@ -138,28 +112,16 @@ class FitTask:
 
 
 class Estimates(NamedTuple):
-    """The contents of the file of a case.
+    """The contents of the file of a case."""
 
-    Attributes
-    ----------
-    keys : list of str
-        Free parameters.
-    columns : ndarray, shape (4, parameters)
-        `COLUMNS`.
-    scalars : ndarray, shape (3,)
-        `SCALARS`.
-    warnings : str
-        One line each.
-    """
-
-    keys: list[str]
-    columns: FloatArray
-    scalars: FloatArray
-    warnings: str
+    keys: list[str]  # free parameters
+    columns: FloatArray  # shape (4, parameters); `COLUMNS`
+    scalars: FloatArray  # shape (3,); `SCALARS`
+    warnings: str  # one line each
 
 
 def write_estimates(path: Path, fit: IndentationFit, name: str, digest: str) -> None:
-    """Write the file of a case, whole."""
+    """Write the file of a case, complete or not at all."""
     keys = [each.key for each in fit.parameters]
     rows = np.array([[each.value, each.standard_error, *each.interval] for each in fit.parameters]).T
     with new_file(path) as file:
@@ -197,9 +159,8 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 #                                        (curve)     else
 #     noise, aic, bic, case, name                    of each curve
 #
-# A parameter is named by the last part of its key, or by the whole key where two share it. A curve that
-# failed
-# is NaN, and is named in the attribute `failed`.
+# The last part of its key names a parameter, or the whole key where two share that part. A failed curve is
+# NaN, and the attribute `failed` lists it.
 
 SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
 _SUFFIXES = ("", "_error", "_low", "_high")
@@ -222,26 +183,7 @@ def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
     attributes: Mapping[str, str],
 ) -> Path:  # fmt: skip
-    """Write the map from the files of its curves.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    cases : sequence of MapCase
-        All curves.
-    keys : sequence of str
-        Free parameters.
-    reasons : mapping of int to str
-        Why curves failed.
-    attributes : mapping
-        Attributes of the file.
-
-    Returns
-    -------
-    Path
-        The file.
-    """
+    """Write the map from the files of its curves; `reasons` are those of the failed ones."""
     layout = _layout([case.entry.position for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)
@@ -277,7 +219,7 @@ def collect(
 
 
 def parameter_names(keys: Sequence[str]) -> list[str]:
-    """Name parameters by the last parts of their keys, or by the keys where two share it."""
+    """Name parameters by the last parts of their keys, or by the whole keys where two share that part."""
     last = [key.rpartition(".")[2] for key in keys]
     taken = Counter([*last, *SCALARS, "x", "y", "curve", "case", "name"])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
@@ -291,7 +233,7 @@ def _add(h5: h5py.File, dimensions: tuple[str, ...], names: Mapping[str, str], t
 
 
 def _layout(positions: Sequence[tuple[float, ...]]) -> _Layout:
-    """Place curves on the grid of their positions, if they are one; else in a row."""
+    """Place curves on the grid of their positions, or in a row if the positions form no grid."""
     if all(len(position) == 2 for position in positions):
         x, y = np.array(positions).T
         (columns, across), (rows, up) = _levels(x), _levels(y)
@@ -314,29 +256,9 @@ def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np
 
 
 class ForceMap:
-    """The fits of many curves, one by one.
+    """The fits of many curves, one by one, in the results folder `directory`.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files of curves, and folders of them.
-    directory : Path
-        Results folder.
-    model : mapping
-        Body and indenter.
-    free : sequence or mapping
-        Free parameters.
-    options : FitOptions
-        How curves are fitted.
-    units : sequence of str, optional
-        Of columns without their own.
-
-    Raises
-    ------
-    TableError
-        A file of curves cannot be read.
-    ConfigError
-        The model is not possible.
+    `units` are those of columns without a unit.
     """
 
     def __init__(
@@ -354,7 +276,7 @@ class ForceMap:
 
     @cached_property
     def document(self) -> str:
-        """What determines the results, as config.yaml keeps it."""
+        """The input that determines the results, as in config.yaml."""
         free = self.task.free
         data: dict[str, Any] = {
             "name": self._model.config.name,
@@ -373,22 +295,7 @@ class ForceMap:
     def run(
         self, pool: WorkerPool, restart: bool = False, display: Callable[[], Display] | None = None
     ) -> Summary:
-        """Fit the curves that are not done yet, and write the map of all.
-
-        Parameters
-        ----------
-        pool : WorkerPool
-            The processes that compute.
-        restart : bool
-            Remove earlier results first.
-        display : callable, optional
-            Makes the display of progress; by default nothing is shown.
-
-        Raises
-        ------
-        FolderError
-            The folder cannot be used for these results.
-        """
+        """Fit the curves that are not done yet and write the map; `restart` removes earlier results."""
         with self._claimed(restart):
             done = {case.index for case in self.cases if self._is_done(case)}
             todo = [case for case in self.cases if case.index not in done]
@@ -412,7 +319,7 @@ class ForceMap:
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:
         """Compile the kernels here, before several processes do."""
         if todo and not pool.alone:
-            with suppress(Exception):  # the fit will meet it again, and be recorded as failed
+            with suppress(Exception):  # the fit repeats the error and records it
                 curve = read_curve(todo[0].entry, self.task.units)
                 Prediction(curve).force(self._model.config)
 
@@ -423,12 +330,12 @@ class ForceMap:
             self.folder.set_aside(path)
             return False
         if read_estimates(path, self.task.digest(case)) is None:
-            raise FolderError(f"{path}: was fitted to other data (has a file changed?); {WAYS_OUT}")
+            raise FolderError(f"{path}: this fit used other data (has a file changed?); {WAYS_OUT}")
         return True
 
     @contextmanager
     def _claimed(self, restart: bool) -> Iterator[None]:
-        """Hold the folder for this run, without the files that killed runs left."""
+        """Claim the folder for this run, and remove leftovers of killed runs."""
         folder = self.folder
         with ExitStack() as claim:
             try:
@@ -458,7 +365,7 @@ class ForceMap:
                     folder.stop.unlink(missing_ok=True)
 
     def _refuse_other(self) -> None:
-        """Refuse a folder of another model, other curves or other options."""
+        """Reject a folder of another model, other curves or other options."""
         before = self.folder.config.read_text(encoding="utf-8", errors="replace").splitlines()
         now = self.document.splitlines()
         changed = [
@@ -469,7 +376,7 @@ class ForceMap:
         ]
         if changed:
             raise FolderError(
-                f"{self.folder.path}: holds results of another model or other curves "
+                f"{self.folder.path}: contains results of another model or other curves "
                 f"({'; '.join(changed[:6])}); {WAYS_OUT}"
             )
 

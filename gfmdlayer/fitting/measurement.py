@@ -24,30 +24,20 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Law
 from gfmdlayer.files.tables import TableError, is_number, read_columns, read_lines
 
-FEWEST_ROWS = 8  # enough to choose between one branch and two with numbers left over
+FEWEST_ROWS = 8  # enough to choose between one branch and two
 
 
 class FitError(ValueError):
-    """A fit is not possible; the message says why, and what is allowed."""
+    """A fit is not possible; the message gives the reason and the allowed values."""
 
 
 @dataclass(frozen=True)
 class Measurement(ABC):
-    """A measured curve; responses are flat, one modulus after the other.
+    """A measured curve; responses are flat, one modulus after the other."""
 
-    Parameters
-    ----------
-    source : str
-        Name of the file.
-    abscissa : ndarray, shape (rows,)
-        Angular frequencies or times, positive.
-    moduli : ndarray, shape (moduli, rows)
-        Measured moduli, positive.
-    """
-
-    source: str
-    abscissa: FloatArray
-    moduli: FloatArray
+    source: str  # name of the file
+    abscissa: FloatArray  # shape (rows,); angular frequencies or times, positive
+    moduli: FloatArray  # shape (moduli, rows); measured moduli, positive
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
@@ -78,7 +68,7 @@ class Measurement(ABC):
         """The moduli of a material, shape (moduli, abscissae)."""
 
     def slowed(self, factor: float) -> Self:
-        """The curve of a material whose relaxation times are all longer by a factor."""
+        """The curve of a material with all relaxation times longer by a factor."""
         return replace(self, abscissa=self.abscissa * factor**self.power)
 
     def in_units_of(self, modulus: float) -> Self:
@@ -142,30 +132,11 @@ class Reading(TypedDict, total=False):
 
 
 def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurement:
-    """Read a measured curve: a master curve from three columns, a relaxation curve from two.
+    """Read a measured curve: a master curve from three columns, a relaxation curve from two columns.
 
-    Columns are separated by commas, semicolons or white space, `#` begins a comment, and the first line may
-    name the columns; without names they are omega, G' and G'', or t and G.
-
-    Parameters
-    ----------
-    path : Path
-        A file in increasing order of the frequency or time, with columns as `columns` names them.
-    poisson : float
-        Poisson's ratio, where moduli are those of tension.
-    names : str, optional
-        Names of the columns, in place of those in the file.
-
-    Returns
-    -------
-    MasterCurve or RelaxationCurve
-
-    Raises
-    ------
-    TableError
-        Names file and line: another number of columns, or names of other quantities; fewer than
-        `FEWEST_ROWS` rows; a number that is not finite or not positive; frequencies or times that do not
-        increase.
+    Commas, semicolons or white space separate columns, `#` starts a comment, and the first line may name the
+    columns; without names they are omega, G' and G'', or t and G. `names` replaces the names in the file;
+    `poisson` converts moduli in tension. Frequencies or times must increase.
     """
     quantities = _quantities(path, names)
     symbols = symbols_of(quantities)
@@ -179,7 +150,7 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
     rows = read_columns(path, symbols, increasing=increasing, at_least=FEWEST_ROWS, row_error=row_error)
     abscissa, *moduli = converted(quantities, rows, poisson).T
     if not (np.diff(abscissa) > 0).all():
-        raise TableError(f"{path}: frequencies or times do not increase from row to row; they must")
+        raise TableError(f"{path}: frequencies or times must increase from row to row")
     kind = MasterCurve if len(moduli) == 2 else RelaxationCurve
     return kind(path.name, abscissa, np.array(moduli))
 
@@ -190,17 +161,17 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
     expected = " or ".join(f"{len(kind.columns)} ({', '.join(kind.columns)})" for kind in KINDS)
     lines = read_lines(path)
     if not lines:
-        raise TableError(f"{path}:1: holds no numbers; must be {FEWEST_ROWS} rows or more of {expected}")
+        raise TableError(f"{path}:1: no numbers; must be {FEWEST_ROWS} rows or more of {expected}")
     for number, text, _ in lines:
         # 0,5;1,2 would pass for three numbers or more.
         if re.search(r"\d,\d", text) and re.search(r"\d\s*;|\d\s+[-+.\d]", text):
-            raise TableError(f"{path}:{number}: {text!r} has decimal commas; must be decimal points")
+            raise TableError(f"{path}:{number}: {text!r} has decimal commas; use decimal points")
     number, text, words = next((line for line in lines if any(map(is_number, line[2]))), lines[-1])
     header = names if names is not None else lines[0][1] if number > lines[0][0] else None
     place = "--columns" if names is not None else f"{path}:{lines[0][0]}"
     if header is not None and (found := recognised(header)) is not None:
         if not names_one_curve(found):
-            raise TableError(f"{place}: {header!r} is no curve; must be {WAYS}")
+            raise TableError(f"{place}: {header!r} does not name the columns of a curve; must be {WAYS}")
         if len(found) != len(words):
             raise TableError(
                 f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(found)}"
@@ -208,7 +179,7 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
         return found
     if names is not None or len(words) not in by_width:
         if names is not None:
-            raise TableError(f"{place}: {names!r} is not understood; must be {WAYS}")
+            raise TableError(f"{place}: {names!r} is not known; must be {WAYS}")
         raise TableError(f"{path}:{number}: {text!r} is {len(words)} words; must be numbers, {expected}")
     if header is not None:
         _check_name(place, header, len(words))
@@ -216,18 +187,18 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
 
 
 def _check_name(place: str, header: str, width: int) -> None:
-    """Refuse relaxation times, and a first column of another quantity than the number of columns says."""
+    """Reject relaxation times, and a first column that does not fit the number of columns."""
     names = re.split(r"[,;\t]", header) if re.search(r"[,;\t]", header) else header.split()
     if any(map(is_relaxation_time, names)):
         raise TableError(
-            f"{place}: {header!r} names the relaxation times of a Prony series, which is no curve; write it "
+            f"{place}: {header!r} names the relaxation times of a Prony series, not a curve; write it "
             "as material: {model: prony, G0: ..., branches: [{G: ..., tau: ...}, ...]}"
         )
     name = names[0]
     kind = MasterCurve if width == 3 else RelaxationCurve
     quantity = quantity_named(name)
     if quantity == "frequency":
-        raise TableError(f"{place}: {header!r} is not understood beside a frequency; must be {WAYS}")
+        raise TableError(f"{place}: {header!r} is not known with a frequency; must be {WAYS}")
     if quantity in {"time", "omega"} and (quantity == "omega") is not (kind is MasterCurve):
         raise TableError(
             f"{place}: the first column is {name.strip()!r}, but {width} columns make a {kind.name}; "
@@ -247,48 +218,35 @@ def _parts(values: NDArray[np.complex128]) -> FloatArray:
 #     log10 aT = -C1 (T - T0)/(C2 + T - T0)
 #
 # All relaxation times at the temperature T are aT times those at the reference temperature T0. Moduli do not
-# change: the factor rho T/(rho0 T0), close to one, is neglected. Temperatures enter by their difference
-# alone, in kelvin or degrees Celsius.
+# change: the factor rho T/(rho0 T0), close to one, is neglected. Only differences of
+# temperatures enter, in kelvin or degrees Celsius.
 
 
 @dataclass(frozen=True)
 class WLF:
-    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry.
+    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry."""
 
-    Parameters
-    ----------
-    temperature, reference : float
-        T, and T0 at which the material was measured or to which its master curve was reduced.
-    C1, C2 : float
-        The material's constants at T0, both positive; C2 is a difference of temperatures.
-
-    Raises
-    ------
-    FitError
-        A number is not finite, a constant is not positive, T - T0 <= -C2, where the equation has its pole,
-        or aT leaves the range of a double.
-    """
-
+    # t, and T0 at which the material was measured or to which its master curve was reduced
     temperature: float
-    reference: float
-    C1: float
-    C2: float
+    reference: float  # t, and T0 at which the material was measured or to which its master curve was reduced
+    C1: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
+    C2: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, astuple(self))):
-            raise FitError(f"{self}: must be finite numbers")
+            raise FitError(f"{self}: all must be finite numbers")
         if self.C1 <= 0 or self.C2 <= 0:
-            raise FitError(f"WLF constants C1 = {self.C1:g} and C2 = {self.C2:g}: must both be > 0")
+            raise FitError(f"WLF constants C1 = {self.C1:g} and C2 = {self.C2:g}: both must be > 0")
         if self.temperature - self.reference <= -self.C2:
             raise FitError(
                 f"temperature {self.temperature:g} is {self.reference - self.temperature:g} below the "
-                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, where the WLF "
-                "equation ends"
+                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, the limit "
+                "of the WLF equation"
             )
         if abs(self.decades) > 100:
             raise FitError(
                 f"the WLF equation shifts by {self.decades:.3g} decades at temperature {self.temperature:g}; "
-                "must be at most 100"
+                "the limit is 100"
             )
 
     @property
@@ -307,7 +265,7 @@ class WLF:
 #
 #     omega = 2 pi f,      G = E/(2 (1 + nu)),      G'' = G' tan delta
 #
-# with Poisson's ratio nu, which is taken as constant over frequency and time.
+# with a constant Poisson's ratio nu.
 
 # Patterns of a name without its unit, in small letters.
 _NAMES = {
@@ -326,17 +284,9 @@ WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
 
 
 def recognised(header: str) -> tuple[str, ...] | None:
-    """Return the quantities of the columns that a line names, E in front of moduli in tension.
+    """Return the quantities of the columns in a line of names, with E before moduli in tension.
 
-    Parameters
-    ----------
-    header : str
-        The line, with commas, semicolons, tabs or at least two spaces between names, or one.
-
-    Returns
-    -------
-    tuple of str, optional
-        None where a name is not that of a quantity.
+    Commas, semicolons, tabs or several spaces separate names, or one space. None if a name is not known.
     """
     apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
     separated = re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
@@ -345,7 +295,7 @@ def recognised(header: str) -> tuple[str, ...] | None:
 
 
 def quantity_named(name: str) -> str | None:
-    """Return the quantity of a column by its name, or None; E in front of a modulus in tension."""
+    """Return the quantity of a column by its name, with E before a modulus in tension; None if not known."""
     plain = name.strip().strip('"') if name.strip().startswith('"') else name.strip()
     in_hertz = re.search(r"\bhz\b", plain.lower()) is not None
     plain = _UNIT.sub("", plain.lower()).strip()
@@ -357,13 +307,13 @@ def quantity_named(name: str) -> str | None:
 
 
 def is_relaxation_time(name: str) -> bool:
-    """Whether a column is named as the relaxation times of a series: tau, tau_k [s], τ."""
+    """Whether a column is named like the relaxation times of a series: tau, tau_k [s], τ."""
     plain = _UNIT.sub("", name.strip().strip('"').lower()).strip()
     return re.fullmatch(r"(tau|τ)([ _]?[ikn]|_relax)?|relaxation[ _]times?", plain) is not None
 
 
 def symbols_of(quantities: Sequence[str]) -> tuple[str, ...]:
-    """Return the quantities as messages write them: omega, E', tan delta."""
+    """Return the symbols of the quantities for messages: omega, E', tan delta."""
     plain = {
         "frequency": "f",
         "time": "t",
@@ -380,28 +330,14 @@ def symbols_of(quantities: Sequence[str]) -> tuple[str, ...]:
 
 
 def names_one_curve(quantities: Sequence[str]) -> bool:
-    """Whether columns are those of one master curve or relaxation curve."""
+    """Whether the columns make one master curve or relaxation curve."""
     plain = {each.removeprefix("E ") for each in quantities}
     master = len(plain & {"omega", "frequency"}) == 1 and len(plain & {"storage", "loss", "tan"}) == 2
     return len(quantities) == len(plain) and ((master and len(plain) == 3) or plain == {*RELAXATION})
 
 
 def converted(quantities: Sequence[str], rows: FloatArray, poisson: float) -> FloatArray:
-    """Return angular frequency, storage and loss modulus in shear, or time and relaxation modulus.
-
-    Parameters
-    ----------
-    quantities : sequence of str
-        Of the columns, which name one curve.
-    rows : ndarray, shape (rows, columns)
-        The data.
-    poisson : float
-        Poisson's ratio, for moduli in tension.
-
-    Returns
-    -------
-    ndarray, shape (rows, 3) or (rows, 2)
-    """
+    """Return omega, G' and G'', shape (rows, 3), or t and G, shape (rows, 2), in shear."""
     known = {}
     for each, values in zip(quantities, rows.T, strict=True):
         tension = each.startswith("E ")

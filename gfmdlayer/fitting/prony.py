@@ -1,24 +1,24 @@
-"""The Prony series of fewest branches that fits a measured curve as well as any series can.
+"""The Prony series with the fewest branches whose error is close to the least of any series.
 
     G(t) = G0 + sum_k G_k exp(-t/tau_k),     G0 > 0, G_k > 0                Eq. (5) for many branches
 
 of Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68, is fitted in the relative error: every
 residual is divided by the measured modulus, and every row counts the same.
 
-The least error of any series is found first: with the relaxation times on a dense grid the moduli are a
-convex problem of non-negative least squares. Then branches are added one at a time, each where it reduces the
-error fastest, and after each all times are moved to the minimum of the error:
-the alternating descent conditional gradient method of Boyd, Schiebinger & Recht, SIAM J. Optim. 27 (2017)
-616-639. The moduli follow the times by non-negative least squares (variable projection, Golub & Pereyra, SIAM
-J. Numer. Anal. 10 (1973) 413-432, with the Jacobian of Kaufman, BIT 15 (1975) 49-57).
+The least error of any series comes first: with the relaxation times on a dense grid the moduli follow from a
+convex problem, non-negative least squares. Then branches are added one at a time, each where it reduces the
+error fastest, and after each addition all times move to the minimum of the error: the alternating descent
+conditional gradient method of Boyd, Schiebinger & Recht, SIAM J. Optim. 27 (2017) 616-639. The moduli follow
+the times by non-negative least squares (variable projection, Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973)
+413-432, with the Jacobian of Kaufman, BIT 15 (1975) 49-57).
 
-Branches are enough when the error is within `MARGIN` of the least, or below `ACCURACY`, better than moduli
-are measured. The margin gives up sqrt(1.05^2 - 1), a third, of the noise; the Bayesian information criterion
-would put it at 3 % for 80 rows of a master curve.
+There are enough branches when the error is within `MARGIN` of the least, or below `ACCURACY`, which is better
+than the accuracy of measured moduli. The margin gives up sqrt(1.05^2 - 1), a third, of the noise; the
+Bayesian information criterion would set it to 3 % for 80 rows of a master curve.
 
-Times are sought over the measured range and half a decade to either side. A slower branch looks like the
-relaxed modulus, a faster one like a dashpot. Where the fitted G0 is a small part of the lowest measured
-modulus, the material is a liquid, or the curve ends far too early, and the fit is refused.
+The times lie in the measured range and half a decade to either side. A slower branch looks like the relaxed
+modulus, a faster one like a dashpot. If the fitted G0 is a small part of the lowest measured modulus, the
+material is a liquid or the curve ends far too early, and the fit is rejected.
 """
 
 from __future__ import annotations
@@ -36,33 +36,23 @@ from gfmdlayer.fitting.measurement import FitError, Measurement
 
 MARGIN = 1.05
 ACCURACY = 2e-3
-EXACT = 1e-6  # relative error below the digits written
+EXACT = 1e-6  # relative error below the written digits
 FLOWING = 0.1  # of the lowest measured modulus
-STALLED = 0.9999  # of the error before: another branch does not help
+STALLED = 0.9999  # of the previous error: another branch does not help
 MOST_BRANCHES = 50
 BEYOND = math.log(10) / 2  # of the measured range, in the logarithm of time
 SPACING = math.log(10) / 20  # of the dense grid
-# Two branches closer than this respond as one, but for (log(1.1)/2)^2/2 = 0.1 %, half the accuracy.
+# Two branches closer than this respond as one within (log(1.1)/2)^2/2 = 0.1 %, half the accuracy.
 NEIGHBOURS = math.log(1.1)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted series.
+    """A fitted series."""
 
-    Parameters
-    ----------
-    measurement : Measurement
-        The measured curve.
-    material : Law
-        The fitted law; branches of a series from the fastest to the slowest.
-    least : float
-        The least root mean square error of any series with times in the range.
-    """
-
-    measurement: Measurement
-    material: Law
-    least: float
+    measurement: Measurement  # the measured curve
+    material: Law  # the fitted law; branches of a series from the fastest to the slowest
+    least: float  # the least root mean square error of any series with times in the range
 
     @property
     def errors(self) -> FloatArray:
@@ -81,7 +71,7 @@ class Fit:
         return float(np.abs(self.errors).max())
 
     def normalised(self) -> Fit:
-        """The same fit with all moduli in units of G0, or of G where a power law has none."""
+        """The same fit with all moduli in units of G0, or of G for a power law without G0."""
         unit, data = self.material.unit, self.material.model_dump(exclude_none=True)
         for section in (data, *data.get("branches", ())):
             section |= {key: section[key] / unit for key in ("G", "G0", "Ginf") if key in section}
@@ -91,37 +81,19 @@ class Fit:
 def fit(measurement: Measurement, branches: int | None = None, relaxed: float | None = None) -> Fit:
     """Fit a Prony series to a measured curve.
 
-    Parameters
-    ----------
-    measurement : Measurement
-        The curve.
-    branches : int, optional
-        Number of branches, by default the fewest that are enough; fewer if more do not reduce the error.
-    relaxed : float, optional
-        G0; fitted by default.
-
-    Returns
-    -------
-    Fit
-
-    Raises
-    ------
-    FitError
-        The curve is that of a liquid and no relaxed modulus is given, or nothing relaxes, or the number of
-        branches or the relaxed modulus is not possible.
+    `branches` is the number of branches (default: the fewest that are enough); there are fewer if more do not
+    reduce the error. `relaxed` is G0 (default: fitted).
     """
     most = min(MOST_BRANCHES, (measurement.moduli.size - 1) // 2)
     if branches is not None and not 1 <= branches <= most:
-        raise FitError(f"{branches} branches: must be 1 to {most} for {measurement.abscissa.size} rows")
+        raise FitError(f"got {branches} branches; must be 1 to {most} for {measurement.abscissa.size} rows")
     check_relaxed(measurement, relaxed)
     problem = _Problem(measurement, relaxed)
     least = problem.error(problem.grid)
     enough = max(MARGIN * least, ACCURACY)
     times = problem.grown(branches or most, EXACT if branches else enough)
     if not times.size:
-        raise FitError(
-            f"{measurement.source}: nothing relaxes within the measured range; the layer is elastic"
-        )
+        raise FitError(f"{measurement.source}: nothing relaxes in the measured range; use model: elastic")
     moduli = problem.moduli(times)
     if relaxed is None and moduli[0] < FLOWING * measurement.moduli[0].min():
         raise flows(measurement, float(moduli[0]))
@@ -130,27 +102,21 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
 
 
 def check_relaxed(measurement: Measurement, relaxed: float | None) -> None:
-    """Refuse a relaxed modulus that the curve cannot have.
-
-    Raises
-    ------
-    FitError
-        If so.
-    """
+    """Reject a relaxed modulus that is not between 0 and the highest measured modulus."""
     highest = measurement.moduli[0].max()
     if relaxed is not None and not 0 < relaxed < highest:
         raise FitError(
-            f"relaxed modulus {relaxed:g}: must be > 0 and below the highest measured modulus, {highest:.6g}"
+            f"got the relaxed modulus {relaxed:g}; must be > 0 and below the highest measured, {highest:.6g}"
         )
 
 
 def flows(measurement: Measurement, relaxed: float) -> FitError:
-    """Return the refusal of a curve that does not determine the relaxed modulus."""
+    """Return the error for a curve that does not determine the relaxed modulus."""
     lowest = measurement.moduli[0].min()
     return FitError(
-        f"{measurement.source}: flows like a liquid, the fitted G0 = {relaxed:.3g} is far below "
-        f"the lowest measured modulus, {lowest:.3g}; a layer needs G0 > 0: the data must reach "
-        f"{measurement.slower}, or --relaxed-modulus give it"
+        f"{measurement.source}: the material flows like a liquid: the fitted G0 = {relaxed:.3g} is far below "
+        f"the lowest measured modulus, {lowest:.3g}. A layer needs G0 > 0; measure at {measurement.slower}, "
+        "or give --relaxed-modulus"
     )
 
 
@@ -205,7 +171,7 @@ class _Problem:
         return float(np.sqrt(np.mean(self.residual(times) ** 2)))
 
     def jacobian(self, times: FloatArray) -> FloatArray:
-        """Derivative of the residual by the times, projected as the moduli follow (Kaufman)."""
+        """Derivative of the residual by the times, projected since the moduli follow (Kaufman)."""
         moduli = self.moduli(times)
         free = moduli > 0
         free[0] &= self.relaxed is None
@@ -232,7 +198,7 @@ class _Problem:
         return self._distinct(np.concatenate([times[:first], [merged], times[first + 2 :]]))
 
     def grown(self, most: int, enough: float) -> FloatArray:
-        """Add branches one by one until there are `most`, the error is `enough`, or another does not help."""
+        """Add branches until there are `most`, the error is below `enough`, or another does not help."""
         times, error = np.empty(0), self.error(np.empty(0))
         while times.size < most and error > enough:
             descent = -self.directions.T @ self.residual(times)

@@ -1,4 +1,4 @@
-"""The output of a fit: the material for a configuration, a figure, a summary with warnings."""
+"""The output of a fit to a measured curve: the material in YAML, a figure, a summary with warnings."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "os"
-POOR, POOR_RMS = 3.0, 0.02  # rms error over the least of any series, and by itself
-PLATEAU = 1.2  # a modulus further than this factor from the measured range is extrapolated
+POOR, POOR_RMS = (
+    3.0,
+    0.02,
+)  # a fit is poor if its rms error exceeds both: this many times the least, this value
+PLATEAU = 1.2  # beyond this factor from the measured range a modulus is extrapolated
 
 
 def fit_material(
@@ -38,43 +41,11 @@ def fit_material(
     force: bool = False,
     **reading: Unpack[Reading],
 ) -> str:
-    """Fit a law to a file of measurements, and write the material and a figure.
+    """Fit a law to a file of measurements, write the material and a figure, and return a summary.
 
-    Parameters
-    ----------
-    data : Path
-        A master curve or a relaxation curve, see `measurement.read`.
-    out : Path, optional
-        The YAML file, or the folder for it; by default NAME.yaml in the working folder. The figure goes
-        beside it, to NAME.png.
-    law : str
-        prony, or a law of `continuous.MODELS`.
-    branches : int, optional
-        Number of branches of a Prony series, see `prony.fit`.
-    relaxed : float, optional
-        Relaxed modulus, see `prony.fit`.
-    wlf : WLF, optional
-        Change of temperature between the measurement and the material.
-    normalise : bool
-        Write moduli in units of G0.
-    force : bool
-        Overwrite existing files; never `data` itself.
-    **reading
-        Poisson's ratio and names of the columns, see `measurement.read`.
-
-    Returns
-    -------
-    str
-        The branches, the error, warnings, and the names of the files.
-
-    Raises
-    ------
-    TableError
-        The data cannot be used.
-    FitError
-        The law cannot be fitted to them.
-    ResultsError
-        A file exists or cannot be written.
+    `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
+    beside it. `law` is prony or a key of `continuous.MODELS`; `normalise` writes moduli in units of G0;
+    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `prony.fit`.
     """
     material, picture = _targets(data, out, force)
     measured = read(data, **reading)
@@ -84,7 +55,7 @@ def fit_material(
     elif branches is None:
         fitted = fit_law(measured, law, relaxed)
     else:
-        raise FitError(f"--branches: given, but the law is {law}; must be left out, or the law be prony")
+        raise FitError("--branches: only for --law prony; remove it or set --law prony")
     unit = fitted.material.unit
     if normalise:
         fitted = fitted.normalised()
@@ -145,27 +116,27 @@ def fit_figure(fitted: Fit) -> Figure:
 
 
 def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
-    """Return the names of the material and the figure; neither may exist unless forced, nor be the data."""
+    """Return the names of material and figure; they must not be the data, nor exist unless forced."""
     is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
     material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
     targets = material, material.with_suffix(".png")
     for target in targets:
         if target.exists() and data.exists() and target.samefile(data):
-            raise ResultsError(f"{target}: holds the data; must be another file")
+            raise ResultsError(f"{target}: is the data; choose another --out")
         if target.exists() and not force:
-            raise ResultsError(f"{target}: exists; must be another file, or --force be given to overwrite it")
+            raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
     return targets
 
 
 def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
-    """Describe the origin and the error of the law."""
+    """Yield the origin and the error of the law."""
     curve, law = fitted.measurement, fitted.material
     rows, name = curve.abscissa.size, law.model
     kind = f"Prony series of {_branches(len(law.branches))}" if isinstance(law, Prony) else f"Law {name}"
     yield f"{kind}, fitted to the {curve.name} {curve.source!r} of {rows} rows."
     yield (
         f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
-        f"the least that any series reaches is {_percent(fitted.least)} rms."
+        f"the least error of any series is {_percent(fitted.least)} rms."
     )
     if wlf:
         yield (
@@ -200,23 +171,22 @@ def _parameters(law: Law) -> dict[str, float]:
 def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator[str]:
     material, elastic = fitted.material, fitted.measurement.moduli[0]
     if asked is not None and isinstance(material, Prony) and len(material.branches) < asked:
-        yield f"{_branches(len(material.branches))} instead of {asked}: more do not reduce the error"
+        yield f"{_branches(len(material.branches))} instead of {asked}: more branches do not reduce the error"
     if fitted.rms > max(POOR * fitted.least, POOR_RMS):
         if isinstance(material, Prony):
-            yield "the Prony series does not follow the data; more rows, or more --branches, may help"
+            yield "the Prony series does not follow the data; try more rows or more --branches"
         else:
-            yield f"the law {material.model} does not follow the data; another law or a Prony series may"
+            yield f"the law {material.model} does not follow the data; try another law or a Prony series"
     if relaxed is None and material.relaxed and elastic.min() > PLATEAU * material.relaxed:
         yield (
             f"G0 = {material.relaxed:.4g} is extrapolated: the lowest measured modulus is "
-            f"{elastic.min():.4g}; the data should reach {fitted.measurement.slower}, "
-            "or --relaxed-modulus give it"
+            f"{elastic.min():.4g}; measure at {fitted.measurement.slower}, or give --relaxed-modulus"
         )
     decades = np.log(fitted.measurement.abscissa)
     if not 0.25 < (np.median(decades) - decades[0]) / np.ptp(decades) < 0.75:
         yield (
-            f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]}, "
-            "and the fit follows these; rows spread evenly over the decades determine all of it"
+            f"half of the rows lie in less than a quarter of the decades of {fitted.measurement.columns[0]}"
+            " and dominate the fit; spread the rows evenly over the decades"
         )
     if elastic.max() * PLATEAU < material.glassy < math.inf:
         yield (
@@ -226,8 +196,8 @@ def _warnings(fitted: Fit, asked: int | None, relaxed: float | None) -> Iterator
     if abs(material.unit - 1) > 1e-6:
         symbol = "G0" if material.relaxed else "G"
         yield (
-            f"{symbol} = {material.unit:.6g} is not 1: halfspace.shear_modulus must be in the same unit; "
-            f"--normalise divides the moduli by {symbol}"
+            f"the moduli are in the unit of the data ({symbol} = {material.unit:.6g}); give "
+            f"halfspace.shear_modulus in that unit too, or divide by {symbol} with --normalise"
         )
 
 

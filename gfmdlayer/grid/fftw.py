@@ -75,21 +75,7 @@ DOUBLE, SINGLE = _functions("fftw"), _functions("fftwf")
 class PlanPair:
     """A forward and a backward plan, destroyed when neither the cache nor a `Transforms` holds them.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the fields.
-    time_limit : float
-        Seconds that measuring may take.
-    threads : int
-        Threads of a transform of `WORTH_THREADS` points or more.
-    single : bool
-        Whether in single precision.
-
-    Raises
-    ------
-    RuntimeError
-        If FFTW makes no plan.
+    Transforms of `WORTH_THREADS` points or more use the threads. RuntimeError if FFTW makes no plan.
     """
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
@@ -127,15 +113,8 @@ class PlanPair:
 class SlabPlans(PlanPair):
     """Plans of a rank that holds some rows of a surface and some columns of its transform.
 
-    `forward` and `backward` are those along the rows, `columns_forward` and `columns_backward` those along
-    the columns, complex and in place.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Of its rows, and of its columns: (rows, n) and (n, columns), one after the other.
-    time_limit, threads, single
-        As in `PlanPair`.
+    The shape is (rows, n) and (n, columns), one after the other. `forward` and `backward` act along the rows,
+    `columns_forward` and `columns_backward` along the columns, complex and in place.
     """
 
     def __init__(self, shape: tuple[int, ...], time_limit: float, threads: int, single: bool) -> None:
@@ -189,22 +168,7 @@ def plan_pair(
     threads: int,
     single: bool,
 ) -> Made:
-    """Plans of a shape, from the cache if they were made from the same wisdom before.
-
-    Parameters
-    ----------
-    kind : type
-        `PlanPair` or `SlabPlans`.
-    shape, time_limit, threads, single
-        As there.
-    wisdom : str, optional
-        Wisdom that FFTW imports first.
-
-    Returns
-    -------
-    PlanPair or SlabPlans
-        Planning takes as long as a time step, and importing wisdom takes longer than planning.
-    """
+    """Plans of a shape, from the cache if they were made from the same wisdom before."""
     if wisdom and wisdom != _cache.wisdom:
         forget_wisdom()  # FFTW ignores imported wisdom that it ranks below its own
         double, begin, single_too = wisdom.partition(_NEXT)

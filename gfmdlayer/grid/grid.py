@@ -118,18 +118,9 @@ class Grid:
         return self.shape == self.points
 
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the rows of the periodic surface beside those that this process holds.
+        """Return rows of the periodic surface beside those that this process holds, before and after them.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (rows, columns)
-            One value a point; a line is one row.
-        before, after : int
-            Numbers of rows before the first and after the last one.
-
-        Returns
-        -------
-        ndarray, ndarray, shapes (before, columns) and (after, columns)
+        `rows` has the shape (rows, columns); a line is one row.
         """
         held = len(rows)
         return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
@@ -148,15 +139,9 @@ class Grid:
         return grids
 
     def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:  # noqa: ARG002
-        """Bring a field together: yield the number of a first row, and rows from it on.
+        """Bring a field together: yield the number of a first row, and at most so many rows from it on.
 
-        Parameters
-        ----------
-        field : ndarray, of the grid's shape
-            The part of it that this process holds.
-        rows : int
-            Rows that are yielded at a time, at most, where several processes hold the field; the first of
-            them alone gets them.
+        Where several processes hold the field, only the first of them gets rows.
         """
         yield 0, field
 

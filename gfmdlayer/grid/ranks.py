@@ -20,13 +20,7 @@ Partial = TypeVar("Partial", int, float, NDArray[Any])
 
 
 class Ranks:
-    """One process, which holds the whole grid.
-
-    Attributes
-    ----------
-    number, count : int
-        Number of this rank, from 0, and of the ranks.
-    """
+    """One process, which holds the whole grid; `number` of this rank, from 0, and `count` of the ranks."""
 
     number: int = 0
     count: int = 1
@@ -102,22 +96,10 @@ ALONE = Ranks()
 class MpiRanks(Ranks):
     """The ranks of an MPI communicator.
 
-    Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend on the
-    number of ranks alone, and are the same on all of them.
-
-    Parameters
-    ----------
-    communicator : mpi4py.MPI.Comm
-        The ranks.
-
-    Attributes
-    ----------
-    control : mpi4py.MPI.Comm
-        The same ranks, for messages that are not part of the computation.
-    exchanges : dict
-        Of `transposition`, by shape and type.
-    window : tuple
-        Bytes of each rank in the memory that these share, and its `mpi4py.MPI.Win`.
+    Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only on the
+    number of ranks, and are the same on all of them. `control` is a communicator of the same ranks for other
+    messages, `exchanges` has the exchanges of `transposition` by shape and type, `window` the bytes of each
+    rank in the memory that they share, with its `mpi4py.MPI.Win`.
     """
 
     def __init__(self, communicator: Any) -> None:

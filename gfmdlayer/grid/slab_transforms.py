@@ -28,18 +28,9 @@ _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_vo
 
 
 class SlabTransforms(Transforms):
-    """Transforms of the fields of a grid over ranks, between the parts that this rank holds.
+    """Transforms of the fields of a grid over ranks, which all ranks have to call together.
 
-    All ranks have to call them together.
-
-    Parameters
-    ----------
-    grid : SlabGrid
-        The grid.
-    wisdom, time_limit, threads, single
-        As in `Transforms`, of this rank.
-    shared : bool
-        Whether ranks on one computer may share memory.
+    Each rank gives and gets its parts. `shared`: ranks on one computer may share memory.
     """
 
     def __init__(
@@ -143,15 +134,7 @@ class SlabTransforms(Transforms):
 
 
 def transforms_of(grid: Grid, wisdom: str | None = None, threads: int = 1) -> Transforms:
-    """Return the transforms of a grid.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of one process, or over ranks.
-    wisdom, threads
-        As in `Transforms`.
-    """
+    """Return the transforms of a grid, of one process or over ranks; see `Transforms`."""
     if isinstance(grid, SlabGrid):
         return SlabTransforms(grid, wisdom, threads=threads)
     return Transforms(grid.shape, wisdom, threads=threads)

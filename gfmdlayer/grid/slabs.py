@@ -28,20 +28,7 @@ FEWEST = 2  # rows and columns of a rank, at least
 
 @dataclass(frozen=True)
 class SlabGrid(Grid):
-    """A periodic grid in two dimensions over several ranks.
-
-    Parameters
-    ----------
-    points, period
-        Of the whole grid, see `Grid`.
-    members : MpiRanks
-        The ranks that hold it.
-
-    Raises
-    ------
-    ValueError
-        If it is a line, or has too few rows for so many ranks.
-    """
+    """A grid in two dimensions over several ranks; ValueError for a line, or too few rows for so many."""
 
     members: MpiRanks = field(kw_only=True)
 

@@ -19,13 +19,8 @@ from gfmdlayer.kernels import kernel
 class Sums:
     """Sums, means and extrema over a grid.
 
-    Parameters
-    ----------
-    weights : ndarray
-        Weight of each wave in a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in any
-        shape; f and g are unnormalised transforms.
-    ranks : Ranks
-        The processes that hold the grid.
+    `weights` are those of waves in a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in
+    any shape; f and g are unnormalised transforms.
     """
 
     def __init__(self, weights: FloatArray, ranks: Ranks = ALONE) -> None:

@@ -76,30 +76,11 @@ def backward(plans: Plans, spectrum: ComplexArray, field: FloatArray) -> None:
 class Transforms:
     """Forward and backward plans for one shape, and the aligned arrays that they accept.
 
-    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate. Two
-    measured plans may round differently; plans made from the same wisdom do not. A run that has to reproduce
-    the bits of another one takes its `wisdom`.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the fields, one or two axes.
-    wisdom : str, optional
-        The `wisdom` of earlier transforms. If it does not fit this FFTW it is ignored and the plan measured.
-    time_limit : float
-        Seconds that measuring may take before FFTW settles for the best plan so far.
-    threads : int
-        Threads of a transform of `fftw.WORTH_THREADS` points or more. OpenMP starts no more of them than
-        OMP_NUM_THREADS allowed when the process began.
-    single : bool
-        Whether fields and spectra are in single precision.
-
-    Attributes
-    ----------
-    size : int
-        Number of points of the grid.
-    ranks : Ranks
-        The processes that hold it.
+    Planning measures (FFTW_MEASURE), which at 2^14 points runs 1.6 times faster than the estimate, for at
+    most `time_limit` seconds. Two measured plans may round differently; plans made from the same wisdom do
+    not. A run that has to reproduce the bits of another one takes its `wisdom`; wisdom that does not fit this
+    FFTW is ignored. Transforms of `fftw.WORTH_THREADS` points or more use the threads, of which OpenMP starts
+    no more than OMP_NUM_THREADS allowed when the process began.
     """
 
     ranks: Ranks = ALONE
@@ -148,13 +129,7 @@ class Transforms:
         return {"plans": self.description, "wisdom": self.wisdom}
 
     def restore(self, state: State) -> None:
-        """Use the same plans.
-
-        Raises
-        ------
-        ValueError
-            If this FFTW, on this processor, does not make the same plans.
-        """
+        """Use the same plans; ValueError if this FFTW, on this processor, does not make them."""
         self._wisdom = str(state["wisdom"])  # of shorter transforms too
         if self.description == str(state["plans"]):
             return
@@ -196,12 +171,7 @@ class Transforms:
     def truncated(self, spectrum: npt.NDArray[Any], coarser: Transforms) -> npt.NDArray[Any]:
         """Return the modes that a coarser grid of the same cell has too, as a new flat spectrum.
 
-        Parameters
-        ----------
-        spectrum : ndarray, one value a mode
-            Of these transforms: complex of a field, or real of an even function of the wavevector.
-        coarser : Transforms
-            Of the coarser grid.
+        It is complex of a field, or real of an even function of the wavevector.
         """
         modes = spectrum.reshape(self.spectral_shape)[..., : coarser.spectral_shape[-1]]
         for axis, points in enumerate(coarser.shape[:-1]):
@@ -222,21 +192,9 @@ _REPEATS, _BATCH = 5, 1e-3  # batches of pairs, and the seconds of one
 
 
 def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
-    """Return the seconds of a forward and a backward transform of a grid.
+    """Return the seconds of a forward and a backward transform of a grid, kept or measured.
 
-    Where none were kept they are measured with a hasty plan, on a line of as many points but at most
-    `LARGEST`.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the fields.
-    folder : Path
-        Where wisdom is kept.
-
-    Returns
-    -------
-    float
+    They are measured with a hasty plan, on a line of as many points but at most `LARGEST`.
     """
     for kind in ("seconds", "hasty"):
         with suppress(OSError, ValueError):
@@ -255,19 +213,7 @@ def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
 
 
 def keep_pair_seconds(shape: tuple[int, ...], wisdom: str, folder: Path, threads: int = 1) -> None:
-    """Measure a pair with the plans of a run, and keep it where that is not done yet.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the fields.
-    wisdom : str
-        Wisdom of the plans.
-    folder : Path
-        Where wisdom is kept. If it cannot be written, nothing is.
-    threads : int
-        Threads of a transform.
-    """
+    """Measure a pair with the plans of a run, and keep it in a folder where that is not done yet."""
     from gfmdlayer.grid.transforms import Transforms
 
     if not (path := _kept(shape, folder)).exists():

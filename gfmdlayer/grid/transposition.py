@@ -28,13 +28,7 @@ Array = npt.NDArray[Any]
 
 
 class Transposition(Protocol):
-    """The exchange for one shape and type.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (rows of this rank, columns)
-        The array in whole rows.
-    """
+    """The exchange for one shape and type; `rows`, (rows of this rank, columns), are whole rows."""
 
     rows: Array
 
@@ -57,18 +51,8 @@ def transposition(
 ) -> Transposition:
     """Return the exchange for arrays of a shape, always the same one.
 
-    Exchanges share one memory: rows are valid until the next exchange of any shape.
-
-    Parameters
-    ----------
-    ranks : MpiRanks
-        The ranks.
-    shape : tuple of int
-        Of the whole array.
-    dtype : dtype
-        Of its values.
-    shared : bool
-        Whether ranks on one computer may share memory.
+    Exchanges share one memory: rows are valid until the next exchange of any shape. `shared`: ranks on one
+    computer may share memory.
     """
     kind = np.dtype(dtype)
     key = shape, kind, shared

@@ -24,24 +24,9 @@ _MAY_DIFFER = "results may differ from those of other runs in their last bits"
 def planned(shape: tuple[int, ...], folder: Path, threads: int = 1, results: Path | None = None) -> str:
     """Wisdom for the transforms of a grid, its windows and coarser grids, from a folder or measured.
 
-    Of several runs that measure at the same time, all use the wisdom of the first one that is done. A warning
-    says where kept wisdom cannot be used, which is replaced, or where none can be kept.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Shape of the fields.
-    folder : Path
-        Where the user's wisdom is kept.
-    threads : int
-        Threads of a transform.
-    results : Path, optional
-        Where the wisdom of some results is kept, which comes first.
-
-    Returns
-    -------
-    str
-        Wisdom for `Transforms`.
+    The wisdom of `results` comes first. Of several runs that measure at the same time, all use the wisdom of
+    the first one that is done. A warning says where kept wisdom cannot be used, which is replaced, or where
+    none can be kept.
     """
     with_threads = f"-{threads}threads" if threads > 1 else ""
     made_by = f"fftw-{VERSION}-{get_host_cpu_name()}"
@@ -115,19 +100,7 @@ def _keep(path: Path, wisdom: str) -> str:
 
 
 class RankWisdom:
-    """Wisdom that a rank of several keeps with the results, from its first case to the next.
-
-    Parameters
-    ----------
-    ranks : Ranks
-        The processes that hold the grid; one alone has its wisdom by `planned`.
-    points : tuple of int
-        Points of the grid.
-    folder : Path
-        Where the wisdom of the results is kept.
-    threads : int
-        Threads of a transform.
-    """
+    """Wisdom that a rank of several keeps in the folder of results, from its first case to the next."""
 
     def __init__(self, ranks: Ranks, points: tuple[int, ...], folder: Path, threads: int) -> None:
         self._alone = ranks.count == 1

@@ -4,15 +4,16 @@ The error of a step is known after it is solved (`error_control`). It grows with
 and does not accumulate in the history, so the next step is the last one times (tolerance/error)^(1/3). A step
 with an error above the tolerance is rejected and repeated with a shorter step.
 
-Steps land on the kinks of the trajectory, on the snapshots and on the output times. The displacement
-before a kink does not predict that after it: there the steps start short, and grow fast at first.
+Steps land on the breakpoints of the programme, on the snapshots and on the output times. The displacement
+before a breakpoint does not predict the displacement after it: there the steps start short, and grow fast.
 
-Under an interface that attracts, a step may hold an instability. The history takes the surface as moving all
-along the step, so that its error at a jump is proportional to the step; and the jump is placed at the end of
-the step, while the drive has gone on by c (`instabilities.Change`, relative), which misplaces the response,
-and the energy that is lost, by at most c times the jump of the response. A step over an instability is
-accepted where both are within the tolerance. Else it is repeated: by halves towards the jump, down to the
-length at which they will be, as both are proportional to it. Behind the jump the steps start as after a kink.
+Under an interface that attracts, an instability may fall into a step. Two errors follow. The history takes
+the surface as moving evenly over the step, which is an error proportional to the step. And the jump is placed
+at the end of the step, while the drive has gone on by c (`instabilities.Change`, relative): this misplaces
+the response, and the energy that is lost, by at most c times the jump of the response. A step over an
+instability is accepted if both errors are within the tolerance. Else it is repeated by halves towards the
+jump, down to the length at which the errors, which are proportional to it, will be within the tolerance.
+Behind the jump the steps start as after a breakpoint.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 from gfmdlayer.arrays import ComplexArray
 from gfmdlayer.history.error_control import ErrorControl
@@ -31,41 +32,41 @@ from gfmdlayer.resumable import State
 # Measured over materials from Ginf/G0 = 2 to 100 and Prony series over five decades.
 _SAFETY = 0.9  # part of the tolerance that a step aims at
 _GROWTH = 2.0  # largest growth of a step
-_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a kink
+_FIRST_GROWTH, _FIRST_STEPS = 4.0, 3  # the same for the first steps after the start or a breakpoint
 _SHRINK = (0.2, 0.8)  # range of the factor on a rejected step
 _ROUNDING = 4 * sys.float_info.epsilon  # of a time: steps shorter than this part of it are not divided
-_AFTER_KINK = 0.3  # first step after a kink, in steps before it
+_AFTER_BREAKPOINT = 0.3  # first step after a breakpoint, in steps before it
 _RETRACTED = 0.01  # part of the largest depth below which the dent is no longer an image of the punch
 _FROM_REST = 30.0  # first step without contact, in units of tolerance times the shortest relaxation time
-# Separation up to which a step counts as resolved at a tolerance of 1e-4, as the pull-off of a cylinder is at
-# rates from relaxed to glassy; and the largest at any.
+# Separation up to which a step is resolved at a tolerance of 1e-4 (measured: the pull-off of a cylinder, at
+# rates from relaxed to glassy), and the largest at any tolerance.
 _SEPARATION, _WIDEST_SEPARATION = 0.3, 0.5
 _AFTER_JUMP = 1e-6  # first step after a punch is pressed in at t = 0, in shortest relaxation times
 
 
 @dataclass
 class _Position:
-    """The position of the run in time, and the quantities that set the length of the next step."""
+    """Position of the run in time, and the quantities that set the length of the next step."""
 
     time: float = 0.0
     next_stop: int = 0
     next_step: float = 0.0
-    after_kink: bool = False
-    steps_since_kink: int = 0
+    after_breakpoint: bool = False
+    steps_since_breakpoint: int = 0
     largest_response: float = 0.0
     largest_depth: float = 0.0
     depth: float = 0.0
-    reach: float = 0.0  # a next stop before this time would have shortened a step since the last one
+    reach: float = 0.0  # a next stop before this time would have shortened a step since the last stop
     bound: bool = False  # whether a step was shortened because the run ends
     response: float = 0.0
     after_jump: bool = False
-    last_step: float = 0.0  # length of the last step, 0 after a kink
+    last_step: float = 0.0  # length of the last step, 0 after a breakpoint
     jump_by: float = 0.0  # a step to this time was rejected for an instability
-    over_jump: float = 0.0  # length of a step over it that will be accepted
+    over_jump: float = 0.0  # length of a step over the instability that will be accepted
 
 
 class AdaptiveSteps:
-    """Steps chosen during the run: each one that is yielded has to be accepted or not before the next.
+    """Steps chosen during the run: `accepts` judges each before the next is yielded.
 
     Parameters
     ----------
@@ -76,8 +77,8 @@ class AdaptiveSteps:
     slowdown : float
         Factor by which relaxation times are longer at the start than `control.shortest_time`.
     least : float, float
-        Scales of response and depth at least. The latter is the range of an interface that attracts, and
-        zero beside a hard wall.
+        Smallest scales of response and depth. The scale of the depth is the range of an interface that
+        attracts, and zero for a hard wall.
     """
 
     def __init__(
@@ -94,16 +95,16 @@ class AdaptiveSteps:
         self._position = _Position(largest_response=least[0], largest_depth=least[1])
 
     def __iter__(self) -> Iterator[Instant]:
-        """Yield the time points in order; a rejected step is followed by a shorter one."""
+        """Yield the time points in order; a shorter step follows a rejected one."""
         while self._position.next_stop < len(self._stops):
             now = self._position
-            if now.after_kink:
+            if now.after_breakpoint:
                 self._control.discard_velocity()
-                now.next_step, now.steps_since_kink, now.after_kink = _AFTER_KINK * now.next_step, 0, False
-                now.last_step = 0.0
+                now.next_step, now.last_step = _AFTER_BREAKPOINT * now.next_step, 0.0
+                now.steps_since_breakpoint, now.after_breakpoint = 0, False
             if now.after_jump:
                 self._control.discard_velocity()
-                now.steps_since_kink, now.after_jump = 0, False
+                now.steps_since_breakpoint, now.after_jump = 0, False
             if now.jump_by - now.time > self._shortest:
                 now.next_step = min(now.next_step, self._towards_jump())
             stop = self._stops[now.next_stop]
@@ -114,35 +115,18 @@ class AdaptiveSteps:
             step = left if now.next_step >= left else min(now.next_step, left / 2)
             self._lands = step == left
             time = stop.time if self._lands else now.time + step
-            self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.kink)
+            self._given = Instant(time, step, self._lands and stop.snapshot, self._lands and stop.breakpoint)
             yield self._given
 
     def accepts(
         self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
     ) -> bool:
-        """Accept or reject the last step that was yielded, and set the length of the next.
-
-        Parameters
-        ----------
-        spectrum : ndarray
-            Transform of the displacement at its end.
-        response : float
-            The unknown of the contact problem: the mean pressure in depth control, the depth in load control.
-        depth : float
-            Depth of the punch.
-        change : Change, optional
-            Over the step, where the interface attracts.
-
-        Returns
-        -------
-        bool
-            Whether the error is within the tolerance.
-        """
+        """Accept the last step if its error is within the tolerance, and set the next one; see `Steps`."""
         now = self._position
         response_scale, depth_scale = max(now.largest_response, abs(response)), max(now.largest_depth, depth)
         if self._given.step == 0:
             accepted = True
-            # The depth at rest need not be zero: it counts from the lowest point of the grid, not the apex.
+            # The depth at rest may differ from zero: it counts from the lowest point of the grid.
             pressed = depth_scale > 0 and self._control.deforms(spectrum)
             first = _AFTER_JUMP if pressed else _FROM_REST * self._tolerance
             now.next_step = self._control.shortest_time * self._slowdown * first
@@ -163,15 +147,15 @@ class AdaptiveSteps:
             now.largest_response, now.largest_depth, now.depth = response_scale, depth_scale, depth
             now.response, now.last_step = response, self._given.step
             now.time = self._given.time
-            now.after_kink = self._given.kink
+            now.after_breakpoint = self._given.breakpoint
             now.next_stop += self._lands
             now.reach = 0.0 if self._lands else now.reach
         return accepted
 
     def course(self) -> Course | None:
-        """Return the course where the next step is the first to depend on the end."""
+        """Return the course if the next step is the first that depends on the end."""
         now = self._position
-        following = now.next_step * (_AFTER_KINK if now.after_kink else 1.0)
+        following = now.next_step * (_AFTER_BREAKPOINT if now.after_breakpoint else 1.0)
         if now.bound or now.time == 0 or not self._ends(following):
             return None
         return Course(now.time, now.next_stop, fingerprint(self._stops[: now.next_stop]), now.reach)
@@ -182,23 +166,22 @@ class AdaptiveSteps:
         return now.next_stop == len(self._stops) - 1 and step > (self._stops[-1].time - now.time) / 2
 
     def state(self) -> State:
-        """Return the position in time and the quantities that set the length of the next step."""
+        """Return the position."""
         return asdict(self._position)
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
-        known = {name: state[name].item() for name in asdict(self._position) if name in state}
-        self._position = replace(self._position, **known)
+        """Continue from a position."""
+        self._position = _Position(**{name: state[name].item() for name in asdict(self._position)})
 
     @property
     def _shortest(self) -> float:
-        """A step that is not divided: times closer than this are the same."""
+        """Shortest step: times closer than this are the same."""
         return SAME_TIME * self._stops[-1].time
 
     def _error(
         self, spectrum: ComplexArray, response: float, depth: float, scales: tuple[float, float]
     ) -> float:
-        """Estimate the error of the last step, relative to the scales of response and depth."""
+        """Estimate the error of the last step, relative to the scales."""
         moving, deep = depth != self._position.depth, depth >= _RETRACTED * scales[1]
         if self._attracted:
             relative, displacement = self._control.error(spectrum, moving=moving, deep=True, attracted=True)
@@ -215,27 +198,24 @@ class AdaptiveSteps:
             now.after_jump, now.next_step = True, min(max(room, 1.0), _FIRST_GROWTH) * step
         elif change.jumps and step <= _FIRST_GROWTH * now.last_step:
             now.jump_by, now.over_jump, now.next_step = self._given.time, min(room, 0.5) * step, step
-        else:  # a step much longer than the last one may end beyond what shorter ones lead to
+        else:  # a step much longer than the last one may end on a branch that shorter steps do not reach
             now.next_step = min(max(_SAFETY * self._separation / change.separation, _SHRINK[0]), 0.5) * step
         return accepted
 
     def _towards_jump(self) -> float:
-        """Half of the way to an instability, or the whole where that is accepted."""
+        """Half of the way to an instability, or the whole way if a step over it will be accepted."""
         now = self._position
         left = now.jump_by - now.time
         return left if left <= now.over_jump else max(left / 2, now.over_jump)
 
     def _set_next_step(self, room: float, accepted: bool, widest: float) -> None:
-        """Set the next step so that the error of the last one is multiplied by `room` at most.
-
-        `widest` is the largest factor on the step itself.
-        """
+        """Set the next step: `room` is the largest factor on its error, `widest` on its length."""
         now, factor, step = self._position, min(room ** (1 / 3), widest), self._given.step
         if accepted:
-            growth = _FIRST_GROWTH if now.steps_since_kink < _FIRST_STEPS else _GROWTH
-            # A step that was cut to land on a stop does not shorten those that follow.
+            growth = _FIRST_GROWTH if now.steps_since_breakpoint < _FIRST_STEPS else _GROWTH
+            # A step that was cut to land on a stop does not shorten the next ones.
             now.next_step = max(min(now.next_step, factor * step), min(growth, factor) * step)
-            now.steps_since_kink += 1
+            now.steps_since_breakpoint += 1
         else:
             now.next_step = min(max(factor, _SHRINK[0]), _SHRINK[1]) * step
 

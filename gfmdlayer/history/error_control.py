@@ -60,42 +60,27 @@ _SMALLEST_FORCE = 1e-4
 
 
 class Integrator(Resumable, Protocol):
-    """Integrates the history of a body over time: the stress at the end of a step is -(kappa u - b).
+    """Integrates the history of a body over time; the stress at the end of a step is sigma = -kappa u + b.
 
-    `Modes` at rest, `SlidingModes` under a moving punch, `StackModes` for layers of different temperatures.
-
-    Attributes
-    ----------
-    u : ndarray of complex, shape (nq,)
-        Transform of the displacement after the last step.
-    step : float
-        Length of the step of the last `terms`, in reduced time.
-    stiffness : ndarray, shape (nq,)
-        kappa of the last `terms`.
-    stored, dissipated : float
-        Elastic energy after the last step, and heat since the start, per area.
-    spectrum_error : float
-        Bound on the relative error of the stiffness K(q, s).
-    shortest_time : float
-        Shortest relevant relaxation time; infinite for an elastic body.
+    `Modes` for a punch at rest, `SlidingModes` for a moving one, `StackModes` for layers whose shifts differ.
     """
 
-    u: ComplexArray
-    step: float
-    stiffness: FloatArray
-    stored: float
-    dissipated: float
-    spectrum_error: float
-    shortest_time: float
+    u: ComplexArray  # (nq,), transform of the displacement after the last step
+    step: float  # length of the step of the last `terms`, in reduced time
+    stiffness: FloatArray  # (nq,), kappa of the last `terms`
+    stored: float  # elastic energy per area after the last step
+    dissipated: float  # heat per area since the start
+    spectrum_error: float  # bound on the relative error of K(q, s)
+    shortest_time: float  # shortest relevant relaxation time; infinite for an elastic body
+
+    @property
+    def loss_stiffness(self) -> FloatArray | None:
+        """Imaginary part of the stiffness of the last `terms`; None for a punch at rest."""
+        ...
 
     @property
     def slope(self) -> ComplexArray | None:
         """Factors i q of the slope along the motion of the punch, shape (nq,); None for a punch at rest."""
-        ...
-
-    @property
-    def loss_stiffness(self) -> FloatArray | None:
-        """Imaginary part of the stiffness at the end of the last step; None for a punch at rest."""
         ...
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
@@ -103,7 +88,7 @@ class Integrator(Resumable, Protocol):
         ...
 
     def force(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return -sigma at the end of the step of the last `terms`, for this displacement."""
+        """Return -sigma at the end of the step of the last `terms`, for the transform of a displacement."""
         ...
 
     def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
@@ -115,15 +100,7 @@ class Integrator(Resumable, Protocol):
         ...
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Advance the history over the step of the last `terms`.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex, shape (nq,)
-            Transform of the displacement at the end of the step.
-        curvature : ndarray of complex, optional
-            dt^2 u''/2 over the step; without it u is linear.
-        """
+        """Advance the history over the step of the last `terms`; without a curvature u is linear."""
         ...
 
 
@@ -140,7 +117,7 @@ class ErrorControl:
         Largest error of the mean pressure relative to its largest value so far (of the depth, in load
         control), and of the displacement relative to the largest depth so far.
     curved : bool
-        Whether the stress of a step takes u as a parabola through the last steps, where these predict it.
+        Whether the stress of a step includes the curvature, see above.
     """
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
@@ -190,10 +167,8 @@ class ErrorControl:
         ----------
         spectrum : ndarray of complex, shape (nq,)
             Transform of the displacement at the end of the step.
-        moving : bool
-            Whether the punch moves over the step.
-        deep : bool
-            Whether the depth of the punch is still comparable to its largest value.
+        moving, deep : bool
+            Whether the punch moves over the step, and whether its depth is comparable to the largest so far.
         attracted : bool
             Whether the interface attracts.
 
@@ -201,8 +176,7 @@ class ErrorControl:
         -------
         float, float
             Relative error of the mean pressure (at given load, of the depth; of the stress, where the
-            interface attracts) or of the tangential force, and root mean square error of the displacement,
-            a length.
+            interface attracts) or of the tangential force; root mean square error of the displacement.
         """
         integrator, error = self._integrator, self._truncation_error(spectrum)
         force = integrator.force(spectrum)
@@ -255,7 +229,7 @@ class ErrorControl:
         }
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
+        """Continue from a state."""
         self._integrator.restore(state)
         self._contact_motion, self._velocity = state.get("contact_motion"), state.get("velocity")
         self._last_step = float(state["last_step"])

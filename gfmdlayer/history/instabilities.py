@@ -1,13 +1,13 @@
-"""Changes of an attracted surface over a step: instabilities, and how far the drive has gone meanwhile.
+"""Changes of an attracted surface over a step: instabilities, and the change of the drive meanwhile.
 
 Where an interface attracts, the surface may jump into contact or out of it while the punch hardly moves. The
-solver says so (`Solution.released_energy`). A fast separation is another matter: a gap g that changes over
-one step by a large part of the range of the interface, or of itself where it is wider,
+solver finds the energy of a jump (`Solution.released_energy`). Separation may also be fast without a jump: a
+gap g changes over one step by a large part of the range of the interface, or of itself where it is wider,
 
     separation = max |change of g| / max(range, g)
 
-over the points. Both are resolved by shorter steps (`adaptive_steps`): a fast separation then takes several,
-and a jump is left in a step over which the drive changes little,
+over the points. Shorter steps resolve both (`adaptive_steps`): a fast separation then takes several, and a
+jump stays in one step, over which the drive changes little,
 
     drive = (change of depth, load or strength of the interface) / (range, largest load, largest strength).
 """
@@ -28,33 +28,15 @@ from gfmdlayer.resumable import State
 
 @dataclass(frozen=True)
 class Change:
-    """Change over a step under an interface that attracts.
+    """Change over a step under an interface that attracts; the ratios are those of the module's docstring."""
 
-    Attributes
-    ----------
-    jumps : bool
-        Whether energy was released in an instability.
-    separation : float
-        Largest change of a gap, relative to the range of the interface or the gap, whichever is larger.
-    drive : float
-        Change of what is prescribed, relative to its scale.
-    """
-
-    jumps: bool
+    jumps: bool  # whether an instability released energy
     separation: float
     drive: float
 
 
 class Changes:
-    """Compares each step with the last one that was accepted; finds nothing beside a hard wall.
-
-    Parameters
-    ----------
-    interface : InterfaceLaw
-        Its range, and whether it attracts at any time.
-    sums : Sums
-        Sums over the grid.
-    """
+    """Compares each step with the last accepted one, if the interface attracts at any time."""
 
     def __init__(self, interface: InterfaceLaw, sums: Sums) -> None:
         self._interface, self._sums = interface, sums
@@ -65,20 +47,9 @@ class Changes:
     def over(
         self, prescribed: float, problem: Problem, solution: Solution, *, lost: bool = False
     ) -> Change | None:
-        """Return the change since the last accepted step; None beside a hard wall, and at the first step.
+        """Return the change since the last accepted step; None under a hard wall, and at the first step.
 
-        Parameters
-        ----------
-        prescribed : float
-            Depth or load at the end of the step.
-        problem, solution : Problem, Solution
-            The contact problem there.
-        lost : bool
-            Whether the punch is pulled off.
-
-        Returns
-        -------
-        Change or None
+        `prescribed` is the depth or load at the end of the step; `lost` says whether the punch is pulled off.
         """
         if self._gap is None:
             return None
@@ -90,7 +61,7 @@ class Changes:
         return Change(lost or solution.released_energy > 0, separation, moved)
 
     def remember(self, prescribed: float, problem: Problem, solution: Solution) -> None:
-        """Take note of an accepted step, see `over`."""
+        """Remember an accepted step, see `over`."""
         if self._interface.attracts:
             now, (load, strength) = problem.interface.strength, self._largest
             self._drive, self._gap = (prescribed, now), solution.gap
@@ -105,7 +76,7 @@ class Changes:
         return {} if self._gap is None else {"gap": self._gap, "drive": self._drive, "largest": self._largest}
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
+        """Continue after that step."""
         if "gap" in state:
             self._gap = state["gap"]
             (*drive,), (*largest,) = state["drive"].tolist(), state["largest"].tolist()
@@ -114,7 +85,7 @@ class Changes:
 
 @kernel(reorder=True)
 def _separation(before: FloatArray, after: FloatArray, reach: float) -> float:
-    """Largest change of a gap over the reach, or over the lesser of the gaps before and after."""
+    """Largest change of a gap, over the larger of the reach and the lesser of the gaps before and after."""
     most = np.zeros(LANES)
     for first in range(0, before.size, LANES):
         old, new = before[first : first + LANES], after[first : first + LANES]

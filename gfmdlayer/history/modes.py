@@ -78,35 +78,16 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 
 
 class Modes:
-    """The relaxing modes of a surface: their history, stiffness and energy (an `error_control.Integrator`).
+    """The relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`.
 
     Parameters
     ----------
     spectrum : Spectrum
-        Relaxing modes at the grid's wavenumbers.
+        Relaxing modes at the grid's wavevectors.
     scheme : callable
         `exponential` or `backward_euler`.
     sums : Sums, optional
-        Sums over the grid; energies are means over its surface. By default every wavenumber has weight one.
-
-    Attributes
-    ----------
-    step : float
-        Length of the last step of `terms`.
-    stiffness : ndarray, shape (nq,)
-        kappa of the last `terms`.
-    u : ndarray of complex, shape (nq,)
-        Transform of the displacement after the last step.
-    stored : float
-        Elastic energy in all springs after the last step.
-    dissipated : float
-        Heat from all dashpots since the start.
-    spectrum_error : float
-        Bound on the relative error of the stiffness K(q, s) of the spectrum.
-    shortest_time : float
-        Shortest relevant relaxation time; infinite for an elastic body.
-    loss_stiffness, slope : None
-        Of a punch that moves along the surface alone, see `SlidingModes`.
+        Sums over the grid; energies are means over its surface. By default every wave has weight one.
     """
 
     stiffness: FloatArray
@@ -147,33 +128,14 @@ class Modes:
         self._times = np.concatenate((branch_times, times[local > 0]))
 
     def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
-        """Return kappa and b, sigma = -kappa u + b, at the end of a step (lines 5 and 6).
-
-        Parameters
-        ----------
-        step : float
-            Length of the step.
-
-        Returns
-        -------
-        ndarray, ndarray of complex
-            Each of shape (nq,).
-        """
+        """Return kappa and b, each of shape (nq,), at the end of a step (lines 5 and 6)."""
         self.prepare(step)
         self._b = np.empty_like(self.u)
         kernels.intercepts(self._branches, self._local, self._terms, _numbers(self.u), _numbers(self._b))
         return self.stiffness, self._b
 
     def advance(self, spectrum: ComplexArray, curvature: ComplexArray | None = None) -> None:
-        """Advance the history over the step of the last `terms` (lines 8 and 9).
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex, shape (nq,)
-            Transform of the displacement at the end of the step.
-        curvature : ndarray of complex, optional
-            dt^2 u''/2 over the step; without it u is linear.
-        """
+        """Advance the history over the step of the last `terms` (lines 8 and 9)."""
         c = _NO_CURVATURE if curvature is None else curvature
         twice, heat = kernels.advance(
             self._branches,
@@ -197,7 +159,7 @@ class Modes:
         }
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
+        """Continue from a state."""
         self.u[:] = state["u"]
         self._branches.stretch[:] = state["branch_stretch"]
         self._local.stretch[:] = state["local_stretch"]

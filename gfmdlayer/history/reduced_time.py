@@ -2,9 +2,9 @@
 
     xi(t) = int_0^t dt'/aT(T(t'))
 
-In it the body relaxes as it does at the reference temperature, exactly: Morland & Lee, Trans. Soc. Rheol. 4
-(1960) 233-263. So the history takes steps of reduced time, with heat, energy and errors as they are; time
-points, trajectory and results keep to real time.
+In reduced time the body relaxes as at the reference temperature, exactly: Morland & Lee, Trans. Soc. Rheol. 4
+(1960) 233-263. So the history takes steps of reduced time; its heat, energy and errors do not change. Time
+points, programme and results keep to real time.
 """
 
 from __future__ import annotations
@@ -25,15 +25,7 @@ _RANGE = 4.0
 
 @dataclass(frozen=True)
 class ReducedTime:
-    """Steps of reduced time.
-
-    Parameters
-    ----------
-    shift : Shift
-        Law of the factor aT.
-    temperature : Constant or Table
-        Temperature over time in degrees Celsius, within the range of the law.
-    """
+    """Steps of reduced time, by the law of aT and the temperature over time in degrees Celsius."""
 
     shift: Shift
     temperature: Constant | Table
@@ -44,25 +36,15 @@ class ReducedTime:
 
     @property
     def extremes(self) -> tuple[float, float]:
-        """Smallest and largest aT, of the highest and the lowest temperature."""
+        """Smallest and largest aT, at the highest and the lowest temperature."""
         given = self.temperature
         values = given.values if isinstance(given, Table) else np.array([given.value])
         return self.shift.factor(float(values.max())), self.shift.factor(float(values.min()))
 
     def step(self, begin: float, length: float) -> float:
-        """Return the reduced time that elapses in a step.
+        """Return the reduced time that elapses in a step: the integral of 1/aT, exact to rounding.
 
-        Parameters
-        ----------
-        begin : float
-            Time at which the step begins; before t = 0 the temperature is that at t = 0.
-        length : float
-            Its length in real time.
-
-        Returns
-        -------
-        float
-            Integral of 1/aT; to rounding, as aT is integrated between the rows of the table.
+        Before t = 0 the temperature is the one at t = 0.
         """
         end = begin + length
         inside = [time for time in self.temperature.breakpoints if begin < time < end]
@@ -86,6 +68,6 @@ class ReducedTime:
         return total
 
     def _at(self, first: float, last: float, part: float) -> float:
-        """Temperature at a part of the change of ln aT from one temperature to another."""
+        """Temperature at which a part of the change of ln aT between two temperatures is reached."""
         a, b = 1 / (first - self.shift.pole), 1 / (last - self.shift.pole)
         return first if part == 0 else last if part == 1 else self.shift.pole + 1 / (a + part * (b - a))

@@ -51,7 +51,7 @@ _SERIES = [(-1) ** k / math.factorial(k + 5) for k in range(18)]
 
 
 class Waves(NamedTuple):
-    """Pairs of a mode and a wave that it is made of, and their factors for the length of a step."""
+    """Pairs of a mode and one of its waves, and their factors for the length of a step."""
 
     position: IntArray  # (pairs,), of the wavenumber
     energy_weights: FloatArray  # (pairs,), w_j times Parseval's weights
@@ -67,11 +67,11 @@ class SlidingModes(Modes):
     Parameters
     ----------
     spectrum : Spectrum
-        Relaxing modes at the grid's wavenumbers.
+        Relaxing modes at the grid's wavevectors.
     sums : Sums
         Sums over the grid.
     wavenumbers_x : ndarray, shape (2, *q.shape)
-        Wavenumbers along x of the two waves that each mode is the mean of, mostly the same.
+        Wavenumbers along x of the two waves whose mean is the mode; mostly they are the same.
     velocity : callable
         v at a time, linear in time over each step.
 
@@ -89,7 +89,7 @@ class SlidingModes(Modes):
     def __init__(
         self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory
     ) -> None:
-        # The base class has the springs K_0, and no mode with a dashpot.
+        # The base class has the springs K_0 but no dashpots.
         springs = Spectrum(spectrum.relaxed, spectrum.weights[:0], spectrum.times[:0], spectrum.error)
         super().__init__(springs, exponential, sums)
         self.shortest_time = shortest_time(spectrum, sums)
@@ -153,11 +153,11 @@ class SlidingModes(Modes):
         self._time += self.step
 
     def state(self) -> State:
-        """Return the history, the stretches and the time."""
+        """Return springs, stretches and time."""
         return {**super().state(), "stretch": self._waves.stretch, "time": self._time}
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
+        """Continue from a state."""
         super().restore(state)
         self._waves.stretch[:], self._time = state["stretch"], float(state["time"])
 
@@ -181,8 +181,7 @@ class SlidingModes(Modes):
 
         It is the time of one passage over the period, after which the punch meets its own track, or the
         longest relevant relaxation time. A branch that is much slower than the passage does not relax under
-        the punch: its part in the loss is small, and so is the trace in it of how the contact started.
-
+        the punch: its part in the loss is small, and so is its memory of the start of the contact.
         Relaxation times with at most the part `tolerance` of the loss of the longest waves are not relevant.
         """
         velocity = abs(self._velocity_at(math.inf))
@@ -194,7 +193,7 @@ class SlidingModes(Modes):
         return max(passage, self._sums.maximum(float(self._theta[longest][relevant].max(initial=0.0))))
 
     def _change_of_velocity(self) -> ComplexArray:
-        """Change of the stretches by a velocity that changes over the step."""
+        """Change of the stretches because the velocity changes over the step."""
         return np.asarray(self._acceleration * (self.u[self._waves.position] - self._waves.stretch))
 
     def _sum_modes(self, values: ComplexArray) -> ComplexArray:

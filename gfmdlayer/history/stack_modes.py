@@ -57,9 +57,7 @@ class StackModes(Modes):
     ----------
     internal : InternalVariables
         The internal variables of the body at the grid's wavenumbers.
-    scheme : callable
-        As for `Modes`.
-    sums : Sums
+    scheme, sums
         As for `Modes`.
     reduced_times : sequence of ReducedTime or None
         Of each law of the body; None for one whose times do not change. Elastic layers below need none.
@@ -147,7 +145,7 @@ class StackModes(Modes):
         return {**kept, "internal": self._xi, "time": self._time}
 
     def restore(self, state: State) -> None:
-        """Continue from there."""
+        """Continue from a state."""
         super().restore({**state, "local_stretch": self._local.stretch})
         self._xi, self._time = np.array(state["internal"]), float(state["time"])
 

@@ -1,4 +1,4 @@
-"""The time points of a run: equal steps, or steps that land on snapshots and kinks of the trajectory."""
+"""The time points of a run: equal steps, or steps that land on snapshots and breakpoints of the programme."""
 
 from __future__ import annotations
 
@@ -15,46 +15,32 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import ComplexArray
     from gfmdlayer.history.instabilities import Change
 
-# Times closer than this part of the run are the same: output times carry the rounding of decimals and sums.
+# Times closer than this part of the run are the same: output times are rounded decimals and sums.
 SAME_TIME = 1e-10
 
 
 @dataclass(frozen=True)
 class Instant:
-    """A time point: its time, the length of the step to it, and whether it is a snapshot or a kink."""
+    """A time point: its time, the length of the step to it, and whether it is a snapshot or a breakpoint."""
 
     time: float
     step: float
     snapshot: bool = False
-    kink: bool = False
+    breakpoint: bool = False
 
 
 @dataclass(frozen=True)
 class Course:
-    """The steps up to a time, where they do not depend on the end of the run.
-
-    Attributes
-    ----------
-    time : float
-        The time reached.
-    passed : int
-        Number of stops up to it.
-    stops : str
-        Fingerprint of these.
-    reach : float
-        A next stop before this time would have changed the steps since the last one.
-    step : float
-        Length of the steps since the last stop, where it is fixed; 0 where it is not, or none were taken.
-    """
+    """Steps up to a time that do not depend on the end of the run: a longer run may begin with them."""
 
     time: float
-    passed: int
-    stops: str
-    reach: float = 0.0
-    step: float = 0.0
+    passed: int  # number of stops up to the time
+    stops: str  # their fingerprint
+    reach: float = 0.0  # a next stop before this time would have changed the steps since the last stop
+    step: float = 0.0  # length of the steps since the last stop, if it is fixed and there are any; else 0
 
     def begins(self, stops: Sequence[Instant]) -> bool:
-        """Whether a run with these stops takes the same steps up to the time."""
+        """Return whether a run with these stops takes the same steps up to the time."""
         if len(stops) <= self.passed or fingerprint(stops[: self.passed]) != self.stops:
             return False
         following = stops[self.passed]
@@ -64,7 +50,7 @@ class Course:
 
 
 def fingerprint(stops: Iterable[Instant]) -> str:
-    """Return a hash of the stops, to the last bit."""
+    """Return a hash of the stops, exact to the last bit."""
     return hashlib.sha256(repr([astuple(stop) for stop in stops]).encode()).hexdigest()
 
 
@@ -72,19 +58,19 @@ class Steps(Resumable, Protocol):
     """The time points of a run."""
 
     def __iter__(self) -> Iterator[Instant]:
-        """Return the time points in order; a rejected one is followed by an earlier one."""
+        """Yield the time points in order; an earlier one follows a rejected one."""
         ...
 
     def accepts(
-        self, spectrum: ComplexArray, found: float, depth: float, change: Change | None = None
+        self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
     ) -> bool:
         """Return whether the last step is accurate enough.
 
         Parameters
         ----------
-        spectrum : ndarray of complex
-            Displacement at its end.
-        found : float
+        spectrum : ndarray of complex, shape (nq,)
+            Transform of the displacement at its end.
+        response : float
             Mean pressure at a prescribed depth, depth under a prescribed load.
         depth : float
             Depth of the punch.
@@ -94,27 +80,20 @@ class Steps(Resumable, Protocol):
         ...
 
     def course(self) -> Course | None:
-        """Return the course so far where the next step is the first that may depend on the end of the run."""
+        """Return the course so far if the next step is the first that may depend on the end of the run."""
         ...
 
 
 class FixedSteps:
     """Steps that are known before the run; each is accepted.
 
-    Parameters
-    ----------
-    instants : iterable of Instant
-        The time points.
-    stops : sequence of Instant
-        Those between which all steps are equal, with the lengths of the steps.
-    step : float
-        Largest length of a step.
+    Between two of the `stops` all steps have the length of the later one, at most `step`.
     """
 
     def __init__(self, instants: Iterable[Instant], stops: Sequence[Instant], step: float) -> None:
         self._instants, self._stops = instants, stops
         self._count = 0
-        # Steps of the largest length fit a later end as well; others were fitted to this one.
+        # Steps of the largest length suit a later end too; others were fitted to this end.
         whole = stops[-1].step == step
         self._parting = number_of_steps(stops if whole else stops[:-1]) + (not whole)
 
@@ -132,7 +111,7 @@ class FixedSteps:
         return True
 
     def course(self) -> Course | None:
-        """Return the course where the next step may depend on the end, before the last step at the latest."""
+        """Return the course, see `Steps`, before the last step at the latest."""
         time = self._time
         if self._count != self._parting or time == 0:
             return None
@@ -142,7 +121,7 @@ class FixedSteps:
         return Course(time, passed, fingerprint(self._stops[:passed]), step=step)
 
     def state(self) -> State:
-        """Return the number of accepted steps."""
+        """Return the number of accepted steps, with which `restore` continues."""
         return {"count": self._count}
 
     def restore(self, state: State) -> None:
@@ -151,46 +130,34 @@ class FixedSteps:
 
 
 def equal_steps(
-    end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
+    end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
 ) -> Iterator[Instant]:
-    """Every whole number of steps from 0 to the end, as in the paper; the first is a step from rest to t = 0.
+    """Yield every whole number of steps from 0 to the end, as in the paper; the first is a step from rest.
 
-    Parameters
-    ----------
-    end, step : float
-        Last time and length of a step.
-    snapshots : iterable of float
-        Each a whole number of steps to a millionth of one, which the configuration checks.
-    kinks : iterable of float
-        The last time point at or before each is marked.
+    Snapshots are whole numbers of steps, to a millionth of one, as the configuration makes sure. The last
+    time point at or before each breakpoint is marked.
     """
-    marked = {round(stop.time / step): stop for stop in equal_stops(end, step, snapshots, kinks)}
+    marked = {round(stop.time / step): stop for stop in equal_stops(end, step, snapshots, breakpoints)}
     for i in range(round(end / step) + 1):
         yield marked.get(i) or Instant(i * step, step)
 
 
-def equal_stops(end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]) -> list[Instant]:
-    """Start, end and marked time points of `equal_steps`, in order."""
+def equal_stops(
+    end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
+) -> list[Instant]:
+    """Return start, end and marked time points of `equal_steps`, in order."""
     at_snapshot = {round(time / step) for time in snapshots}
-    at_kink = {math.floor(time / step + 1e-6) for time in kinks}
+    at_breakpoint = {math.floor(time / step + 1e-6) for time in breakpoints}
     last = round(end / step)
-    places = sorted({0, last, *(i for i in at_snapshot | at_kink if i <= last)})
-    return [Instant(i * step, step, i in at_snapshot, i in at_kink) for i in places]
+    places = sorted({0, last, *(i for i in at_snapshot | at_breakpoint if i <= last)})
+    return [Instant(i * step, step, i in at_snapshot, i in at_breakpoint) for i in places]
 
 
 def landing_steps(
-    end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
+    end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
 ) -> Iterator[Instant]:
-    """Steps of at most a given length that land on every snapshot and kink; that to t = 0 has no length.
-
-    Parameters
-    ----------
-    end, step : float
-        Last time and largest length of a step.
-    snapshots, kinks : iterable of float
-        Times to land on.
-    """
-    first, *rest = landing_stops(end, step, snapshots, kinks)
+    """Yield steps of at most a given length that land on snapshots and breakpoints; the first has none."""
+    first, *rest = landing_stops(end, step, snapshots, breakpoints)
     yield first
     begin = 0.0
     for stop in rest:
@@ -201,50 +168,42 @@ def landing_steps(
 
 
 def landing_stops(
-    end: float, step: float, snapshots: Iterable[float], kinks: Iterable[float]
+    end: float, step: float, snapshots: Iterable[float], breakpoints: Iterable[float]
 ) -> list[Instant]:
-    """Start, end and the times to land on of `landing_steps`, with the length of the steps to each."""
-    first, *rest = stops(end, snapshots, kinks)
+    """Return start, end and the times to land on, with the length of the steps of `landing_steps` to each."""
+    first, *rest = stops(end, snapshots, breakpoints)
     found = [first]
     for stop in rest:
         span = stop.time - found[-1].time
         length = span / max(1, math.ceil(span / step - 1e-6))
-        found.append(Instant(stop.time, length, stop.snapshot, stop.kink))
+        found.append(Instant(stop.time, length, stop.snapshot, stop.breakpoint))
     return found
 
 
 def number_of_steps(stops: Sequence[Instant]) -> int:
-    """Count the equal steps between stops, that to the start left out."""
+    """Count the equal steps between stops, without the step to the start."""
     return sum(round((stop.time - before.time) / stop.step) for before, stop in pairwise(stops))
 
 
 def stops(
-    end: float, snapshots: Iterable[float], kinks: Iterable[float], times: Iterable[float] = ()
+    end: float, snapshots: Iterable[float], breakpoints: Iterable[float], times: Iterable[float] = ()
 ) -> list[Instant]:
-    """Start, end and all times to land on between them, in order; times that differ by rounding are one.
+    """Return start, end and all times to land on between them, in order, without the lengths of the steps.
 
-    Parameters
-    ----------
-    end : float
-        Last time, which is not a kink; neither is the start.
-    snapshots, kinks, times : iterable of float
-        Times to land on.
-
-    Returns
-    -------
-    list of Instant
-        Their steps have no length yet.
+    Times that differ by rounding are one. Start and end are no breakpoints.
     """
     same = SAME_TIME * end
     found = [0.0]
-    at_snapshot, at_kink = [False], [False]
-    marked = [(time, "snapshot") for time in snapshots] + [(time, "kink") for time in kinks if 0 < time < end]
+    at_snapshot, at_breakpoint = [False], [False]
+    marked = [(time, "snapshot") for time in snapshots] + [
+        (time, "breakpoint") for time in breakpoints if 0 < time < end
+    ]
     for time, reason in sorted([*marked, *((time, "row") for time in (*times, end))]):
-        # A time right after the start is moved away from it: the step to the start has no length.
+        # A time right after the start is moved away from it: only the step to the start has no length.
         if time > 0 and max(time, 2 * same) - found[-1] > same:
             found.append(max(time, 2 * same))
             at_snapshot.append(False)
-            at_kink.append(False)
+            at_breakpoint.append(False)
         at_snapshot[-1] |= reason == "snapshot"
-        at_kink[-1] |= reason == "kink"
-    return [Instant(t, 0.0, *marks) for t, *marks in zip(found, at_snapshot, at_kink, strict=True)]
+        at_breakpoint[-1] |= reason == "breakpoint"
+    return [Instant(t, 0.0, *marks) for t, *marks in zip(found, at_snapshot, at_breakpoint, strict=True)]

@@ -1,11 +1,11 @@
 """The compliance of a body in creep form, for a contact that is isolated.
 
-Where the contact is small against every length of the body, its compliance per wavelength is that of a
-halfspace of the surface's material, D(s) = (1 - nu)/G(s). The rest is
+A contact that is small against every length of the body meets the compliance of a halfspace of the surface's
+material, D(s) = (1 - nu)/G(s) per wavelength. The rest is
 
     C(q, s) = q/K(q, s) - D(s),       which decays like (q d)^2 exp(-2 q d) over a layer of thickness d
 
-D and C are sums of retarded modes. They follow from the relaxing modes of any body: a stiffness
+D and C are sums of retarded modes, which follow from the relaxing modes of any body. A stiffness
 K = K_0 + sum_j w_j s theta_j/(1 + s theta_j) has the compliance 1/K = 1/K_inf + sum_j J_j/(1 + s T_j), with
 one retardation time T_j between each relaxation time and the next longer one, and one beyond the longest:
 
@@ -26,13 +26,13 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.kernels import kernel
 
-# Wavenumbers, times the size of the contact: where the body is its surface's material; where C is searched.
+# Wavenumbers, times the size of the contact: of the surface's material; and those at which C is searched.
 _SURFACE = 1e8
 _DECADE = 16
 _SEARCHED = np.geomspace(1e-6, 1e5, 11 * _DECADE + 1)
 _SUDDEN = 1e60  # in place of an infinite Laplace variable
 
-# Part of its maximum below which C is left out; the integrals of it are then exact to some 1e-9.
+# C is left out below this part of its maximum; its integrals are then exact to some 1e-9.
 _LEFT_OUT = 1e-9
 
 # Change of C, relative to its maximum, from q = 0 to the end of the first panel, and Gauss nodes in each.
@@ -49,46 +49,24 @@ _ROUNDING = 4 * np.finfo(float).eps
 
 
 class Compliance(NamedTuple):
-    """D = J0 + sum_k J_k/(1 + s T_k), and C likewise at the nodes in q.
+    """D = J0 + sum_k J_k/(1 + s T_k), and C likewise at the nodes in q."""
 
-    Attributes
-    ----------
-    local, local_modes, local_times : float, ndarray (nb,), ndarray (nb,)
-        J0, J_k and T_k of D(s), in 1/pressure and time.
-    q, weights : ndarray, shape (nq,)
-        Nodes and weights of the integral over q; none for a halfspace.
-    instant : ndarray, shape (nq,)
-        C against sudden pressures.
-    modes, times : ndarray, shape (nm, nq)
-        Retarded parts of C, of either sign, and their times.
-    """
-
-    local: float
-    local_modes: FloatArray
-    local_times: FloatArray
-    q: FloatArray
-    weights: FloatArray
-    instant: FloatArray
-    modes: FloatArray
-    times: FloatArray
+    local: float  # J0 [1/pressure]
+    local_modes: FloatArray  # (nb,), J_k
+    local_times: FloatArray  # (nb,), T_k
+    q: FloatArray  # (nq,), nodes of the integral over q; none for a halfspace
+    weights: FloatArray  # (nq,), weights of the nodes
+    instant: FloatArray  # (nq,), C against sudden pressures
+    modes: FloatArray  # (nm, nq), retarded parts of C, of either sign
+    times: FloatArray  # (nm, nq), their times
 
 
 class Features(NamedTuple):
-    """The wavenumbers between which C varies.
+    """The wavenumbers between which C varies."""
 
-    Attributes
-    ----------
-    surface : float
-        Wavenumber beyond all others, at which the body is its surface's material.
-    first : float
-        End of the first panel of an integral over q.
-    last : float
-        Wavenumber beyond which C is left out; 0 for a halfspace.
-    """
-
-    surface: float
-    first: float
-    last: float
+    surface: float  # beyond all others: the body responds like its surface's material
+    first: float  # end of the first panel of an integral over q
+    last: float  # C is left out beyond it; 0 for a halfspace
 
 
 @cache
@@ -105,17 +83,8 @@ def elastic_limits(body: Body, q: FloatArray) -> FloatArray:
 def find_features(body: Body, radius: float) -> Features:
     """Search the compliance of a body for the wavenumbers between which it varies.
 
-    Parameters
-    ----------
-    body : Body
-        The body.
-    radius : float
-        The size of the contact; the lengths of the body may be 1e-4 to 1e5 of it.
-
-    Raises
-    ------
-    ValueError
-        If the body does not support an isolated load, or its layers are thinner.
+    The lengths of the body may be 1e-4 to 1e5 of the contact radius. Raises ValueError if layers are thinner,
+    or if the body does not support an isolated load.
     """
     q = np.append(_SEARCHED, _SURFACE) / radius
     compliances = elastic_limits(body, q)
@@ -134,15 +103,7 @@ def find_features(body: Body, radius: float) -> Features:
 
 
 def panels(features: Features, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights in q for the integrals of C; none for a halfspace.
-
-    Parameters
-    ----------
-    features : Features
-        Of the body, or of a similar one.
-    reach : float
-        Largest radius of the contact; cosines are resolved up to x = 2 reach.
-    """
+    """Return nodes and weights in q for the integrals of C, and cosines up to x = 2 reach."""
     ends = [0.0]
     while ends[-1] < features.last:
         width = min(max(features.first, ends[-1]), _PHASE / reach)
@@ -154,17 +115,7 @@ def panels(features: Features, reach: float) -> tuple[FloatArray, FloatArray]:
 
 
 def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArray) -> Compliance:
-    """Return the compliance of a body at nodes in q.
-
-    Parameters
-    ----------
-    body : Body
-        The body.
-    features : Features
-        Of the body, or of a similar one.
-    q, weights : ndarray, shape (nq,)
-        Of `panels`.
-    """
+    """Return the compliance of a body at the nodes of `panels`; the features may be of a similar body."""
     every = np.append(q, features.surface)
     spectrum = body.spectrum(every)
     instant = every / spectrum.glassy
@@ -180,19 +131,9 @@ def compliance(body: Body, features: Features, q: FloatArray, weights: FloatArra
 
 @kernel
 def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Retarded compliances of stiffnesses K_0 + sum_j w_j s theta_j/(1 + s theta_j).
+    """Return J_j >= 0 and T_j > 0 of m stiffnesses, each (n, m), from w_j, theta_j (n, m) and K_0 > 0 (m,).
 
-    Parameters
-    ----------
-    weights, times : ndarray, shape (n, m)
-        w_j >= 0 and theta_j > 0 of m stiffnesses.
-    relaxed : ndarray, shape (m,)
-        K_0 > 0.
-
-    Returns
-    -------
-    ndarray, ndarray, shape (n, m)
-        J_j >= 0 and T_j > 0 with 1/K = 1/K_inf + sum_j J_j/(1 + s T_j); J_j = 0 where there is no mode.
+    J_j = 0 where there is no mode.
     """
     compliances, retarded = np.zeros(weights.shape), np.ones(weights.shape)
     poles, strengths = np.empty(weights.shape[0]), np.empty(weights.shape[0])
@@ -219,7 +160,7 @@ def retardation(weights: FloatArray, times: FloatArray, relaxed: FloatArray) -> 
 
 @kernel(inner=True)
 def _root(poles: FloatArray, strengths: FloatArray, relaxed: float, j: int) -> tuple[float, int]:
-    """Return the root behind pole j as its signed distance from the nearer pole, and which pole that is.
+    """Return the root behind pole j: its signed distance from the nearer pole, and the number of this pole.
 
     The sum over either side is replaced by its nearest pole and a constant (Bunch, Nielsen and Sorensen,
     Numer. Math. 31 (1978) 31-48); behind the last pole stands one of no strength.

@@ -125,7 +125,7 @@ class IsolatedIndentation:
         return found
 
     def _on_equal_steps(self, step: float) -> Indentation:
-        """Take equal steps of at most this length between kinks and snapshots, and their halves."""
+        """Take equal steps of at most this length between breakpoints and snapshots, and their halves."""
         knots = np.unique(np.array([*self.history.time, *self.snapshots, *self.stops]))
         parts = [
             np.linspace(begin, end, max(1, math.ceil((end - begin) / step - 1e-6)) + 1)[:-1]
@@ -252,11 +252,11 @@ class IsolatedContact(Model):
         if given.file is None:
             return
         assert isinstance(drive, Table)
-        thickness = sum(layer.thickness for layer in self.config.stacked)
+        thickness = self.config.solid.rigid_below
         if given.control == "force" and (drive.values < 0).any():
             yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
-        most, rigid = float(drive.values.max()), self.config.halfspace.shear_modulus == math.inf
-        if given.control == "depth" and rigid and most >= thickness:
+        most = float(drive.values.max())
+        if given.control == "depth" and most >= thickness:
             message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
             yield key, f"{message}; must be below the thickness above it, {thickness!r}"
 
@@ -294,10 +294,9 @@ class IsolatedContact(Model):
 
 def smallest_equivalent_case(config: Config) -> Config:
     """Return one ramp of the same kind whose contact is small beside the layers; a wide one takes long."""
-    control, base = config.trajectory.control, config.halfspace.shear_modulus
-    size = min((each.thickness for each in config.stacked if 0 < each.thickness < math.inf), default=1.0)
-    moduli = [*(law.unit for law in config.laws), *([base] if base and math.isfinite(base) else [])]
-    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(moduli)
+    control, body = config.trajectory.control, config.solid
+    size = min((each for each in body.thicknesses if 0 < each < math.inf), default=1.0)
+    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(body.moduli)
     return config.with_values(
         {
             "grid": {"geometry": config.grid.geometry, "points": config.grid.points},

@@ -11,6 +11,8 @@ chi(a) = -(pi a w/J0)^(1/2) with a work of adhesion w (JKR). Internal variables 
 chi and X with the retardation times, exactly for chi and X that are linear over a step; a point that the edge
 sweeps is loaded for its part of the step. On a fixed grid in x the past is kept; the equation of a step is
 solved at Gauss nodes in [0, a].
+
+Sizes: nt times, nb retardation times of D, nq nodes in q, nm modes of C.
 """
 
 from __future__ import annotations
@@ -25,10 +27,10 @@ from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
-# Outcomes of a march.
+# Outcomes of a run.
 COMPLETE, LEFT_GRID, NOT_CONVERGED = 0, 1, 2
 
-_MARKS = 3  # radii at which chi may have kinks, remembered
+_MARKS = 3  # radii that are remembered, where the slope of chi may jump
 _APART = 0.02  # part of a by which they differ
 _GENTLE = 0.05  # h/T below which Simpson's rule has the energy lost in a step to 1e-9
 _SMALL = 1e-4  # h/T below which differences of closed forms lose digits
@@ -40,79 +42,48 @@ _FRONT = 1e-9  # slope of the coordinate of the moving edge where H is flat
 
 
 class Nodes(NamedTuple):
-    """Nodes in x, which depend on the largest contact radius alone.
+    """Nodes in x, which depend on the largest contact radius only."""
 
-    Attributes
-    ----------
-    reach : float
-        The largest contact radius.
-    spacing : float
-        Of the fixed grid x_i = i spacing, i = 0 to n + 1; the last but two is the largest radius.
-    cosines : ndarray, shape (2 n + 3, nq)
-        cos(q x_i).
-    gauss, gauss_weights : ndarray
-        Gauss nodes and weights on [0, 1], for all of [0, a].
-    part, part_weights : ndarray
-        The same, for each part of [0, a] between kinks.
-    """
-
-    reach: float
-    spacing: float
-    cosines: FloatArray
-    gauss: FloatArray
+    reach: float  # the largest contact radius
+    spacing: float  # of the fixed grid x_i = i spacing, i = 0 to n + 1; the last but two is the reach
+    cosines: FloatArray  # (2 n + 3, nq), cos(q x_i)
+    gauss: FloatArray  # Gauss nodes on [0, 1], for all of [0, a]
     gauss_weights: FloatArray
-    part: FloatArray
+    part: FloatArray  # the same, for each part of [0, a] between its marks
     part_weights: FloatArray
 
 
 class Drive(NamedTuple):
-    """What is prescribed, at the ends of the steps; linear over each.
-
-    Attributes
-    ----------
-    time, value : ndarray, shape (nt,)
-        Times, and depths or forces.
-    by_force : bool
-        Whether the force is prescribed.
-    kinks, snapshots : ndarray of bool, shape (nt,)
-        Whether its rate jumps at a time, and whether fields are kept there.
-    adhesion : float
-        Work of adhesion.
-    tolerance : float
-        Of the contact radius: residual at the edge over the depth.
-    """
+    """Prescribed depth or force at the ends of the steps, shape (nt,); linear over each step."""
 
     time: FloatArray
     value: FloatArray
     by_force: bool
-    kinks: BoolArray
-    snapshots: BoolArray
-    adhesion: float
-    tolerance: float
+    breakpoints: BoolArray  # whether the rate jumps at a time
+    snapshots: BoolArray  # whether fields are kept at a time
+    adhesion: float  # work of adhesion
+    tolerance: float  # of the contact radius: residual at the edge over the depth
 
 
 class State(NamedTuple):
-    """What a run carries from step to step.
+    """State of a run between two steps."""
 
-    Attributes
-    ----------
-    chi : ndarray, shape (n + 2,)
-        At the end of the last step on the fixed grid, continued beyond a.
-    eta : ndarray, shape (nb, n + 2)
-        Internal variables of D.
-    X : ndarray, shape (nq,)
-        Cosine transform of chi.
-    zeta : ndarray, shape (nm, nq)
-        Internal variables of C.
-    marks : ndarray
-        Radii where chi may have kinks.
+    chi: FloatArray  # (n + 2,), on the fixed grid, continued beyond a
+    eta: FloatArray  # (nb, n + 2), internal variables of D
+    X: FloatArray  # (nq,), cosine transform of chi
+    zeta: FloatArray  # (nm, nq), internal variables of C
+    marks: FloatArray  # radii where the slope of chi may jump
+
+
+class Loss(NamedTuple):
+    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
+
+    y is chi - eta at the beginning of the step.
     """
 
-    chi: FloatArray
-    eta: FloatArray
-    X: FloatArray
-    zeta: FloatArray
-    marks: FloatArray
+    yy: FloatArray
+    yc: FloatArray
+    cc: FloatArray
 
 
 class Step(NamedTuple):
@@ -121,11 +92,11 @@ class Step(NamedTuple):
     fade: FloatArray  # (nb,)
     before: FloatArray
     after: FloatArray
+    loss: Loss
     fade_q: FloatArray  # (nm, nq)
     before_q: FloatArray
     after_q: FloatArray
-    loss: FloatArray  # (3, nb), of `_loss_weights`
-    loss_q: FloatArray  # (3, nm, nq)
+    loss_q: Loss
     effective: FloatArray  # (nq,), C of the step
     table: FloatArray  # (2 n + 3,), kernel of the step: (1/pi) int effective cos(q z) dq
 
@@ -136,17 +107,60 @@ class Work(NamedTuple):
     x: FloatArray  # nodes
     root: FloatArray  # roots of their weights
     matrix: FloatArray
-    rows: FloatArray  # two right-hand sides, then solutions: of unit depth, and of the rest
+    unit: FloatArray  # right-hand side, then solution, of a unit depth; at last the weights times chi
+    rest: FloatArray  # right-hand side, then solution, of all else
     edges: FloatArray  # ends of the parts
-    past: FloatArray  # (n + 2,), what the past alone leaves of D*chi at the end of the step
-    far_past: FloatArray  # (n + 2,), and of the integral of C
+    past: FloatArray  # (n + 2,), part of D*chi at the end of the step that the past leaves, without chi(0)
+    far_past: FloatArray  # (n + 2,), and the part of the integral of C
     transform: FloatArray  # (nq,)
     far: FloatArray  # (n + 2,)
     obstacle: FloatArray  # (n + 2,), H on the fixed grid
 
 
+class Run(NamedTuple):
+    """The parts of a run."""
+
+    body: Compliance
+    profile: Revolution
+    nodes: Nodes
+    drive: Drive
+    state: State
+    step: Step
+    work: Work
+    stop: float  # largest radius: the rim of the indenter, or the reach of the nodes
+
+
+class Weights(NamedTuple):
+    """Weights of chi(h) and chi(0) in D*chi at the end of a step."""
+
+    after: float
+    before: float
+
+
+class Trial(NamedTuple):
+    """Solution for a trial radius: residual at the edge = depth edge + rest, force = depth unit + other."""
+
+    edge: float
+    rest: float
+    unit: float
+    other: float
+    nodes: int  # -1 where the matrix is not positive definite
+
+
+class Radius(NamedTuple):
+    """Contact at the end of a step, of radius 0 where there is none."""
+
+    a: float
+    force: float
+    depth: float
+    slope: float  # of the residual over the radius; 0 where it is not known
+    nodes: int
+    solutions: int
+    status: int
+
+
 class Marched(NamedTuple):
-    """Columns of a march, one value a time, and fields at its snapshots."""
+    """Columns of a run, one value a time, and fields at its snapshots."""
 
     force: FloatArray
     depth: FloatArray
@@ -175,10 +189,7 @@ def _linear_weights(h: float, T: float) -> tuple[float, float, float]:
 
 @kernel(inner=True)
 def _loss_weights(z: float, fade: float, after: float) -> tuple[float, float, float]:
-    """Factors of y^2, y c and c^2 in int (chi - eta)^2/T dt, for chi that changes linearly by c over a step.
-
-    y is chi - eta at its beginning, z = h/T, the rest from `_linear_weights`.
-    """
+    """Return the factors of `Loss` for z = h/T, with fade and after of `_linear_weights`."""
     if z < _GENTLE:
         # Simpson's rule, from chi - eta = fade y + mean c at the middle and the end.
         end, half = 1 - after, math.sqrt(fade)
@@ -200,7 +211,7 @@ def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
 
 
 class Sweep(NamedTuple):
-    """A moving edge: the coordinate H + slope x in which it moves evenly through a step, at either end."""
+    """A moving edge: the coordinate H + slope x, in which it moves evenly through a step, at either end."""
 
     slope: float
     small: float
@@ -226,7 +237,7 @@ def _swept(sweep: Sweep, x: float, H: float) -> float:
 
 @kernel(inner=True)
 def _lagrange(y: float) -> tuple[float, float, float, float]:
-    """Weights of the values at -1, 0, 1 and 2 for that at y."""
+    """Weights of the values at -1, 0, 1 and 2 for the value at y."""
     left, right = (y + 1) * y / 2, (y - 1) * (y - 2) / 2
     return -y * right / 3, (y + 1) * right, -left * (y - 2), left * (y - 1) / 3
 
@@ -247,7 +258,7 @@ def _transform(n: int, nodes: Nodes, work: Work) -> None:
     for j in range(out.size):
         out[j] = 0.0
     for k in range(n):
-        s, value = work.x[k] / nodes.spacing, work.rows[0, k]
+        s, value = work.x[k] / nodes.spacing, work.unit[k]
         i = int(s)
         a, b, c, d = _lagrange(s - i)
         w, x, y, z = nodes.cosines[abs(i - 1)], nodes.cosines[i], nodes.cosines[i + 1], nodes.cosines[i + 2]
@@ -266,8 +277,8 @@ def _multiply(matrix: FloatArray, vector: FloatArray, out: FloatArray) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def _cholesky_solve(M: FloatArray, B: FloatArray, n: int) -> bool:
-    """Solve M X = B for both rows of B in place; False if M is not positive definite."""
+def _cholesky(M: FloatArray, n: int) -> bool:
+    """Put the Cholesky factor of M into its lower triangle; return False if M is not positive definite."""
     for j in range(n):
         s = M[j, j]
         for k in range(j):
@@ -281,28 +292,34 @@ def _cholesky_solve(M: FloatArray, B: FloatArray, n: int) -> bool:
             for k in range(j):
                 v -= M[i, k] * M[j, k]
             M[i, j] = v / s
-    for r in range(2):
-        for i in range(n):
-            v = B[r, i]
-            for k in range(i):
-                v -= M[i, k] * B[r, k]
-            B[r, i] = v / M[i, i]
-        for i in range(n - 1, -1, -1):
-            v = B[r, i] / M[i, i]
-            B[r, i] = v
-            for k in range(i):
-                B[r, k] -= M[i, k] * v
     return True
 
 
+@kernel(reorder=True, inner=True)
+def _back_substitute(L: FloatArray, b: FloatArray, n: int) -> None:
+    """Solve L L^T x = b in place."""
+    for i in range(n):
+        v = b[i]
+        for k in range(i):
+            v -= L[i, k] * b[k]
+        b[i] = v / L[i, i]
+    for i in range(n - 1, -1, -1):
+        v = b[i] / L[i, i]
+        b[i] = v
+        for k in range(i):
+            b[k] -= L[i, k] * v
+
+
 @kernel(inner=True)
-def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) -> tuple[float, float]:
-    """Set the weights of a step of length h; return those of D for chi(h) and chi(0)."""
+def _set_step(h: float, run: Run) -> Weights:
+    """Set the weights of a step of length h; return the weights in D."""
+    body, step, work = run.body, run.step, run.work
     after, before = body.local, 0.0
     for k in range(body.local_times.size):
         T = body.local_times[k]
         step.fade[k], step.before[k], step.after[k] = _linear_weights(h, T)
-        step.loss[0, k], step.loss[1, k], step.loss[2, k] = _loss_weights(h / T, step.fade[k], step.after[k])
+        loss = _loss_weights(h / T, step.fade[k], step.after[k])
+        step.loss.yy[k], step.loss.yc[k], step.loss.cc[k] = loss
         after += body.local_modes[k] * step.after[k]
         before += body.local_modes[k] * step.before[k]
     for j in range(body.q.size):  # array expressions would take seconds to compile
@@ -310,23 +327,24 @@ def _set_step(h: float, body: Compliance, nodes: Nodes, step: Step, work: Work) 
     for m in range(body.times.shape[0]):
         last, linear, loss = -1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for j in range(body.q.size):
-            if body.times[m, j] != last:  # many are equal: those of the surface's material
+            if body.times[m, j] != last:  # many are equal: the times of the surface's material
                 last = body.times[m, j]
                 linear = _linear_weights(h, last)
                 loss = _loss_weights(h / last, linear[0], linear[2])
             step.fade_q[m, j], step.before_q[m, j], step.after_q[m, j] = linear
-            step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j] = loss
+            step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j] = loss
             step.effective[j] += body.modes[m, j] * linear[2]
     for j in range(body.q.size):
         work.transform[j] = body.weights[j] * step.effective[j] / math.pi
     if body.q.size:
-        _multiply(nodes.cosines, work.transform, step.table)
-    return after, before
+        _multiply(run.nodes.cosines, work.transform, step.table)
+    return Weights(after, before)
 
 
 @kernel(inner=True)
-def _find_past(body: Compliance, nodes: Nodes, state: State, step: Step, work: Work) -> None:
-    """Find what the past leaves at the end of the step: of D without chi(0), and of C."""
+def _find_past(run: Run) -> None:
+    """Find the part of the past at the end of the step: of D without chi(0), and of C."""
+    body, state, step, work = run.body, run.state, run.step, run.work
     for i in range(work.past.size):
         s = 0.0
         for k in range(body.local_times.size):
@@ -338,7 +356,7 @@ def _find_past(body: Compliance, nodes: Nodes, state: State, step: Step, work: W
             s += body.modes[m, j] * (step.fade_q[m, j] * state.zeta[m, j] + step.before_q[m, j] * state.X[j])
         work.transform[j] = s * body.weights[j] * (2 / math.pi)
     if body.q.size:
-        _multiply(nodes.cosines, work.transform, work.far_past)
+        _multiply(run.nodes.cosines, work.transform, work.far_past)
 
 
 @kernel(inner=True)
@@ -363,8 +381,8 @@ def _event(
 ) -> float:
     """Return the part of a step after which contact begins, or with `released` ends.
 
-    The depth grows linearly from `start` to `end`; contact begins where it reaches the displacement of the
-    free surface, and ends where it falls below that of a surface from which chi has vanished.
+    The depth grows linearly from `start` to `end`. Contact begins where it reaches the displacement of the
+    free surface, and ends where it falls below the displacement of a surface from which chi has vanished.
     """
     low, high = 0.0, 1.0
     sign = -1.0 if released else 1.0
@@ -414,48 +432,31 @@ def _place_nodes(a: float, nodes: Nodes, state: State, work: Work) -> int:
 
 @kernel(inner=True)
 def _past_at(x: float, nodes: Nodes, work: Work) -> float:
-    """What the past leaves at x, without chi(0)."""
+    """Part of the past at x, without chi(0)."""
     s = x / nodes.spacing
     return _cubic(work.past, s) + _cubic(work.far_past, s)
 
 
 @kernel(inner=True)
-def _solve(
-    a: float,
-    a_old: float,
-    h: float,
-    weights: tuple[float, float],
-    body: Compliance,
-    profile: Revolution,
-    nodes: Nodes,
-    state: State,
-    step: Step,
-    work: Work,
-) -> tuple[float, float, float, float, int]:
-    """Solve the step for a trial radius.
-
-    Returns
-    -------
-    float, float, float, float, int
-        Residual at the edge and force, each as factor of the depth and as the rest; number of nodes, or -1.
-    """
+def _solve(a: float, a_old: float, h: float, weights: Weights, run: Run) -> Trial:
+    """Solve the step for a trial radius."""
+    body, profile, nodes, state, step, work = run.body, run.profile, run.nodes, run.state, run.step, run.work
     n = _place_nodes(a, nodes, state, work)
-    after, before = weights
-    rows, root, coupled = work.rows, work.root, body.q.size > 0
+    root, coupled = work.root, body.q.size > 0
     sweep = _sweep(profile, a_old, a)
     for i in range(n):
         x = work.x[i]
         H = abel_transform(profile, x)
-        diagonal, past = after, _past_at(x, nodes, work)
+        diagonal, past = weights.after, _past_at(x, nodes, work)
         if x < a_old:
-            past += before * _cubic(state.chi, x / nodes.spacing)
+            past += weights.before * _cubic(state.chi, x / nodes.spacing)
         elif a > a_old and body.local_times.size:
             part = _swept(sweep, x, H)
             diagonal = body.local
             for k in range(body.local_times.size):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
-        rows[0, i] = root[i]
-        rows[1, i] = -(H + past) * root[i]
+        work.unit[i] = root[i]
+        work.rest[i] = -(H + past) * root[i]
         if coupled:
             for j in range(i + 1):
                 y = work.x[j]
@@ -463,71 +464,56 @@ def _solve(
                 work.matrix[i, j] = root[i] * root[j] * (near + _cubic(step.table, far))
             work.matrix[i, i] += diagonal
         else:
-            rows[0, i] /= diagonal
-            rows[1, i] /= diagonal
-    if coupled and not _cholesky_solve(work.matrix, rows, n):
-        return 0.0, 0.0, 0.0, 0.0, -1
+            work.unit[i] /= diagonal
+            work.rest[i] /= diagonal
+    if coupled:
+        if not _cholesky(work.matrix, n):
+            return Trial(0.0, 0.0, 0.0, 0.0, -1)
+        _back_substitute(work.matrix, work.unit, n)
+        _back_substitute(work.matrix, work.rest, n)
     past = _past_at(a, nodes, work)
     if a < a_old:
-        past += before * _cubic(state.chi, a / nodes.spacing)
+        past += weights.before * _cubic(state.chi, a / nodes.spacing)
     edge, rest, unit, other = 1.0, -abel_transform(profile, a) - past, 0.0, 0.0
     for i in range(n):
         if coupled:
             y = work.x[i]
             near = _cubic(step.table, (a - y) / nodes.spacing)
             k0 = root[i] * (near + _cubic(step.table, (a + y) / nodes.spacing))
-            edge -= k0 * rows[0, i]
-            rest -= k0 * rows[1, i]
-        unit += 4 * root[i] * rows[0, i]
-        other += 4 * root[i] * rows[1, i]
-    return edge, rest, unit, other, n
+            edge -= k0 * work.unit[i]
+            rest -= k0 * work.rest[i]
+        unit += 4 * root[i] * work.unit[i]
+        other += 4 * root[i] * work.rest[i]
+    return Trial(edge, rest, unit, other, n)
 
 
 @kernel(inner=True)
 def _find_radius(
-    h: float,
-    target: float,
-    guess: float,
-    a_old: float,
-    weights: tuple[float, float],
-    slope: float,
-    drive: Drive,
-    body: Compliance,
-    profile: Revolution,
-    nodes: Nodes,
-    state: State,
-    step: Step,
-    work: Work,
-) -> tuple[float, float, float, float, int, int, int]:
-    """Find the contact radius at the end of a step.
+    h: float, target: float, guess: float, a_old: float, weights: Weights, slope: float, run: Run
+) -> Radius:
+    """Find the contact at the end of a step whose prescribed depth or force is `target`.
 
     The error of a secant step is of the order of the product of the last two. Force, depth and chi are
-    stationary in the radius without adhesion: at the last but one they have its squared error.
-
-    Returns
-    -------
-    float, float, float, float, int, int, int
-        Radius, 0 where there is no contact; force; depth; slope of the residual over the radius, 0 where
-        it is not known, as also taken; the number of nodes; the solutions; the outcome.
+    stationary in the radius without adhesion: at the last trial but one they have its squared error.
     """
-    stop = min(profile.rim, nodes.reach)
+    drive, stop = run.drive, run.stop
     low, high, a = 0.0, stop, guess
     last_a, last_r, last_error = -1.0, 0.0, 1.0
     falling = False  # with adhesion: towards the stable radius from above, along a concave residual
     for trial in range(1, _MOST_ITERATIONS):
-        edge, rest, unit, other, n = _solve(a, a_old, h, weights, body, profile, nodes, state, step, work)
+        edge, rest, unit, other, n = _solve(a, a_old, h, weights, run)
         if n < 0:
-            return 0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED
+            return Radius(0.0, 0.0, 0.0, 0.0, 0, trial, NOT_CONVERGED)
         depth = (target - other) / unit if drive.by_force else target
-        r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * body.local)
+        r = depth * edge + rest + math.sqrt(math.pi * a * drive.adhesion * run.body.local)
         force = depth * unit + other
         scale = max(abs(depth), abs(rest))
         error = abs(r) / scale if r else 0.0
         if a >= stop and r >= 0:
-            left = stop < profile.rim and error > drive.tolerance
-            return stop, force, depth, 0.0, n, trial, LEFT_GRID if left else COMPLETE
+            left = stop < run.profile.rim and error > drive.tolerance
+            return Radius(stop, force, depth, 0.0, n, trial, LEFT_GRID if left else COMPLETE)
         if error <= drive.tolerance or high - low < _SAME_RADIUS * high:
-            return a, force, depth, slope, n, trial, COMPLETE
+            return Radius(a, force, depth, slope, n, trial, COMPLETE)
         if last_a >= 0 and a != last_a:
             slope = (r - last_r) / (a - last_a)
         if r > 0:
@@ -536,55 +522,43 @@ def _find_radius(
             high = a
             if drive.adhesion > 0 and low == 0:
                 if falling and slope >= 0:
-                    return 0.0, 0.0, target, 0.0, 0, trial, COMPLETE
+                    return Radius(0.0, 0.0, target, 0.0, 0, trial, COMPLETE)
                 new = a * (1 - 1e-4) if not falling else a - r / slope
                 falling = True
                 if new <= 0:
-                    return 0.0, 0.0, target, 0.0, 0, trial, COMPLETE
+                    return Radius(0.0, 0.0, target, 0.0, 0, trial, COMPLETE)
                 last_a, last_r, a = a, r, new
                 continue
         if last_a < 0 and slope >= 0:
             slope = -2 * scale / a
         new = a - r / slope if slope < 0 else stop if r > 0 else 0.0
         if error * max(error, last_error) < drive.tolerance and drive.adhesion == 0 and low < new < high:
-            return new, force, depth, slope, n, trial, COMPLETE
+            return Radius(new, force, depth, slope, n, trial, COMPLETE)
         last_a, last_r, last_error = a, r, error
         if new >= stop and high == stop:
             new = stop
         elif not low < new < high or trial % 6 == 0:
             new = 0.5 * (low + high)
         a = new
-    return 0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED
+    return Radius(0.0, 0.0, 0.0, 0.0, 0, _MOST_ITERATIONS, NOT_CONVERGED)
 
 
 @kernel(inner=True)
-def _close(
-    h: float,
-    a: float,
-    a_old: float,
-    depth: float,
-    n: int,
-    weights: tuple[float, float],
-    body: Compliance,
-    profile: Revolution,
-    nodes: Nodes,
-    state: State,
-    step: Step,
-    work: Work,
-) -> float:
-    """Carry the state on over a step that is solved; return the energy dissipated in it."""
-    after_weight, before_weight = weights
-    stop = min(profile.rim, nodes.reach)
-    nb, nm, touches = body.local_times.size, body.times.shape[0], a > 0
-    for i in range(n if touches else 0):
-        work.rows[0, i] = work.root[i] * (depth * work.rows[0, i] + work.rows[1, i])  # weight times chi
+def _close(h: float, found: Radius, a_old: float, weights: Weights, run: Run) -> float:
+    """Advance the state over a step that is solved; return the energy dissipated in it."""
+    body, nodes, state, step, work, stop = run.body, run.nodes, run.state, run.step, run.work, run.stop
+    a, depth, nb, nm = found.a, found.depth, body.local_times.size, body.times.shape[0]
+    touches = a > 0
+    n = found.nodes if touches else 0
+    for i in range(n):
+        work.unit[i] = work.root[i] * (depth * work.unit[i] + work.rest[i])
     lost = 0.0
-    _transform(n if touches else 0, nodes, work)
+    _transform(n, nodes, work)
     for j in range(body.q.size):
         s, part = work.transform[j], 0.0
         for m in range(nm):
             y, c = state.X[j] - state.zeta[m, j], s - state.X[j]
-            yy, yc, cc = step.loss_q[0, m, j], step.loss_q[1, m, j], step.loss_q[2, m, j]
+            yy, yc, cc = step.loss_q.yy[m, j], step.loss_q.yc[m, j], step.loss_q.cc[m, j]
             part += body.modes[m, j] * (yy * y * y + yc * y * c + cc * c * c)
             state.zeta[m, j] = (
                 step.fade_q[m, j] * state.zeta[m, j]
@@ -596,14 +570,14 @@ def _close(
         work.transform[j] = s * step.effective[j] * body.weights[j] * (2 / math.pi)
     if body.q.size:
         _multiply(nodes.cosines, work.transform, work.far)
-    sweep = _sweep(profile, min(a, a_old), max(a, a_old))
+    sweep = _sweep(run.profile, min(a, a_old), max(a, a_old))
     for i in range(state.chi.size):
         x, H = i * nodes.spacing, work.obstacle[i]
         inside = touches and (x < a or a >= stop)  # at and beyond a rim chi is continued
         was_inside = a_old > 0 and (x < a_old or a_old >= stop)
         before = state.chi[i] if was_inside else 0.0
         value = depth - H - work.past[i] - work.far_past[i] - work.far[i]
-        diagonal, part = after_weight, 1.0
+        diagonal, part = weights.after, 1.0
         growing = inside and not was_inside
         if touches and a > a_old and not was_inside:
             part = _swept(sweep, x, H)
@@ -611,7 +585,7 @@ def _close(
             for k in range(nb):
                 diagonal += body.local_modes[k] * _linear_weights(part * h, body.local_times[k])[2]
         else:
-            value -= before_weight * before
+            value -= weights.before * before
         leaving = was_inside and not inside
         if leaving:
             part = _swept(sweep, x, H)
@@ -642,7 +616,7 @@ def _close(
                 state.eta[k, i] = rest * middle
             else:
                 y, c = before - old, after - before
-                quadratic = step.loss[0, k] * y * y + step.loss[1, k] * y * c + step.loss[2, k] * c * c
+                quadratic = step.loss.yy[k] * y * y + step.loss.yc[k] * y * c + step.loss.cc[k] * c * c
                 lost += weight * J * quadratic
                 state.eta[k, i] = step.fade[k] * old + step.before[k] * before + step.after[k] * after
         state.chi[i] = value
@@ -650,11 +624,12 @@ def _close(
 
 
 @kernel(inner=True)
-def _stored(a: float, n: int, body: Compliance, nodes: Nodes, state: State, work: Work) -> float:
+def _stored(found: Radius, run: Run) -> float:
     """Elastic energy of the body."""
+    body, nodes, state, work = run.body, run.nodes, run.state, run.work
     s = 0.0
-    for i in range(n if a > 0 else 0):
-        s += body.local * (work.rows[0, i] / work.root[i]) ** 2
+    for i in range(found.nodes if found.a > 0 else 0):
+        s += body.local * (work.unit[i] / work.root[i]) ** 2
     for k in range(body.local_times.size):
         for i in range(state.chi.size - 2):
             weight = 0.5 if i in (0, state.chi.size - 3) else 1.0
@@ -680,66 +655,77 @@ def _remember(marks: FloatArray, a: float) -> None:
 
 
 @kernel(inner=True)
-def _rise(a: float, profile: Revolution, nodes: Nodes, chi: FloatArray) -> float:
+def _rise(a: float, run: Run) -> float:
     """Largest increase of chi inside the contact, and largest chi outside: with neither p, gap >= 0."""
-    largest = 0.0
+    largest, chi, spacing = 0.0, run.state.chi, run.nodes.spacing
     for i in range(chi.size - 2):
-        x = i * nodes.spacing
-        if x + nodes.spacing <= a:
+        x = i * spacing
+        if x + spacing <= a:
             largest = max(largest, chi[i + 1] - chi[i])
-        elif x > a and a < min(profile.rim, nodes.reach):
+        elif x > a and a < run.stop:
             largest = max(largest, chi[i])
     return largest
 
 
-@kernel
-def march(  # noqa: C901
-    body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive
-) -> Marched:
-    """Follow an indentation over given times.
-
-    Parameters
-    ----------
-    body : Compliance
-        The body.
-    profile : Revolution
-        The indenter.
-    nodes : Nodes
-        Nodes in x for the reach of the body.
-    drive : Drive
-        What is prescribed; the body is at rest before the first time.
-
-    Returns
-    -------
-    Marched
-        Columns, up to the step at which it ended.
-    """
-    nt, size, nq = drive.time.size, nodes.cosines.shape[0] // 2 + 1, body.q.size
+@kernel(inner=True)
+def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Run:
+    """Return a run of a body at rest."""
+    size, nq = nodes.cosines.shape[0] // 2 + 1, body.q.size
     nb, nm = body.local_times.size, body.times.shape[0]
-    columns = np.zeros((6, nt))
-    kept = 0
-    for each in drive.snapshots:
-        kept += each
-    fields_chi, fields_local = np.zeros((kept, size)), np.zeros((kept, size))
-    fields_q = np.zeros((kept, nq))
     state = State(
         np.zeros(size), np.zeros((nb, size)), np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf)
     )
+    loss = Loss(np.zeros(nb), np.zeros(nb), np.zeros(nb))
+    loss_q = Loss(np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)))
     step = Step(
-        np.zeros(nb), np.zeros(nb), np.zeros(nb), np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)),
-        np.zeros((3, nb)), np.zeros((3, nm, nq)), np.zeros(nq), np.zeros(2 * size - 1),
+        np.zeros(nb), np.zeros(nb), np.zeros(nb), loss,
+        np.zeros((nm, nq)), np.zeros((nm, nq)), np.zeros((nm, nq)), loss_q,
+        np.zeros(nq), np.zeros(2 * size - 1),
     )  # fmt: skip
     most = max(nodes.gauss.size, (_MARKS + 1) * nodes.part.size)
     work = Work(
-        np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros((2, most)), np.zeros(_MARKS + 2),
-        np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size), np.zeros(size),
+        np.zeros(most), np.zeros(most), np.zeros((most, most)), np.zeros(most), np.zeros(most),
+        np.zeros(_MARKS + 2), np.zeros(size), np.zeros(size), np.zeros(nq), np.zeros(size), np.zeros(size),
     )  # fmt: skip
     for i in range(size):
         work.obstacle[i] = abel_transform(profile, i * nodes.spacing)
-    stop = min(profile.rim, nodes.reach)
-    a_old, depth, h_old, rate, lost, status, taken, snapshot = 0.0, 0.0, -1.0, 0.0, 0.0, COMPLETE, 0, 0
-    bend, slope, since = 0.0, 0.0, 0.0
-    weights, stopped = (0.0, 0.0), nt
+    return Run(body, profile, nodes, drive, state, step, work, min(profile.rim, nodes.reach))
+
+
+@kernel(inner=True)
+def _keep_fields(a: float, run: Run, chi: FloatArray, local: FloatArray, spectrum: FloatArray) -> None:
+    """Write the fields of a snapshot: chi, D*chi and C*X."""
+    body, state = run.body, run.state
+    for i in range(chi.size):
+        x = i * run.nodes.spacing
+        inside = a > 0 and (x < a or a >= run.stop)
+        chi[i] = state.chi[i]
+        local[i] = body.local * (state.chi[i] if inside else 0.0)
+        for k in range(body.local_times.size):
+            local[i] += body.local_modes[k] * state.eta[k, i]
+    for j in range(spectrum.size):
+        s = body.instant[j] * state.X[j]
+        for m in range(body.times.shape[0]):
+            s += body.modes[m, j] * state.zeta[m, j]
+        spectrum[j] = s
+
+
+@kernel
+def march(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) -> Marched:  # noqa: C901
+    """Follow an indentation of a body at rest over given times, on nodes in x for its largest contact."""
+    nt, run = drive.time.size, _begin(body, profile, nodes, drive)
+    state, work, stop = run.state, run.work, run.stop
+    size, kept = state.chi.size, 0
+    for each in drive.snapshots:
+        kept += each
+    out = Marched(
+        np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt), np.zeros(nt),
+        np.zeros((kept, size)), np.zeros((kept, size)), np.zeros((kept, body.q.size)), 0, COMPLETE, nt,
+    )  # fmt: skip
+    a_old, h_old, rate, lost, taken, snapshot = 0.0, -1.0, 0.0, 0.0, 0, 0
+    bend, slope, since, status = 0.0, 0.0, 0.0, COMPLETE
+    weights, stopped = Weights(0.0, 0.0), nt
+    found = Radius(0.0, 0.0, 0.0, 0.0, 0, 0, COMPLETE)
     for at in range(nt):
         duration = drive.time[at] - drive.time[at - 1] if at else 1e-30 * (drive.time[-1] - drive.time[0])
         duration = max(duration, 1e-290)
@@ -750,10 +736,9 @@ def march(  # noqa: C901
             now = begin + done * (drive.value[at] - begin)
             target = now + piece * (drive.value[at] - now)
             if h != h_old:
-                weights = _set_step(h, body, nodes, step, work)
-                h_old = h
-            _find_past(body, nodes, state, step, work)
-            free = work.past[0] + work.far_past[0] + (weights[1] * state.chi[0] if a_old > 0 else 0.0)
+                weights, h_old = _set_step(h, run), h
+            _find_past(run)
+            free = work.past[0] + work.far_past[0] + (weights.before * state.chi[0] if a_old > 0 else 0.0)
             touches = target > 0 if drive.by_force else target > free
             starts = touches and a_old == 0 and not met and at > 0
             ends = not touches and a_old > 0 and drive.adhesion == 0
@@ -765,53 +750,42 @@ def march(  # noqa: C901
                     piece, met = part, starts
                     continue
                 touches = starts and part <= _INSTANT
-            a, force, n = 0.0, 0.0, 0
+            apart = Radius(0.0, 0.0, free if drive.by_force else target, 0.0, 0, 0, COMPLETE)
+            found = apart
             if touches or (drive.adhesion > 0 and a_old > 0):
                 guess = 0.3 * stop if drive.adhesion == 0 else stop
                 if a_old > 0:
                     guess = a_old + h * (rate + bend * (h + since)) if drive.adhesion == 0 else a_old
                     guess = min(stop, max(0.2 * a_old, guess))
-                a, force, depth, slope, n, trials, status = _find_radius(
-                    h, target, guess, a_old, weights, slope, drive, body, profile, nodes, state, step, work
-                )
-                taken += trials
+                found = _find_radius(h, target, guess, a_old, weights, slope, run)
+                taken += found.solutions
+                slope, status = found.slope, found.status
                 if status != COMPLETE:
                     break
-            if a == 0:
-                depth = free if drive.by_force else target
-            lost += _close(h, a, a_old, depth, n, weights, body, profile, nodes, state, step, work)
-            change = (a - a_old) / h
+                if found.a == 0:
+                    found = apart
+            lost += _close(h, found, a_old, weights, run)
+            change = (found.a - a_old) / h
             if rate * change < 0 and at > 1 and a_old > 0:
                 _remember(state.marks, a_old)
             bend = (change - rate) / (h + since) if since > 0 else 0.0
-            rate, a_old, since = change, a, h if 0 < a < stop and not drive.kinks[at] else 0.0
+            rate, a_old = change, found.a
+            since = h if 0 < a_old < stop and not drive.breakpoints[at] else 0.0
             if piece == 1:
                 break
             done, piece = done + (1 - done) * piece, 1.0
         if status != COMPLETE:
             stopped = at
             break
-        if drive.kinks[at] and a_old > 0:
+        if drive.breakpoints[at] and a_old > 0:
             _remember(state.marks, a_old)
-        columns[0, at], columns[1, at], columns[2, at] = force, depth, a_old
-        columns[3, at], columns[4, at] = _stored(a_old, n, body, nodes, state, work), lost
-        columns[5, at] = _rise(a_old, profile, nodes, state.chi) if a_old > 0 else 0.0
+        out.force[at], out.depth[at], out.radius[at] = found.force, found.depth, a_old
+        out.stored[at], out.dissipated[at] = _stored(found, run), lost
+        out.rise[at] = _rise(a_old, run) if a_old > 0 else 0.0
         if drive.snapshots[at]:
-            for i in range(size):
-                x = i * nodes.spacing
-                inside = a_old > 0 and (x < a_old or a_old >= stop)
-                chi = state.chi[i] if inside else 0.0
-                fields_chi[snapshot, i] = state.chi[i]
-                fields_local[snapshot, i] = body.local * chi
-                for k in range(nb):
-                    fields_local[snapshot, i] += body.local_modes[k] * state.eta[k, i]
-            for j in range(nq):
-                s = body.instant[j] * state.X[j]
-                for m in range(nm):
-                    s += body.modes[m, j] * state.zeta[m, j]
-                fields_q[snapshot, j] = s
+            _keep_fields(a_old, run, out.chi[snapshot], out.local[snapshot], out.spectrum[snapshot])
             snapshot += 1
     return Marched(
-        columns[0], columns[1], columns[2], columns[3], columns[4], columns[5],
-        fields_chi, fields_local, fields_q, taken, status, stopped,
+        out.force, out.depth, out.radius, out.stored, out.dissipated, out.rise,
+        out.chi, out.local, out.spectrum, taken, status, stopped,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Radial profiles of pressure, displacement and gap from the fields of a march.
+"""Radial profiles of pressure, displacement and gap from the fields of a run.
 
     p(r) = (2/pi) [chi(a)/(a^2 - r^2)^(1/2) - int_r^a chi'(x) dx/(x^2 - r^2)^(1/2)],       r < a
     gap(r) = (2/pi) int_a^r [v(x) - depth + H(x)] dx/(r^2 - x^2)^(1/2),                     r > a
@@ -23,44 +23,22 @@ from gfmdlayer.indentation.space import Space
 from gfmdlayer.punch.revolution import Revolution, abel_transform, heights
 
 _NODES = 48  # of Gauss's rule in each integral
-_CENTRE = 1e-6  # part of the reach at which a pressure at r = 0 is found: that of a cone is infinite there
+_CENTRE = 1e-6  # part of the reach in place of r = 0, where the pressure under a cone is infinite
 _EDGE = 1e-9  # chi(a), relative to its maximum, from which it is not zero
 
 
 class Profiles(NamedTuple):
-    """Radial profiles at the times of the snapshots: fields of shape (times, points).
+    """Radial profiles at the snapshots: fields of shape (times, points)."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (times,)
-        Their times.
-    r : ndarray, shape (points,)
-        Distances from the axis.
-    pressure, displacement, gap : ndarray
-        Positive where it compresses; positive upward; infinite beyond the end of an indenter.
-    """
-
-    time: FloatArray
-    r: FloatArray
-    pressure: FloatArray
-    displacement: FloatArray
-    gap: FloatArray
+    time: FloatArray  # (times,)
+    r: FloatArray  # (points,), distances from the axis
+    pressure: FloatArray  # positive where it compresses
+    displacement: FloatArray  # positive upward
+    gap: FloatArray  # infinite beyond the end of an indenter
 
 
 def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: FloatArray) -> Profiles:
-    """Return the profiles at the snapshots of an indentation.
-
-    Parameters
-    ----------
-    found : Indentation
-        A run that kept its fields at these times.
-    profile : Revolution
-        The indenter.
-    times : ndarray, shape (times,)
-        The times, ascending.
-    r : ndarray, shape (points,)
-        Distances from the axis.
-    """
+    """Return the profiles of an indentation at ascending times, at which it kept its fields."""
     assert found.fields is not None
     assert found.space is not None
     pressure, displacement, gap = np.zeros((3, times.size, r.size))
@@ -72,10 +50,7 @@ def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: Floa
 
 
 class _Surface:
-    """The surface at one time.
-
-    The radius and the depth are those of the fields, without the extrapolation of the columns.
-    """
+    """The surface at one time, with the radius and the depth of the fields; the columns are extrapolated."""
 
     def __init__(self, fields: Marched, at: int, snapshot: int, space: Space, profile: Revolution) -> None:
         nodes = space.nodes

@@ -1,10 +1,10 @@
 """Force, depth and contact radius of an isolated indentation over time; arrays in, arrays out.
 
-`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts: a `Space` depends on
-lengths alone and serves all bodies that differ in their moduli; `on_steps` follows a history on given times
-in some 30 us a step, and `on_halved_steps` also on their halves, which frees the result of its error of
-second order in the step and tells its size. With space and times fixed the results are smooth functions of
-the moduli, the relaxation times and the history.
+`follow` chooses its steps to a tolerance. A fit of thousands of calls uses its parts. A `Space` depends only
+on lengths: it serves all bodies that differ in their moduli. `on_steps` follows a history on given times in
+some 30 us a step. `on_halved_steps` follows it also on half steps, which removes the error of second order in
+the step and estimates it. With space and times fixed the results are smooth functions of the moduli, the
+relaxation times and the history.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,32 +22,6 @@ from gfmdlayer.indentation.compliance import Compliance
 from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.space import History, LeftGridError, Space, find_space, make_space, march_on
 from gfmdlayer.punch.revolution import Revolution
-
-# The steps of an indentation: graded behind kinks, or evened out by a run that is known.
-
-
-class Curves(Protocol):
-    """Curves over time, each of shape (nt,)."""
-
-    @property
-    def time(self) -> FloatArray:
-        """Times."""
-        ...
-
-    @property
-    def force(self) -> FloatArray:
-        """Force."""
-        ...
-
-    @property
-    def depth(self) -> FloatArray:
-        """Depth."""
-        ...
-
-    @property
-    def radius(self) -> FloatArray:
-        """Contact radius."""
-        ...
 
 
 def graded_steps(knots: FloatArray, shortest: float) -> FloatArray:
@@ -68,17 +42,11 @@ def graded_steps(knots: FloatArray, shortest: float) -> FloatArray:
     return np.concatenate(found)
 
 
-def even_steps(run: Curves, knots: FloatArray, spread: float) -> FloatArray:
-    """Times for which the error of linear interpolation between them is even (de Boor).
+def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray:
+    """Times, the knots among them, between which linear interpolation has the same error (de Boor).
 
-    Parameters
-    ----------
-    run : Indentation
-        A run whose force, depth and radius bend as those wanted.
-    knots : ndarray
-        Times that are among them.
-    spread : float
-        Square root of eight times that error, relative to the largest value.
+    The force, depth and radius of `run` bend as the wanted ones. `spread` is the square root of eight times
+    the error, relative to the largest value.
     """
     t = run.time
     density = np.zeros(t.size - 1)
@@ -95,7 +63,7 @@ def even_steps(run: Curves, knots: FloatArray, spread: float) -> FloatArray:
     for begin, end in pairwise(knots.tolist()):
         inside = (t[:-1] >= begin) & (t[:-1] < end)
         lengths, own = np.diff(t)[inside], density[inside]
-        # A kink of the force itself, where contact is lost, must not draw all the times.
+        # A jump of the slope of the force, where contact is lost, must not attract all the times.
         total = (own * lengths).sum()
         own = np.minimum(own, 8 * total / (end - begin)) + (0.2 * total + 3 * spread) / (end - begin)
         level = np.concatenate(([0.0], np.cumsum(own * lengths)))
@@ -107,14 +75,9 @@ def even_steps(run: Curves, knots: FloatArray, spread: float) -> FloatArray:
 
 
 def corners(history: History, tolerance: float) -> FloatArray:
-    """Return the times of a history between which it is linear, but for a part of its largest value.
+    """Return the times between which a history is linear, within a part of its largest value.
 
-    Parameters
-    ----------
-    history : History
-        What is prescribed.
-    tolerance : float
-        The part (Douglas and Peucker's rule).
+    By Douglas and Peucker's rule.
     """
     t, values = history.time, history.value
     allowed = tolerance * float(np.abs(values).max())
@@ -134,44 +97,25 @@ def corners(history: History, tolerance: float) -> FloatArray:
     return np.asarray(t[kept])
 
 
-# Error of interpolation over the tolerance, from which a first mesh follows: measured, mostly enough.
+# Error of interpolation over the tolerance, for the first mesh; measured, mostly enough.
 _FIRST_ERROR = 80.0
 
 _MOST_MESHES, _MOST_STEPS, _MOST_SPACES, _GROWTH = 6, 5000, 12, 1.3
 
 
 class Indentation(NamedTuple):
-    """Columns of an indentation, one value a time.
-
-    Attributes
-    ----------
-    time, force, depth, radius : ndarray, shape (nt,)
-        The radius is that of the contact; 0 without it.
-    stored, dissipated : ndarray, shape (nt,)
-        Energies of the body.
-    rise : ndarray, shape (nt,)
-        0 where pressure and gap are not negative for sure; see `march`.
-    error : float
-        Largest estimated error of force, depth and radius, each relative to its largest value; NaN where it
-        was not estimated.
-    solutions : int
-        Solved integral equations.
-    fields : Marched or None
-        With the fields at the times asked for.
-    space : Space or None
-        The nodes.
-    """
+    """Columns of an indentation, each of shape (nt,)."""
 
     time: FloatArray
     force: FloatArray
     depth: FloatArray
-    radius: FloatArray
+    radius: FloatArray  # 0 without contact
     stored: FloatArray
     dissipated: FloatArray
-    rise: FloatArray
-    error: float
-    solutions: int
-    fields: Marched | None = None
+    rise: FloatArray  # 0 where pressure and gap are surely not negative, see `march.Marched`
+    error: float  # largest estimated error of force, depth and radius, relative to their largest; or NaN
+    solutions: int  # solved integral equations
+    fields: Marched | None = None  # with the fields at the snapshots
     space: Space | None = None
 
 
@@ -184,31 +128,10 @@ def on_steps(
     adhesion: float = 0.0,
     snapshots: FloatArray | None = None,
 ) -> Indentation:
-    """Follow a history on given times.
+    """Follow a history on given times: the ends of the steps, among them its breakpoints and snapshots.
 
-    Parameters
-    ----------
-    body : Body or Compliance
-        The body, or its compliance at the nodes of the space.
-    space : Space
-        Nodes in q and x, of `find_space` or `make_space`.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
-    time : ndarray, shape (nt,)
-        Ends of the steps, among them the kinks of the history.
-    adhesion : float
-        Work of adhesion, of an elastic body.
-    snapshots : ndarray, optional
-        Times, among those of the steps, at which fields are kept.
-
-    Raises
-    ------
-    LeftGridError
-        If the contact grows beyond the space.
-    ArithmeticError
-        If the contact radius of a step is not found.
+    The body may be given by its compliance at the nodes of the space; with adhesion it is elastic. Raises
+    LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     found = march_on(made, space, profile, history, time, adhesion, snapshots)
@@ -228,25 +151,8 @@ def on_halved_steps(
 ) -> Indentation:
     """Follow a history on given times and their middles, without the error of second order in the step.
 
-    Parameters
-    ----------
-    body : Body or Compliance
-        The body, or its compliance at the nodes of the space.
-    space : Space
-        Nodes in q and x.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
-    time : ndarray, shape (nt,)
-        Ends of the steps, among them the kinks of the history.
-    snapshots : ndarray, optional
-        Times, among those of the steps, at which fields are kept.
-
-    Returns
-    -------
-    Indentation
-        At 2 nt - 1 times, with the largest estimated error of the shorter steps.
+    The arguments are those of `on_steps`. The result has 2 nt - 1 times, and the estimated error of the
+    shorter steps.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
     both = np.empty(2 * time.size - 1)
@@ -258,7 +164,7 @@ def on_halved_steps(
         for name in ("force", "depth", "radius", "stored", "dissipated")
     }
     touching = (fine.radius > 0) & (np.interp(both, time, coarse.radius) > 0)
-    # Where contact is lost the radius falls like a root of time: its error counts as the force does.
+    # Where contact is lost the radius falls like a root of time: its error is weighted by the force.
     share = np.where(touching, np.abs(fine.force) / max(np.abs(fine.force).max(), 1e-300), 0.0)
     error = max(
         _relative(gains["force"], fine.force),
@@ -287,29 +193,17 @@ def follow(
     snapshots: Sequence[float] = (),
     space: Space | None = None,
 ) -> Indentation:
-    """Follow a history to a tolerance, on steps that are chosen for it.
+    """Follow a history on steps chosen for a tolerance.
 
     Parameters
     ----------
-    body : Body
-        The body.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
     tolerance : float
-        Error of force, depth and contact radius, relative to the largest of each.
-    adhesion : float
-        Work of adhesion, of an elastic body.
+        Error of force, depth and contact radius, relative to the largest of each; `error` of the result is
+        above it if it was not reached.
     stops, snapshots : sequence of float
         Times to land on; fields are kept at the snapshots.
     space : Space, optional
-        Nodes in q and x, in place of those of `find_space`.
-
-    Returns
-    -------
-    Indentation
-        At the times of the steps; `error` is above the tolerance where it was not reached.
+        Nodes in q and x; by default from `find_space`.
 
     Raises
     ------
@@ -334,23 +228,9 @@ def follow(
 def in_growing_space(
     attempt: Callable[[Space], Indentation], space: Space, profile: Revolution, tolerance: float
 ) -> Indentation:
-    """Return what an attempt finds, with nodes for larger contacts where one grew beyond them.
+    """Return the result of an attempt, with nodes for larger contacts if a contact grew beyond the space.
 
-    Parameters
-    ----------
-    attempt : callable
-        Follows a history on nodes in q and x.
-    space : Space
-        The nodes to begin with.
-    profile : Revolution
-        The indenter.
-    tolerance : float
-        That the nodes are made for.
-
-    Raises
-    ------
-    ArithmeticError
-        If the contact grows without bound.
+    Raises ArithmeticError if the contact grows without bound.
     """
     for _ in range(_MOST_SPACES):
         try:
@@ -369,7 +249,7 @@ def _to_tolerance(
     tolerance: float,
     adhesion: float,
 ) -> Indentation:
-    """Choose steps by a coarse run, and more of them until the estimated error is within the tolerance."""
+    """Choose steps by a coarse run, and refine them until the estimated error is within the tolerance."""
     knots, kept = landing
     shortest = min(
         (float(each.min()) for each in (body.local_times, body.times) if each.size), default=math.inf
@@ -388,24 +268,11 @@ def _to_tolerance(
     return found
 
 
-# Work of the indenter along a curve of force and depth.
-
-
 def work_done(force: FloatArray, depth: FloatArray, start: float) -> FloatArray:
-    """Integral of the force over the depth.
+    """Integral of the force over the depth along a curve, from the work `start` at its first point.
 
-    Parameters
-    ----------
-    force, depth : ndarray, shape (nt,)
-        Along the curve.
-    start : float
-        Work done at the first point.
-
-    Returns
-    -------
-    ndarray, shape (nt,)
-        Between two points by the mean of the parabolas through their neighbours on either side, where the
-        depth goes on in the same direction; by the trapezoidal rule elsewhere.
+    Between two points it is the mean over the parabolas through their neighbours on either side, where the
+    depth goes on in the same direction; elsewhere the trapezoidal rule.
     """
     if force.size < 2:
         return np.full(force.size, start)

@@ -23,43 +23,33 @@ from gfmdlayer.indentation.march import COMPLETE, LEFT_GRID, Drive, Marched, Nod
 from gfmdlayer.kernels import kernel
 from gfmdlayer.punch.revolution import Revolution, abel_transform
 
-# What is prescribed in an indentation.
-
 
 class History(NamedTuple):
-    """What is prescribed over time, linear between the times; before the first the body is at rest.
+    """Prescribed depth or force, linear between the times; before the first time the body is at rest."""
 
-    Attributes
-    ----------
-    time, value : ndarray, shape (nt,)
-        Ascending times, and depths or forces.
-    by_force : bool
-        Whether the force is prescribed.
-    """
-
-    time: FloatArray
-    value: FloatArray
+    time: FloatArray  # (nt,), ascending
+    value: FloatArray  # (nt,)
     by_force: bool = False
 
 
 # Residual at the edge of the contact, relative to the depth, at which a radius is accepted.
 _EDGE = 1e-10
 
-# Change of the rate, relative to the largest, from which a time of the history is a kink.
-_KINK = 1e-3
+# Change of the rate, relative to the largest, from which a time of the history is a breakpoint.
+_JUMP = 1e-3
 
-# The wavenumber, times the contact radius, at which the body is its surface's material.
+# Wavenumber, times the contact radius, at which the body responds like its surface's material.
 _FAR = 1e8
 
-# The largest contact radius, times the last wavenumber at which layers are felt: with it the cosines of the
-# nodes take 2 GB, and a contact is some 300 times as wide as the layer is thick.
+# Largest contact radius, times the last wavenumber at which layers matter: the cosines of the nodes then take
+# 2 GB, and a contact is some 300 times as wide as the layer is thick.
 _MOST_PHASE = 4000.0
 
-# A contact radius smaller than any, and the bisections that lead from it to any other.
+# A contact radius smaller than any, and the bisections from it to any other.
 _TINY, _MOST_ITERATIONS = 1e-40, 400
 
-# The nodes reach beyond the largest contact of the two elastic limits, which are sought with nodes that reach
-# beyond those on halfspaces; growth of a reach that failed.
+# Reach of the nodes: over the largest contact of the elastic limits; for these limits, over the contact on
+# a halfspace; and growth of a reach that failed.
 _MARGIN, _WIDER, _GROWTH = 1.06, 1.5, 1.5
 
 
@@ -81,26 +71,14 @@ class Space(NamedTuple):
 
 
 def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Space:
-    """Return the nodes for contacts up to a radius.
+    """Return the nodes for contacts up to the radius `reach`, to a relative error of the force.
 
-    Parameters
-    ----------
-    features : Features
-        Of the body.
-    reach : float
-        Largest contact radius.
-    tolerance : float
-        Relative error allowed to the force.
-
-    Raises
-    ------
-    ValueError
-        If the contact is too large beside the layers.
+    Raises ValueError if the contact is too large compared with the layers.
     """
     phase = features.last * reach
     if phase > 1.001 * _MOST_PHASE:
         raise ValueError(
-            f"a contact of radius {reach:.6g} is too large beside the thinnest layer: beyond a radius of "
+            f"a contact of radius {reach:.6g} is too large for the thinnest layer: beyond a radius of "
             f"{_MOST_PHASE / features.last:.3g} it takes gigabytes; must be less"
         )
     fineness = max(1.0, math.sqrt(1e-4 / tolerance))
@@ -118,27 +96,10 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
 def find_space(
     body: Body, profile: Revolution, history: History, tolerance: float = 1e-4, adhesion: float = 0.0
 ) -> Space:
-    """Return the nodes for the largest contact of a history, found from the sudden and the relaxed body.
+    """Return the nodes for the largest contact of a history, found from the glassy and the relaxed body.
 
-    Parameters
-    ----------
-    body : Body
-        The body.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
-    tolerance : float
-        Relative error allowed to the force.
-    adhesion : float
-        Work of adhesion.
-
-    Raises
-    ------
-    ValueError
-        If the body does not support an isolated load, or the contact is too large beside its layers.
-    ArithmeticError
-        If no contact radius is found.
+    Raises ValueError if the body does not support an isolated load or the contact is too large compared with
+    its layers, and ArithmeticError if no contact radius is found.
     """
     if math.isfinite(profile.rim) and abel_transform(profile, profile.rim) == 0:
         return make_space(find_features(body, profile.rim), profile.rim, tolerance)
@@ -174,36 +135,11 @@ def march_on(
     adhesion: float = 0.0,
     snapshots: FloatArray | None = None,
 ) -> Marched:
-    """Follow a history on given steps.
-
-    Parameters
-    ----------
-    body : Compliance
-        At the nodes of the space.
-    space : Space
-        Nodes in q and x.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
-    time : ndarray, shape (nt,)
-        Ends of the steps; the kinks of the history should be among them.
-    adhesion : float
-        Work of adhesion.
-    snapshots : ndarray, optional
-        Times, among those of the steps, at which fields are kept.
-
-    Raises
-    ------
-    LeftGridError
-        If the contact grows beyond the space.
-    ArithmeticError
-        If the contact radius of a step is not found.
-    """
+    """Follow a history on given steps, see `solve.on_steps`."""
     value = np.interp(time, history.time, history.value)
-    kinks = np.isin(time, kinks_of(history))
+    breakpoints = np.isin(time, breakpoints_of(history))
     kept = np.isin(time, [] if snapshots is None else snapshots)
-    drive = Drive(time, value, history.by_force, kinks, kept, adhesion, _EDGE)
+    drive = Drive(time, value, history.by_force, breakpoints, kept, adhesion, _EDGE)
     found = march(body, profile, space.nodes, drive)
     if found.status == COMPLETE:
         return found
@@ -213,10 +149,10 @@ def march_on(
     raise ArithmeticError(f"{when}: no contact radius found")
 
 
-def kinks_of(history: History) -> FloatArray:
+def breakpoints_of(history: History) -> FloatArray:
     """Return the times between the first and the last at which the rate of a history jumps."""
     rate = np.diff(history.value) / np.diff(history.time)
-    jumps = np.abs(np.diff(rate)) > _KINK * max(float(np.abs(rate).max()), 1e-300)
+    jumps = np.abs(np.diff(rate)) > _JUMP * max(float(np.abs(rate).max()), 1e-300)
     return np.asarray(history.time[1:-1][jumps])
 
 
@@ -233,7 +169,7 @@ def _halfspace_radius(
 ) -> float:
     """Contact radius on a halfspace of the surface's relaxed material, for the largest depth or force."""
     radius, D = 1.0, 0.0
-    for _ in range(3):  # the surface's material is that at a wavenumber which the radius tells
+    for _ in range(3):  # the wavenumber of the surface's material depends on the radius
         far, last = _FAR / radius, D
         D = far / float(body.stiffness(np.array([far]), 0.0)[0])
         if last == D:
@@ -244,25 +180,9 @@ def _halfspace_radius(
 
 @kernel
 def halfspace_radius(profile: Revolution, D: float, largest: float, by_force: bool, adhesion: float) -> float:
-    """Contact radius on an elastic halfspace.
+    """Contact radius on an elastic halfspace of D = (1 - nu)/G, within 0.1 %, for a depth or a force.
 
-    Parameters
-    ----------
-    profile : Revolution
-        The indenter.
-    D : float
-        (1 - nu)/G.
-    largest : float
-        Depth or force.
-    by_force : bool
-        Whether it is the force.
-    adhesion : float
-        Work of adhesion.
-
-    Returns
-    -------
-    float
-        Within 0.1 %; the rim of an indenter that is pressed in as a whole.
+    It is the rim of an indenter that is pressed in as a whole.
     """
     low, high, found = 0.0, min(_TINY, profile.rim), False
     for _ in range(_MOST_ITERATIONS):

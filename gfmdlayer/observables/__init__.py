@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Adhesion
-from gfmdlayer.observables.contact_edges import Resolution
-from gfmdlayer.observables.contact_statistics import ContactMeans, ContactStatistics, Force
-from gfmdlayer.observables.effort import Effort
-from gfmdlayer.observables.energy_balance import EnergyBalance, SeriesError, SpectrumError, Temperature
+from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution, Temperature
+from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
+from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.indentation import INDENTATION

@@ -11,20 +11,20 @@ from gfmdlayer.resumable import State
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
 
-PART = 0.1  # of the largest traction, from which on a point counts as attracted
+PART = 0.1  # of the largest traction; points with more are attracted
 _RETRACTION = "over the steps in which the depth falls or rests"
 
 
 class Adhesion(Observable):
-    """Energy of the interface, area that it attracts and largest tension; pull-off and work of separation.
+    """Energy of the interface, attracted area and largest tension; pull-off and work of separation.
 
-    The pull-off is the largest pull on the punch in the steps in which the depth falls or rests: not that of
-    a surface that snaps into contact during the approach. The work of separation is the area between
+    The pull-off is the largest pull on the punch in the steps in which the depth falls or rests, without the
+    pull of a surface that snaps into contact during the approach. The work of separation is the area between
     the curve of mean pressure against depth and zero, where the punch pulls while it retracts:
 
         - integral of min(pbar, 0) d(-depth)        over the steps in which the depth falls
 
-    per area of the cell, as all energies; that of several retractions is their sum.
+    It is per area of the cell, like all energies, and adds up over several retractions.
     """
 
     COLUMNS = (
@@ -70,7 +70,7 @@ class Adhesion(Observable):
         return {column.name: value for column, value in zip(self.NUMBERS, values, strict=True)}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Return the columns, and take note of the pull."""
+        """Return the columns, and remember the pull."""
         from gfmdlayer.observables.contact_statistics import in_contact
 
         solution, law = step.solution, step.problem.interface
@@ -88,7 +88,7 @@ class Adhesion(Observable):
         if self._last is not None and depth <= self._last[0]:
             self._force, self._stress = max(self._force, -force), max(self._stress, -pressure)
             before, now = max(-self._last[1], 0.0), max(-pressure, 0.0)
-            part = 1.0  # of the step in which it pulls
+            part = 1.0  # of the step, in which the punch pulls
             if min(self._last[1], pressure) < 0 < max(self._last[1], pressure):
                 part = max(before, now) / abs(pressure - self._last[1])
             self._work += 0.5 * (before + now) * (self._last[0] - depth) * part

@@ -22,21 +22,21 @@ Neither modulus nor history enter. Two corrections:
   between -T0 and 1 - T0: a point may still carry pressure beyond the edge. The constants were measured on
   the periodic parabola with 300 points in contact, where both are within 0.002 of the closed form.
 
-Where a viscoelastic body remembers an edge that moved by less than some points, the pressure behind one that
-advances is no square root at the scale of the grid, and neither is the gap behind one that recedes; each then
-says that the contact is wider than it is. The lesser t is taken.
+A viscoelastic body remembers an edge that moved by less than some points. Then the pressure behind an edge
+that advances is no square root at the scale of the grid, nor the gap behind an edge that recedes; either
+places the edge too far out. The smaller t is taken.
 
-An edge where pressure and gap do not vanish in this way, as that of a flat punch, lies half-way between the
-points. On a surface in two directions the edge is the polygon through these places on the lines of the grid.
+An edge where pressure and gap do not vanish in this way, like the edge of a flat punch, lies half-way between
+the points. On a surface in two directions the edge is the polygon through these places on the lines of the
+grid.
 
-The error is of first order in the spacing, as that of the number of points in contact, which is up to a cell
-for each edge, and some hundred times smaller.
+The error is of first order in the spacing, like the error of the number of points in contact, which is up to
+a cell for each edge, but some hundred times smaller.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -45,8 +45,6 @@ from numpy.typing import NDArray
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.kernels import kernel
-from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
-from gfmdlayer.resumable import State
 
 T0, T1 = 0.1896, 0.0885
 U0, U1, U2 = 0.9021, -0.3620, 0.2695
@@ -57,17 +55,7 @@ FARTHEST = 512  # points along which contact and gap are measured
 
 
 def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray, grid: Grid) -> float:
-    """Return the part of the surface in contact, by edges between the points.
-
-    Parameters
-    ----------
-    touching : ndarray of bool, of the grid's shape
-        Whether each point is in contact.
-    pressure, gap : ndarray, of the grid's shape
-        Pressure of the wall, and gap.
-    grid : Grid
-        The grid.
-    """
+    """Return the part of the surface in contact, from fields of the grid's shape; the wall's pressure."""
     ranks = grid.ranks
     number = ranks.total(int(touching.sum()))
     if number in (0, grid.size):
@@ -235,55 +223,3 @@ def _polygon(corners: BoolArray, t: FloatArray, count: int) -> float:
         elif count == 2 and corners[k] != corners[(k + 1) & 3]:
             area += 0.0 if differs else t[k] / 2.0
     return area
-
-
-# Contact area below the resolution of the grid, and whether the grid resolves the contact.
-
-FEWEST = 30  # points of the largest contact below which a run is told to be coarse
-
-
-class Resolution(Observable):
-    """Contact area by edges between the points, and the largest number of points in contact.
-
-    The latter is an attribute of the result file, `most_contact_points`.
-    """
-
-    COLUMNS = (
-        Column(
-            "contact_area_interpolated",
-            "relative contact area, the edge located between the points",
-            origin="over the cell; the edge from pressure and gap beside it",
-        ),
-    )
-
-    def __init__(self, case: Parts) -> None:
-        self._grid, self._most = case.grid, 0
-        self.attributes = {"most_contact_points": 0}
-
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Return the area, and take note of the number of points."""
-        from gfmdlayer.observables.contact_edges import interpolated_area
-        from gfmdlayer.observables.contact_statistics import in_contact
-
-        solution, shape = step.solution, self._grid.shape
-        touching = in_contact(step.problem, solution)
-        pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
-        self._count(self._grid.ranks.total(int(touching.sum())))
-        shaped = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
-        area = interpolated_area(*shaped, self._grid)
-        return {"contact_area_interpolated": area}
-
-    def state(self) -> State:
-        """Return the largest number of points."""
-        return {"most": self._most}
-
-    def restore(self, state: State) -> None:
-        """Continue from that of another run."""
-        self._count(int(state["most"]))
-
-    def _count(self, points: int) -> None:
-        self._most = max(self._most, points)
-        self.attributes = {"most_contact_points": self._most}
-        few = 0 < self._most < FEWEST
-        touching = f"{self._most} point{'s' * (self._most != 1)}"
-        self.warning = f"COARSE: at most {touching} in contact; take more grid.points" if few else ""

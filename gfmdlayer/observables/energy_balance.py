@@ -1,26 +1,26 @@
 """Energy balance: work = stored + dissipated + interface + lost, each per area of the surface.
 
-The work is the integral of the mean pressure over the depth, plus that of the mean tangential stress over the
-position of a punch that moves along the surface. It does not use the modes, from which stored and dissipated
-energy follow; the energy of the interface is the mean of its law over the gap, zero for the hard wall. The
-residual of the balance is an error of the time integration: of second order in dt with the
-exponential scheme and of first order with backward Euler.
+The work is the integral of the mean pressure over the depth and, for a punch that moves along the surface, of
+the mean tangential stress over the position. It does not use the modes, from which stored and dissipated
+energy follow. The energy of the interface is the mean of its law over the gap, zero for the hard wall. So the
+residual of the balance is an error of the time integration: of second order in dt with the exponential scheme
+and of first order with backward Euler.
 
 An instability leads from an equilibrium that ends to another one at the same position of the punch. The
-difference of their energies, elastic and of the interface, has gone into waves and heat: it is lost. A step
-over an instability has work before the jump and behind it (`observables.folds`), and what the balance of the
-step leaves is the loss. Its error is that of the work: of higher than first order in the step. Where the end
-of the branch is not known the solver's own figure is the loss, and the work follows from the balance. Either
-way the balance of such a step closes by construction: the residual checks the steps between alone.
+difference of their energies, elastic and of the interface, goes into waves and heat: it is lost. A step over
+an instability has work before the jump and behind it (`observables.folds`); the loss is this work less the
+gain of the energies. Its error is the error of the work, of higher than first order in the step. If the end
+of the branch is not known, the loss is the solver's estimate, and the work follows from the balance. In both
+cases the balance of the step closes by construction: the residual checks only the steps between the jumps.
 
-A voltage that changes does work too. The energy of the interface is that of the field and of its source,
+A voltage that changes does work too. The energy of the interface includes the field and its source,
 w(g, t) = -C(g) V(t)^2/2 per area (`interface.electrostatic`), and at a fixed gap it changes by -C V dV: a
 rising voltage takes energy out of this balance, into the source. Over a step this is the mean of the change
-of w at the gap before and at the gap after it; what is left of the change of w is then, to rounding, the mean
-of its change at the law before and at the law after, which the traction does.
+of w at the gap before and at the gap after it. The rest of the change of w is then, to rounding, the mean of
+its change at the law before and at the law after: the work of the traction.
 
-A load that has pulled the punch off does work on a punch that flies. It is not followed: what counts as work
-is the change of the energies, there and where the punch comes back.
+A load that has pulled the punch off does work on a free punch. This work is not computed: the change of the
+energies counts as work, there and where the punch comes back.
 
 A punch that is pressed in at once, in the first step, has done the work that is stored after it: without
 friction at the interface the energy of an elastic contact does not depend on the path to it.
@@ -32,7 +32,6 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from gfmdlayer.body.materials import Material
 from gfmdlayer.observables.folds import Row, work_over_fold
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.resumable import State
@@ -48,7 +47,7 @@ Point = tuple[float, float]
 
 
 class EnergyBalance(Observable):
-    """Work, stored and dissipated energy, and what the balance lacks."""
+    """Work, stored and dissipated energy, and the residual of their balance."""
 
     COLUMNS = (
         Column("work", "work done by the punch, and by a changing voltage, per area", _UNITS, origin=_SINCE),
@@ -86,7 +85,7 @@ class EnergyBalance(Observable):
         from gfmdlayer.interface.law import HARD_WALL  # columns are known without numpy
 
         torn = self._interface.attracts and step.problem.interface is HARD_WALL
-        if torn != self._torn or not self._rows:  # pressed in, pulled off or back: the way is not followed
+        if torn != self._torn or not self._rows:  # pressed in, pulled off or back: the path is not known
             self._work += energies - self._energies
             self._rows.clear()
         else:
@@ -104,7 +103,7 @@ class EnergyBalance(Observable):
         }
 
     def _work_of_step(self, step: AcceptedStep, now: Row, tangential: Point, gained: float) -> float:
-        """Work over a step in which the energies have gained so much, and what is lost of it."""
+        """Work over a step in which the energies grow by `gained`, plus the loss."""
         released = step.solution.released_energy if self._has_losses else 0.0
         over = None
         if released > 0:
@@ -114,7 +113,7 @@ class EnergyBalance(Observable):
         if self._field is not None:
             work += self._work_of_the_field(*self._field, step, part)
         if released > 0:
-            self._rows.clear()  # nothing goes on through a jump
+            self._rows.clear()  # no parabola through a jump
             lost = released if over is None else work - gained
             lost = lost if 0 < lost < released else released
             self._lost, work = self._lost + lost, gained + lost
@@ -123,14 +122,14 @@ class EnergyBalance(Observable):
     def _attraction(self, step: AcceptedStep) -> float:
         """Energy of the interface per area."""
         interface = step.problem.interface
-        if interface.attracts and "interface_energy" not in step.row:  # one beside the configuration
+        if interface.attracts and "interface_energy" not in step.row:  # given in place of the configuration's
             return self._sums.mean(interface.energy(step.solution.gap))
         return float(step.row.get("interface_energy", 0.0))
 
     def _work_of_the_field(self, time: float, before: FloatArray, step: AcceptedStep, part: float) -> float:
-        """Change of the energy of the interface since a time that is due to the time alone.
+        """Change of the energy of the interface since `time` by its explicit time dependence.
 
-        `part` of it meets the gap before.
+        It is a mean over the gap before, with the weight `part`, and the gap after.
         """
         law, last = step.problem.interface, self._interface.at(time)
         gaps = (part, before), (1 - part, step.solution.gap)
@@ -141,14 +140,8 @@ class EnergyBalance(Observable):
         curves = {"normal": [tuple(row) for row in self._rows], "tangential": list(self._tangential)}
         field = {} if self._field is None else {"field_time": self._field[0], "field_gap": self._field[1]}
         flight = {"torn": True} if self._torn else {}
-        return {
-            "work": self._work,
-            "lost": self._lost,
-            "energies": self._energies,
-            **curves,
-            **field,
-            **flight,
-        }
+        energies = {"work": self._work, "lost": self._lost, "energies": self._energies}
+        return {**energies, **curves, **field, **flight}
 
     def restore(self, state: State) -> None:
         """Continue from the work and the points of another run."""
@@ -169,71 +162,3 @@ def _area(*points: Point) -> float:
         if (x0 - x) * width > 0:
             slope = ((y1 - y0) / width - (y0 - y) / (x0 - x)) / (x1 - x)
     return area - slope * width**3 / 6
-
-
-# Temperature and shift factor over time; errors of the Prony series in place of a continuous law.
-
-
-class Temperature(Observable):
-    """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
-
-    COLUMNS = (
-        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T", origin="as given"),
-        Column(
-            "shift_factor",
-            "aT, factor of relaxation times, of the uppermost material with a shift",
-            origin="from the relaxation times at the reference temperature",
-        ),
-    )
-
-    @classmethod
-    def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return the columns of a case with a temperature."""
-        return None if config.temperature is None else cls.COLUMNS
-
-    def __init__(self, case: Parts) -> None:
-        self._clock = next(clock for clock in case.reduced_times if clock is not None)
-
-    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Return both at the end of the step."""
-        temperature = self._clock.temperature(step.time)
-        return {"temperature": temperature, "shift_factor": self._clock.shift.factor(temperature)}
-
-
-class SpectrumError(Observable):
-    """Attribute of a case with a stack, whose modes are merged; has no column.
-
-    It is `spectrum_error`, a bound on the relative error of the stiffness K(q, s) at all q and s >= 0.
-    """
-
-    @classmethod
-    def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no columns, where there is a stack."""
-        return None if config.layers is None and config.halfspace.material is None else ()
-
-    def __init__(self, case: Parts) -> None:
-        self.attributes = {"spectrum_error": case.integrator.spectrum_error}
-
-
-class SeriesError(Observable):
-    """Attributes of a case with laws that are replaced by Prony series; has no column.
-
-    They are the number of branches of all, `law_branches`, the bounds `law_error_in_time` and
-    `law_error_in_frequency` on the relative errors of G(t) and G(omega), and the range in which these hold:
-    times, and reciprocal angular frequencies, from `law_shortest_time` to `law_longest_time`.
-    """
-
-    @classmethod
-    def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no columns, where a law is not a series itself."""
-        return None if all(isinstance(law, Material) for law in config.laws) else ()
-
-    def __init__(self, case: Parts) -> None:
-        found = case.series
-        self.attributes = {
-            "law_branches": sum(len(series.material.maxwell_branches) for series in found),
-            "law_error_in_time": max(series.error_in_time for series in found),
-            "law_error_in_frequency": max(series.error_in_frequency for series in found),
-            "law_shortest_time": max(series.shortest for series in found),
-            "law_longest_time": min(series.longest for series in found),
-        }

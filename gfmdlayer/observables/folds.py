@@ -1,18 +1,18 @@
 """Work of the punch over a step in which a branch of equilibria ends, and the list of these instabilities.
 
-The quantity x that is prescribed, depth or mean pressure, goes on evenly; the other one, y, follows a branch
-up to its end at x_f, jumps, and follows another one. Near the end the margin of the branch, m (`Solution`),
-falls as the root of the distance, m^2 ~ x_f - x, and y changes linearly with m. The last two rows of the
-branch, -1 and 0, so give place and response at its end,
+The prescribed quantity x, depth or mean pressure, changes evenly. The other quantity y follows a branch up to
+its end at x_f, jumps, and follows another branch. Near the end the margin of the branch, m (`Solution`),
+falls like the root of the distance, m^2 ~ x_f - x, and y changes linearly with m. So the last two rows of the
+branch, -1 and 0, give place and response at its end,
 
     x_f = x_0 + (x_0 - x_-1) m_0^2/(m_-1^2 - m_0^2),        y_f = y_0 + (y_0 - y_-1) m_0/(m_-1 - m_0)
 
 and the work int y dx is (x_f - x_0) (2 y_0 + y_f)/3 on the first branch, where y is a parabola on its side,
-and (x_1 - x_f) y_1 on the second. Where the step ends before x_f there is the first alone, up to the margin
+and (x_1 - x_f) y_1 on the second. If the step ends before x_f, only the first branch counts, up to the margin
 r m_0 at the end of the step, and y_f - y_0 in the mean is less by the factor (1 - r)(1 + 2 r)/(1 + r). The
-error of x_f is of the order 3/2 in the step, as is that of the work, and of the energy that is lost: what the
-balance of the step leaves. The solver's own figure, of first order, is above it, as it is taken behind the
-end of the branch; it serves where the margin does not tell, as for a flat punch that lets go at once.
+errors of x_f, of the work and of the lost energy are of order 3/2 in the step. The solver's estimate of the
+loss, of first order, is above it, because it is taken behind the end of the branch. It serves where the
+margin gives no end, as for a flat punch that detaches at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute
     from gfmdlayer.config import Config
 
-# Instabilities that are listed with a case, those that lose the most; `lost` has all of them.
+# Number of instabilities that are listed with a case, those with the largest losses; `lost` has all of them.
 MOST_LISTED = 1000
 
 
@@ -42,24 +42,15 @@ class Row(NamedTuple):
 
     @property
     def point(self) -> tuple[float, float]:
-        """Of the curve whose area is the work."""
+        """Point of the curve whose area is the work."""
         return self.depth, self.pressure
 
 
 def work_over_fold(*rows: Row, depth_given: bool) -> tuple[float, float] | None:
-    """Work per area over a step with an instability, and the part of the step before it.
+    """Work per area over a step with an instability, and the part of the step before it; None if not known.
 
-    Parameters
-    ----------
-    *rows : Row
-        The last one or two of the branch that ends, and the one after the step.
-    depth_given : bool
-        Whether the depth is prescribed, and not the mean pressure.
-
-    Returns
-    -------
-    work, part : float
-        None where the rows do not tell it.
+    The rows are the last one or two of the branch that ends, and the row after the step. `depth_given` says
+    whether the depth is prescribed, or the mean pressure.
     """
     if len(rows) < 3:
         return None
@@ -84,7 +75,7 @@ class Instabilities(Observable):
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no column, of a case whose interface attracts."""
+        """Return no columns, in a case whose interface attracts."""
         return () if config.interfaces else None
 
     def __init__(self, _case: Parts) -> None:
@@ -103,7 +94,7 @@ class Instabilities(Observable):
         return {"instabilities": self._count} | {f"instability_{name}": each for name, each in listed.items()}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
-        """Take note of the energy that was lost in a step; the first finds its equilibrium for nothing."""
+        """Remember the energy that was lost in a step."""
         lost = float(step.row["lost"])
         if lost > self._lost:
             self._found.append((step.time, step.surface.depth, lost - self._lost))
@@ -113,7 +104,7 @@ class Instabilities(Observable):
         return {}
 
     def state(self) -> State:
-        """Return what was found."""
+        """Return the instabilities so far."""
         return {"lost": self._lost, "count": self._count, "found": self._found}
 
     def restore(self, state: State) -> None:

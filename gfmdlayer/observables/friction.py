@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class Friction(Observable):
     """Position, mean tangential stress, its ratio to the mean pressure, and the centre of pressure.
 
-    The fields are on coordinates that move with the punch. The centre of pressure is that on the circle that
-    the period is. Friction and centre are NaN without contact.
+    The fields are on coordinates that move with the punch. The centre is found on the circle of one period.
+    Friction and centre are NaN without contact.
     """
 
     COLUMNS = (

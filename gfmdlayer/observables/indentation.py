@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import Column
 
 _ENERGY, _SINCE = "force length", "from the beginning of the run"

@@ -1,8 +1,8 @@
 """The interface of observables: their columns, and the accepted step that they are measured on.
 
 An observable is a class in a file of this folder and a line in the table `OBSERVABLES`. Result files, sweep
-files, checkpoints, estimates of storage and plots follow from its columns. Configurations are checked and
-costs estimated by these modules, so that they import neither numpy nor a compiled kernel at the top.
+files, checkpoints, estimates of storage and plots follow from its columns. Checks of configurations and
+estimates of cost need these modules, so the modules import neither numpy nor compiled kernels at the top.
 """
 
 from __future__ import annotations

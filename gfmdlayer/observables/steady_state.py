@@ -1,7 +1,7 @@
 """Steady state of a moving punch, at which the run ends.
 
 It is reached when mean pressure, depth and friction have each stayed within a tolerance, relative to their
-largest value, over a whole window of time: that of the slowest process on the way (`SlidingModes.slowest`).
+largest value, over a whole window of time: the time of the slowest process (`SlidingModes.slowest`).
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ _ROUNDING = 1e-12  # of friction, where the body is elastic
 
 
 class SteadyState(Observable):
-    """Compares the accepted steps of a window of time; has no column.
+    """Compares the accepted steps of a window of time; attributes `settled`, 0 or 1, and `steady_time`.
 
-    The window begins with the last kink of what is prescribed, and with each window that was not steady. Its
-    attributes of the result file are `settled`, 0 or 1, and the `steady_time` at which it was.
+    The first window begins with the last breakpoint of the programme, another one after each that was not
+    steady.
     """
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:
-        """Return no columns, where a steady state is asked for."""
+        """Return no columns, in a case with a steady state."""
         return None if config.time.steady is None else ()
 
     def __init__(self, case: Parts) -> None:
@@ -62,7 +62,7 @@ class SteadyState(Observable):
         return {}
 
     def state(self) -> State:
-        """Return the window that was begun; the steady state ends a run, so that none is resumed from it."""
+        """Return the current window; no run is resumed from a steady state, which ends it."""
         return {"begun": self._begun, "least": self._least, "most": self._most}
 
     def restore(self, state: State) -> None:

@@ -30,23 +30,10 @@ class Heights(NamedTuple):
 
 
 def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid | None = None) -> Heights:
-    """Read a file by the ending of its name.
+    """Read heights on so many axes by the ending of a file's name; TableError if there are none.
 
-    Parameters
-    ----------
-    file : Path
-        The file.
-    axes : int
-        Number of axes that the heights must have.
-    dataset : str, optional
-        Which one, where an HDF5 or netCDF file holds several: its name, behind those of its groups and /.
-    grid : Grid, optional
-        The grid. Where several processes hold it, the rows of this one are read.
-
-    Raises
-    ------
-    TableError
-        If it does not hold real numbers on that many axes, or more than a single row of them.
+    `dataset` is the name in an HDF5 or netCDF file with several, behind those of its groups and /. Where
+    several processes hold the grid, the rows of this one are read.
     """
     rows = slice(None)
     if grid is not None and not grid.is_whole:
@@ -69,24 +56,10 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
 
 
 def read_profile(file: Path, grid: Grid) -> FloatArray:
-    """Read one height for each grid point.
+    """Read one height for each grid point, above the lowest; TableError unless they fit the grid.
 
-    Parameters
-    ----------
-    file : Path
-        .npy of the grid's shape, or text with a row, x and height, for each point of a line.
-    grid : Grid
-        The grid; x in the file is spaced by L/n.
-
-    Returns
-    -------
-    ndarray
-        Heights above the lowest, of the grid's shape.
-
-    Raises
-    ------
-    TableError
-        If the file does not hold finite heights for exactly the points of the grid.
+    The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
+    by L/n.
     """
     if grid.is_whole:
         found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
@@ -97,13 +70,7 @@ def read_profile(file: Path, grid: Grid) -> FloatArray:
 
 
 def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return heights that are finite numbers of the grid's shape.
-
-    Raises
-    ------
-    TableError
-        If they are not; it begins with their source.
-    """
+    """Return heights that are finite numbers of the grid's shape, or raise a TableError with their source."""
     if heights.shape != shape:
         raise TableError(
             f"{source}: holds {times(heights.shape)} heights; must be {times(shape)}, as the grid"
@@ -113,13 +80,7 @@ def fitting(source: Path | str, heights: FloatArray, shape: tuple[int, ...]) -> 
 
 
 def load_array(file: Path) -> FloatArray:
-    """Read one array of real numbers from a .npy file.
-
-    Raises
-    ------
-    TableError
-        If there is none.
-    """
+    """Read one array of real numbers from a .npy file; TableError if there is none."""
     return _array(file, 0, None, slice(None)).values
 
 

@@ -53,13 +53,7 @@ class _Isolated(Shape):
     """An indenter that ends at a rim, beyond which it has no height."""
 
     def heights(self, grid: Grid) -> FloatArray:
-        """Heights on a periodic grid: refused by `misfits`.
-
-        Raises
-        ------
-        ValueError
-            Always.
-        """
+        """Heights on a periodic grid: refused by `misfits`, and here."""
         raise ValueError(f"{self.shape}: has no height beyond its rim, as a periodic surface of {grid} needs")
 
     def misfits(self, cell: Cell) -> Iterator[Problem]:  # noqa: ARG002
@@ -110,13 +104,7 @@ class RadialProfile(_Isolated):
     """two columns, radius from 0 and height"""
 
     def revolution(self) -> Revolution:
-        """The profile, which ends at the last radius.
-
-        Raises
-        ------
-        TableError
-            If the file does not hold a convex profile.
-        """
+        """The profile, which ends at the last radius; TableError if the file has no convex one."""
         from gfmdlayer.punch.revolution import read_table
 
         return read_table(self.file)

@@ -83,13 +83,7 @@ class Topography(Shape):
         return self._made_periodic(grid)[0]
 
     def notes(self, cell: Cell) -> list[str]:
-        """Describe each change made to the measured heights.
-
-        Raises
-        ------
-        TableError
-            If the file cannot be used.
-        """
+        """Describe each change made to the measured heights; TableError if the file cannot be used."""
         from gfmdlayer.grid.grid import Grid
 
         return self._made_periodic(Grid(*cell))[1]

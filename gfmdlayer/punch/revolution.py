@@ -59,17 +59,7 @@ class OfRevolution(Protocol):
 
 
 def of_pieces(knots: ArrayLike, constant: ArrayLike, linear: ArrayLike, rim: float = math.inf) -> Revolution:
-    """Return the profile whose slope is linear between knots.
-
-    Parameters
-    ----------
-    knots : array_like, shape (n,)
-        Radii at which the pieces begin, ascending from 0; a length.
-    constant, linear : array_like, shape (n,)
-        h'(r) = constant + linear r in each piece; the last one goes on to the rim.
-    rim : float
-        Radius at which the indenter ends.
-    """
+    """Return the profile of slope h'(r) = constant + linear r in pieces from each knot on, up to the rim."""
     arrays = (np.array(each, dtype=float) for each in (knots, constant, linear))
     return Revolution(float(rim), 0.0, *arrays)
 
@@ -95,20 +85,11 @@ def flat(radius: float) -> Revolution:
 
 
 def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
-    """Return the convex profile through a table, which ends at its last radius.
+    """Return the convex profile through a table of radii from 0 and heights, up to its last radius.
 
     The slope is linear between the middles of the rows, where it is the slope of the table: a paraboloid
-    and a cone are exact, other profiles are so to second order in the spacing.
-
-    Parameters
-    ----------
-    r, h : array_like, shape (rows,)
-        Radii, ascending from 0, and heights above the apex; at least three rows.
-
-    Raises
-    ------
-    ValueError
-        If the radii do not ascend from 0, or the profile is not convex.
+    and a cone are exact, other profiles are so to second order in the spacing. ValueError if the radii do not
+    ascend, or the profile is not convex.
     """
     r, h = np.asarray(r, dtype=float), np.asarray(h, dtype=float)
     if r.ndim != 1 or r.shape != h.shape or r.size < 3:
@@ -131,13 +112,7 @@ def of_table(r: ArrayLike, h: ArrayLike) -> Revolution:
 
 
 def read_table(file: Path) -> Revolution:
-    """Return the profile of a file with the columns radius and height.
-
-    Raises
-    ------
-    TableError
-        If the file does not hold a convex profile.
-    """
+    """Return the profile of a file with the columns radius and height; TableError unless it is convex."""
     r, h = read_columns(file, ("radius", "height"), increasing=True, at_least=3).T
     try:
         return of_table(r, h - h[0])
@@ -164,15 +139,7 @@ def abel_transform(profile: Revolution, x: float) -> float:
 
 
 def heights(profile: Revolution, r: ArrayLike) -> FloatArray:
-    """Return h(r); infinite beyond the rim.
-
-    Parameters
-    ----------
-    profile : Revolution
-        The indenter.
-    r : array_like
-        Radii, not negative.
-    """
+    """Return h(r), r >= 0; infinite beyond the rim."""
     r = np.asarray(r, dtype=float)
     if profile.sphere:
         inside = np.minimum(r, profile.sphere)

@@ -69,13 +69,7 @@ class SelfAffine(Shape):
     """root-mean-square height; this or rms_slope: length"""
 
     def heights(self, grid: Grid) -> FloatArray:
-        """Heights of the surface above its lowest point, of the grid's shape.
-
-        Raises
-        ------
-        TableError
-            If no wave of the cell lies between the cut-offs.
-        """
+        """Heights above the lowest point; TableError if no wave of the cell is between the cut-offs."""
         import numpy as np
 
         from gfmdlayer.files.tables import TableError

@@ -145,13 +145,7 @@ def along_axis(values: float | tuple[float, ...], axis: int) -> float:
 
 
 def single(key: str, values: float | tuple[float, ...]) -> float:
-    """Return the one value of a shape of revolution.
-
-    Raises
-    ------
-    ValueError
-        If there are two, one for each direction.
-    """
+    """Return the one value of a shape of revolution; ValueError if there are two, one for each direction."""
     if not isinstance(values, tuple):
         return values
     raise ValueError(f"{key}: got {shown(values)}; must be one number for a body of revolution")

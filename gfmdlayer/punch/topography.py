@@ -32,13 +32,7 @@ _SEAM = 3.0  # a step across the seam beyond so many times the usual one is no p
 def check_lengths(
     file: Path, lengths: tuple[float, ...] | None, unit: float, period: tuple[float, ...]
 ) -> None:
-    """Compare the lengths of the measured cell, in units of `unit`, with the period of the grid.
-
-    Raises
-    ------
-    TableError
-        If they differ by more than a thousandth.
-    """
+    """Raise a TableError if the measured cell and the period differ by more than a thousandth."""
     found = tuple(unit * length for length in lengths or ())
     if found and not np.allclose(found, period, rtol=1e-3, atol=0):
         raise TableError(
@@ -48,13 +42,7 @@ def check_lengths(
 
 
 def filled(file: Path, heights: FloatArray, method: str) -> tuple[FloatArray, str]:
-    """Fill points without a height, NaN, by the method `none` or `membrane`.
-
-    Raises
-    ------
-    TableError
-        If there are such points and no method, or no other points.
-    """
+    """Fill points without a height, NaN, by the method `none` or `membrane`; TableError if that cannot be."""
     holes = np.isnan(heights)
     if not holes.any():
         return heights, ""
@@ -102,13 +90,7 @@ def seam(heights: FloatArray, axis: int, is_tapered: bool) -> str:
 
 
 def resampled(file: Path, heights: FloatArray, shape: tuple[int, ...], method: str) -> tuple[FloatArray, str]:
-    """Resample to the shape of the grid, by the method `none` or `fourier`.
-
-    Raises
-    ------
-    TableError
-        If the shapes differ and there is no method.
-    """
+    """Resample to the shape of the grid, by the method `none` or `fourier`; TableError if that cannot be."""
     if heights.shape == shape:
         return heights, ""
     if method == "none":
@@ -191,25 +173,10 @@ def _lengths(lengths: tuple[float, ...]) -> str:
 
 
 def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> FloatArray:
-    """Return the heights at the points of a grid, outward from the punch.
+    """Return heights at the points of a grid, outward from the punch; ConfigError unless they fit it.
 
-    Parameters
-    ----------
-    punch : array_like, or callable
-        Heights, of the grid's shape; or a function of x, or of x and y, which takes and returns arrays of the
-        grid's shape.
-    grid : Grid
-        The grid; x_j = j L/n - L/2.
-
-    Returns
-    -------
-    ndarray
-        Of the grid's shape.
-
-    Raises
-    ------
-    ConfigError
-        If they are not finite numbers of the grid's shape.
+    `punch` has the heights, or is a function of x, or of x and y, which takes and returns arrays of the
+    grid's shape.
     """
     if callable(punch):
         heights = numbers(punch(*np.meshgrid(*grid.coordinates, indexing="ij")))
@@ -223,13 +190,7 @@ def outward_heights(punch: ArrayLike | Callable[..., ArrayLike], grid: Grid) -> 
 
 
 def numbers(heights: ArrayLike) -> FloatArray:
-    """Return heights as an array of numbers.
-
-    Raises
-    ------
-    ConfigError
-        If they are not real numbers.
-    """
+    """Return heights as an array of numbers; ConfigError if they are not real numbers."""
     try:
         found = np.asarray(heights)
     except ValueError as error:  # rows of different lengths

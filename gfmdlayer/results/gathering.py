@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
-from gfmdlayer.observables.contact_statistics import TIME, ContactMeans
+from gfmdlayer.observables.contact import TIME, ContactMeans
 from gfmdlayer.results.reader import SAME_TIME, attribute, column, opened
 from gfmdlayer.results.schema import FIELDS, OVER_TIME, VARIABLES, described_key
 

@@ -1,4 +1,4 @@
-"""The kinds of values that a key may take, each with the words in which other values are refused."""
+"""The kinds of values that a key may take, each with the message for other values."""
 
 from __future__ import annotations
 
@@ -38,17 +38,10 @@ class MustBe:
     """Annotation of a field: whatever its type refuses is reported as "must be ALLOWED".
 
     Numbers with a fraction are also refused where they are too large or too small to compute with.
-
-    Attributes
-    ----------
-    allowed : str
-        The values allowed, continuing "must be ...".
-    words : tuple of str
-        The allowed words, where the field takes words.
     """
 
-    allowed: str
-    words: tuple[str, ...] = ()
+    allowed: str  # the values allowed, continuing "must be ..."
+    words: tuple[str, ...] = ()  # the allowed words, where the field takes words
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Wrap the type's own validation."""
@@ -72,14 +65,14 @@ class MustBe:
             and taken not in {0.0, math.inf}
             and not SMALLEST <= abs(taken) <= LARGEST
         ):
-            limits = f"must be from {SMALLEST:g} to {LARGEST:g} in size, in whatever units"
+            limits = f"the size must be from {SMALLEST:g} to {LARGEST:g}; choose other units"
             raise PydanticCustomError("must_be", f"got {shown(value)}; {limits}")
         return taken
 
     def _hint(self, value: object) -> str:
         numeric = "number" in self.allowed
         if isinstance(value, bool):
-            return " (true and false are no numbers)" if numeric else ""
+            return " (true and false are not numbers)" if numeric else ""
         if not isinstance(value, str):
             return ""
         if not numeric or (self.words and nearest(value, self.words)):
@@ -89,7 +82,7 @@ class MustBe:
         if with_unit := re.fullmatch(
             r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z\u00b5\u03bc]{1,4})", value.strip()
         ):
-            units = "Lengths share one unit, so do moduli and times"
+            units = "All lengths are in one unit, and so are moduli and times"
             return f"; did you mean {with_unit[1]}, without {with_unit[2]}? {units}"
         if value.lower().lstrip("+").startswith("inf"):
             return "; infinity is written .inf" if ".inf" in self.allowed else ""
@@ -125,7 +118,7 @@ def two(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _readable(path: Path) -> Path:
-    """Refuse a file that cannot be opened before the run, not in it."""
+    """Reject a file that cannot be opened, before the run starts."""
     path = path.absolute()
     try:
         if not path.exists():
@@ -143,9 +136,9 @@ def _readable(path: Path) -> Path:
 
 
 def _not_null(value: object) -> object:
-    # None in the model is a key without meaning there; in a file such a key is left out.
+    # None in the model marks a key without meaning; a file leaves the key out.
     if value is None:
-        raise ValueError("got nothing (null); must have a value, or be left out")
+        raise ValueError("got nothing (null); give a value or remove the key")
     return value
 
 
@@ -178,12 +171,9 @@ Amplitudes = Annotated[
 ]
 
 
-# What the keys of a section mean, and in which dimension: the strings below its fields.
-#
-# A string ends with the dimension of a number, if it has one: "radius of curvature: length".
-#
-# They are read from the source when something is to be explained: no run needs them, and reading them takes
-# about as long as making all of the sections.
+# The meaning of each key is the string below its field. It ends with the dimension of a number, if the number
+# has one: "radius of curvature: length". The strings are read from the source only for documentation: no run
+# needs them, and reading them takes about as long as building all sections.
 
 _DIMENSION = re.compile(
     r": ((?:length|pressure|time|force|drive|V|J|mol|kelvin|degrees|Celsius|or|\d|[/^ ])+)$", re.MULTILINE

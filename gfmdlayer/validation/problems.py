@@ -1,4 +1,4 @@
-"""Errors in a configuration, in words: which key, the value found there, and the values allowed."""
+"""Errors in a configuration: the key, the value found, and the values allowed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 Location = tuple[str | int, ...]
 
 
-_ALIKE = 0.75  # likeness from which on a key elsewhere in the configuration may be meant
-_MOST_LISTED = 20  # keys: no section has more, but the keys of a sweep are those of all sections
+_ALIKE = 0.75  # a key elsewhere in the configuration is suggested from this similarity on
+_MOST_LISTED = 20  # keys in a message; only sweeps have more, since they take the keys of all sections
 
 
 class ConfigError(ValueError):
@@ -45,26 +45,14 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a configuration.
+    """One error in a configuration."""
 
-    Attributes
-    ----------
-    location : tuple of str and int
-        Path of the key, such as ``("layer", "thickness")``.
-    message : str
-        Value found and values allowed.
-    others : tuple of str
-        Dotted keys whose values the message depends on besides the one at `location`.
-    at_key : bool
-        Whether the key itself is wrong, not its value.
-    chooses : bool
-        Whether the key chooses the section that holds it, whose other keys have no meaning then.
-    """
-
-    location: Location
-    message: str
+    location: Location  # path of the key, such as ``("layer", "thickness")``
+    message: str  # value found and values allowed
+    # dotted keys whose values the message depends on besides the one at `location`
     others: tuple[str, ...] = ()
-    at_key: bool = False
+    at_key: bool = False  # whether the key itself is wrong, not its value
+    # whether the key chooses the section that holds it, whose other keys have no meaning then
     chooses: bool = False
 
     @property
@@ -73,14 +61,9 @@ class Problem:
         return dotted_key(without_last_places(self.location))
 
     def within(self, location: Location, *others: str) -> Problem:
-        """Return the problem of a section as a problem of the configuration that holds it.
+        """Return the problem of a section, at `location`, as a problem of the whole configuration.
 
-        Parameters
-        ----------
-        location : tuple of str and int
-            Location of the section.
-        *others : str
-            Further keys that the problem depends on, relative to the configuration.
+        `others` are further dotted keys on which the problem depends.
         """
         prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
@@ -124,27 +107,17 @@ def without_last_places(location: Location) -> Location:
 
 
 def not_in_list(part: str | int, length: int, key: str) -> str:
-    """Return why a part of a dotted key names no entry of a list; nothing if it does.
-
-    Parameters
-    ----------
-    part : str or int
-        The part after the key of the list.
-    length : int
-        Number of entries.
-    key : str
-        Dotted key of the list.
-    """
+    """Return a message if `part` is not the place of an entry in the list at `key`, else nothing."""
     if isinstance(part, int) and part < length:
         return ""
     places = [f"{key}.{i}" for i in range(length)]
     allowed = f"{places[0]} to {places[-1]}" if length > 2 else " or ".join(places)
     entries = "1 entry" if length == 1 else f"{length} entries"
-    return f"{key} is a list of {entries}, and {part} is none of its places; must be {allowed}"
+    return f"{key} has {entries}, and {part} is not one of them; must be {allowed}"
 
 
 def shown(value: object) -> str:
-    """Return a value as it would stand in YAML, shortened to fit a line of text."""
+    """Return a value as in YAML, shortened to fit a line of text."""
     match value:
         case None:
             return "nothing (null)"
@@ -183,23 +156,16 @@ def colon_without_space(text: str) -> str:
 
 
 def unknown_key(key: str, siblings: Iterable[str], everywhere: Iterable[str]) -> str:
-    """Return the message for a key that does not exist, with the nearest key that does.
+    """Return the message for an unknown key, with the nearest known one.
 
-    Parameters
-    ----------
-    key : str
-        The unknown key.
-    siblings : iterable of str
-        Keys of the same section.
-    everywhere : iterable of str
-        Dotted keys of the whole configuration, which are searched where no sibling is near.
+    `siblings` are the keys of the same section, `everywhere` the dotted keys of the whole configuration.
     """
     siblings, everywhere = list(siblings), list(everywhere)
     hint = colon_without_space(key) or nearest(key, siblings)
     if key in everywhere and key not in siblings and "." in key:
         hint = f"; did you mean {key.replace('.', ': {')}: ...{'}' * key.count('.')}?"
     elif key.isdecimal():
-        hint = "; a decimal comma? Numbers have a point"
+        hint = "; numbers have a decimal point, not a comma"
     elif not hint:
         same_ending = {name.rpartition(".")[2]: name for name in everywhere}
         found = difflib.get_close_matches(key.rpartition(".")[2], same_ending, n=1, cutoff=_ALIKE)

@@ -33,30 +33,30 @@ _SHAPES = {
     **dict.fromkeys(("tuple_type", "list_type"), "a list"),
 }
 
-# Tags of the forms of a value, one or several, which pydantic puts into the places of its errors.
+# Tags for the forms of a value (one or several); pydantic adds them to the places of its errors.
 FORMS = frozenset({"<one>", "<list>", "<number>", "<file>"})
 
 Init = TypeVar("Init", bound=Callable[..., None])
 
 
 def alone(init: Init) -> Init:
-    """Mark an __init__ that pydantic does not call when it validates a whole configuration."""
+    """Mark an __init__ that pydantic skips when it validates a whole configuration."""
     init.__pydantic_base_init__ = True  # type: ignore[attr-defined]
     return init
 
 
 class Section(BaseModel):
-    """A part of the configuration: immutable, and without any key that is not listed."""
+    """A part of the configuration: immutable, with the listed keys only."""
 
-    # Built when first used: the whole configuration holds a copy of most of them.
+    # Built when first used: the whole configuration contains a copy of most sections.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
-    entries: ClassVar[type[Section] | None] = None  # under keys that the user chooses
+    entries: ClassVar[type[Section] | None] = None  # section under each key that the user chooses
 
     if not TYPE_CHECKING:  # type checkers see the keys themselves
 
         @alone
         def __init__(self, **keys: Any) -> None:
-            """Make a section from its keys, by name; numbers and arrays of NumPy are taken as plain ones.
+            """Make a section from its keys, by name; NumPy's numbers and arrays count as plain ones.
 
             Raises
             ------
@@ -66,13 +66,7 @@ class Section(BaseModel):
             self._take(plain(keys))
 
     def _take(self, data: dict[str, Any]) -> None:
-        """Validate plain data into this new section.
-
-        Raises
-        ------
-        ConfigError
-            With every error.
-        """
+        """Validate plain data into this new section."""
         try:
             self.__pydantic_validator__.validate_python(data, self_instance=self)
         except ValidationError as error:
@@ -94,16 +88,16 @@ class Section(BaseModel):
 
 
 class Kind(Section):
-    """One of several sections that a key may hold: its first field has the word that chooses it."""
+    """One of several sections of a key; the default of its first field is the word that chooses it."""
 
     def _take(self, data: dict[str, Any]) -> None:
-        """Validate plain data into this new section, the word among them, which belongs to its text."""
+        """Validate plain data into this new section, with its word, so that a dump contains the word."""
         key, word = next(iter(type(self).model_fields.items()))
         super()._take({key: word.default} | data)
 
 
 def plain(value: object) -> Any:
-    """Return values of Python, of NumPy and of sections as a YAML file holds them."""
+    """Return values of Python, NumPy and sections as plain data for YAML."""
     if isinstance(value, Section):
         value = value.model_dump(exclude_unset=True)
     if isinstance(value, Mapping):
@@ -119,17 +113,9 @@ Member = TypeVar("Member", bound=Section)
 
 
 def load_table(*places: str) -> dict[str, Any]:
-    """Import the sections that a key chooses from.
+    """Import the sections of a table, each "package.module:Class", by the word that chooses them.
 
-    Parameters
-    ----------
-    *places : str
-        "package.module:Class"; the first field of the class has the word that chooses it as its default.
-
-    Returns
-    -------
-    dict
-        Word -> class, the default first.
+    The word is the default of the first field of the class.
     """
     found = {}
     for place in places:
@@ -140,13 +126,7 @@ def load_table(*places: str) -> dict[str, Any]:
 
 
 class OneOf(Generic[Member]):
-    """Annotation of a field that holds one of several sections, chosen by the first key of each.
-
-    Parameters
-    ----------
-    members : mapping
-        Word -> section; the first is meant where the word is left out.
-    """
+    """Annotation of a field with one of several sections: word -> section; the first is the default."""
 
     def __init__(self, members: Mapping[str, type[Member]]) -> None:
         self.members = members
@@ -160,7 +140,7 @@ class OneOf(Generic[Member]):
         return str(value.get(self.key, self._default)) if isinstance(value, Mapping) else self._default
 
     def __get_pydantic_core_schema__(self, _source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Validate by the section that is chosen."""
+        """Validate with the chosen section."""
         choices: dict[Any, Any] = {
             word: handler.generate_schema(section) for word, section in self.members.items()
         }
@@ -168,7 +148,7 @@ class OneOf(Generic[Member]):
 
 
 def held_by(field: FieldInfo) -> OneOf[Any] | type[Section] | None:
-    """Return the section that a field holds, alone, in a list or as plain data, or the choice of several."""
+    """Return the section of a field (alone, in a list or as plain data), or the choice of several."""
     for note in (*field.metadata, *_notes(field.annotation)):
         if isinstance(note, OneOf):
             return note
@@ -197,7 +177,7 @@ def contradictions(section: Section) -> Iterator[Problem]:
 
 
 def _notes(annotation: Any) -> Iterator[Any]:
-    """Yield the notes of Annotated members of a union."""
+    """Yield the metadata of Annotated members of a union."""
     for part in get_args(annotation):
         yield from getattr(part, "__metadata__", ())
 
@@ -215,23 +195,13 @@ def types_in(annotation: Any) -> Iterator[type]:
 
 
 def explained(error: ValidationError, root: type[Section], everywhere: Iterable[str]) -> list[Problem]:
-    """Return the errors that pydantic found, as problems.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        Raised by the model `root`.
-    root : type of Section
-        The whole configuration.
-    everywhere : iterable of str
-        Its dotted keys, for suggestions.
-    """
+    """Return the errors that pydantic found in a `root`, as problems; suggest keys from `everywhere`."""
     found: list[Problem] = []
     for entry in error.errors(include_url=False):
         location, section, chosen_by = _resolved(entry["loc"], root, entry["type"] == "extra_forbidden")
         match entry["type"]:
             case "default_factory_not_called":
-                pass  # the value that the default follows from is reported itself
+                pass  # the value behind this default is reported itself
             case "value_error" if hasattr(entry["ctx"]["error"], "problems"):
                 found += [problem.within(location) for problem in entry["ctx"]["error"].problems]
             case "extra_forbidden":
@@ -256,9 +226,10 @@ def explained(error: ValidationError, root: type[Section], everywhere: Iterable[
 
 
 def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Location, type[Section], str]:
-    """Return a location without pydantic's names for members of unions; `unknown`: its end is no known key.
+    """Return a location without pydantic's names for members of unions, its section, and its choosing key.
 
-    Also the section that has the last key, and the key that chooses the section there, if there are several.
+    The section has the last key; the choosing key is empty unless there are several sections. With `unknown`
+    the last part is not a known key.
     """
     location: list[str | int] = []
     holder: type[Section] = root
@@ -270,7 +241,7 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
             pass
         elif isinstance(held, OneOf):
             held = held.members[part]
-        elif held is not None:  # below a value there is the name of its form: number or list
+        elif held is not None:  # below a value pydantic adds the name of its form: number or list
             location.append(part)
             holder, field = held, held.fields().get(part)
             held = held.entries if field is None else held_by(field)
@@ -278,7 +249,7 @@ def _resolved(raw: Location, root: type[Section], unknown: bool) -> tuple[Locati
 
 
 def _form(section: type[Section], location: Location, value: object) -> str:
-    """Return ", such as {...}" with the required keys of the section whose word is nearest to a value."""
+    """Return ", such as {...}" with the required keys of the section nearest to a value."""
     field = section.fields().get(dotted_key(without_last_places(location)[-1:]))
     held = field and held_by(field)
     if not isinstance(held, OneOf):
@@ -295,14 +266,11 @@ def _allowed(section: type[Section], key: str) -> str:
     return allowed[0] if allowed else meanings(section).get(key, "given")
 
 
-# The choice between several sections, one or a list of them.
-
-
 class OneOrMore(OneOf[Member]):
-    """Annotation of a field that holds one of several sections, or a list of such."""
+    """Annotation of a field with one of several sections, or a list of them."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Validate one by the section that is chosen, or each of a list."""
+        """Validate one with the chosen section, or each of a list."""
         one = super().__get_pydantic_core_schema__(source, handler)
         at_least_one = {"pydantic_js_updates": {"minItems": 1}}
         several = core_schema.tuple_schema([one], variadic_item_index=0, metadata=at_least_one)
@@ -310,9 +278,6 @@ class OneOrMore(OneOf[Member]):
         return core_schema.tagged_union_schema(
             forms, lambda value: "<list>" if isinstance(value, list | tuple) else "<one>"
         )
-
-
-# The files that a configuration names.
 
 
 def files_named(section: Section) -> dict[str, Path]:

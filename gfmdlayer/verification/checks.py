@@ -8,73 +8,64 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import (
-    closed_forms,
-    crosschecks,
-    energy,
-    indentation,
-    limits,
-    orders,
-    peers,
-    stacks,
-)
-from gfmdlayer.verification.adhesion import elastic, films, viscoelastic
+from gfmdlayer.verification import adhesion, closed_forms, crosschecks, indentation, orders, stacks
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
-CHECKS: tuple[Check, ...] = (
-    Check("Closed forms", closed_forms.periodic_parabola),
-    Check("Closed forms", closed_forms.hertz_line),
-    Check("Closed forms", closed_forms.hertz_sphere),
-    Check("Closed forms", closed_forms.westergaard),
-    Check("Closed forms", closed_forms.thin_layer),
-    Check("Closed forms", closed_forms.full_contact),
-    Check("Closed forms", closed_forms.depth_control),
-    Check("Closed forms", closed_forms.load_control),
-    Check("Limits", limits.stiffness_limits),
-    Check("Limits", limits.printed_equation),
-    Check("Limits", limits.relaxing_modes),
-    Check("Limits", limits.limiting_bodies),
-    Check("Limits", limits.fast_and_slow),
-    Check("Laws and temperature", crosschecks.series_of_laws),
-    Check("Laws and temperature", crosschecks.jump_of_temperature),
-    Check("Orders", orders.time_steps),
-    Check("Orders", orders.papers_step),
-    Check("Orders", orders.grid_spacing),
-    Check("Orders", orders.solver_tolerance),
-    Check("Energy", energy.stored_energy),
-    Check("Energy", energy.balance),
-    Check("Energy", energy.cycle),
-    Check("Stacks", stacks.spectrum),
-    Check("Stacks", stacks.limits),
-    Check("Stacks", stacks.pavement),
-    Check("Stacks", stacks.runs),
-    Check("Stacks", stacks.different_shifts),
-    Check("Adhesion", elastic.line_jkr),
-    Check("Adhesion", elastic.wave),
-    Check("Adhesion", elastic.full_contact),
-    Check("Adhesion", elastic.sphere),
-    Check("Adhesion", elastic.rigid_sphere),
-    Check("Adhesion", films.pull_in),
-    Check("Adhesion", films.flat_film),
-    Check("Adhesion", films.delayed_pull_in),
-    Check("Adhesion", viscoelastic.rate_dependence),
-    Check("Adhesion", viscoelastic.size_of_the_step),
-    Check("Adhesion", viscoelastic.flat_punch),
-    Check("Adhesion", viscoelastic.thin_films),
-    Check("Independent methods", crosschecks.three_solvers),
-    Check("Independent methods", crosschecks.two_forms_of_backward_euler),
-    Check("Independent methods", crosschecks.load_against_depth),
-    Check("Independent methods", crosschecks.lines_and_surfaces),
-    Check("Independent methods", crosschecks.recorded_results),
-    Check("Isolated indentation", indentation.indented_halfspace),
-    Check("Isolated indentation", indentation.indented_layer),
-    Check("Isolated indentation", indentation.indented_over_time),
-    Check("Isolated indentation", indentation.isolated_and_periodic),
-    Check("Isolated indentation", indentation.peeled_sphere),
-    Check("Other codes", peers.tamaas, peer="tamaas"),
-    Check("Other codes", peers.contact_mechanics, peer="ContactMechanics"),
-)
+_GROUPS = {
+    "Closed forms": (
+        closed_forms.periodic_parabola,
+        closed_forms.hertz_line,
+        closed_forms.hertz_sphere,
+        closed_forms.westergaard,
+        closed_forms.thin_layer,
+        closed_forms.full_contact,
+        closed_forms.depth_control,
+        closed_forms.load_control,
+    ),
+    "Limits": (
+        closed_forms.stiffness_limits,
+        closed_forms.printed_equation,
+        closed_forms.relaxing_modes,
+        closed_forms.limiting_bodies,
+        closed_forms.fast_and_slow,
+    ),
+    "Laws and temperature": (crosschecks.series_of_laws, crosschecks.jump_of_temperature),
+    "Orders": (orders.time_steps, orders.papers_step, orders.grid_spacing, orders.solver_tolerance),
+    "Energy": (orders.stored_energy, orders.balance, orders.cycle),
+    "Stacks": (stacks.spectrum, stacks.limits, stacks.pavement, stacks.runs, stacks.different_shifts),
+    "Adhesion": (
+        adhesion.line_jkr,
+        adhesion.wave,
+        adhesion.full_contact,
+        adhesion.sphere,
+        adhesion.rigid_sphere,
+        adhesion.pull_in,
+        adhesion.flat_film,
+        adhesion.delayed_pull_in,
+        adhesion.rate_dependence,
+        adhesion.size_of_the_step,
+        adhesion.flat_punch,
+        adhesion.thin_films,
+    ),
+    "Independent methods": (
+        crosschecks.three_solvers,
+        crosschecks.two_forms_of_backward_euler,
+        crosschecks.load_against_depth,
+        crosschecks.lines_and_surfaces,
+        crosschecks.recorded_results,
+    ),
+    "Isolated indentation": (
+        indentation.indented_halfspace,
+        indentation.indented_layer,
+        indentation.indented_over_time,
+        indentation.isolated_and_periodic,
+        indentation.peeled_sphere,
+    ),
+    "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics),
+}
+_PEERS: dict[object, str] = {crosschecks.tamaas: "tamaas", crosschecks.contact_mechanics: "ContactMechanics"}
+CHECKS = tuple(Check(group, find, _PEERS.get(find, "")) for group, found in _GROUPS.items() for find in found)
 
 
 def verify(
@@ -85,34 +76,14 @@ def verify(
     report: Callable[[Check, Outcome], None] = lambda _check, _outcome: None,
     checks: Sequence[Check] | None = None,
 ) -> bool:
-    """Carry out the checks and write the report.
+    """Carry out the checks; return whether every row lies inside its bound.
 
-    Parameters
-    ----------
-    out : Path, optional
-        Folder for verification.md and its pictures, made if missing; without it nothing is written.
-    quick : bool
-        Small grids.
-    jobs : int
-        Number of processes.
-    report : callable
-        Called with each check and its outcome, in the order of the table.
-    checks : sequence of Check, optional
-        The checks to carry out; by default all of `CHECKS`.
-
-    Returns
-    -------
-    bool
-        Whether every row lies inside its bound. Checks against codes that are not installed do not count.
-
-    Raises
-    ------
-    ResultsError
-        The report cannot be written.
+    Checks against codes that are not installed do not count. With `out`, a folder, verification.md and its
+    pictures are written there; `report` gets each check and its outcome in the order of the table.
     """
     checks = CHECKS if checks is None else checks
     if out is not None:
-        write_report(out, [], quick)  # before the work, to find out whether it can be written
+        write_report(out, [], quick)  # fails before the work if it cannot be written
     outcomes = []
     for check, outcome in zip(checks, _outcomes(checks, quick, jobs), strict=True):
         report(check, outcome)

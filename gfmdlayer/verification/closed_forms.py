@@ -13,7 +13,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, run
+from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, difference, run
 from gfmdlayer.verification.theory import (
     DEPTH,
     E_STAR,
@@ -37,8 +37,8 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
     """The paper's punch on an elastic halfspace.
 
     pbar = -(E* L/(2 pi R)) ln cos psi and depth = (L^2/(4 pi^2 R)) [pi^2/6 - Li2(cos^2 psi)], psi = pi a/L.
-    Either edge of contact lies within a cell of its place. The mean pressure has the error of the grid and
-    that of the solver, whose bounds are derived above.
+    Each edge of contact is known within a cell. The mean pressure has the errors of grid and solver, whose
+    bounds are derived above.
     """
     n = 2**10 if quick else 2**14
     a = parabola_half_width(DEPTH)
@@ -52,9 +52,9 @@ def periodic_parabola(quick: bool) -> Iterator[Row]:
 def hertz_line(quick: bool) -> Iterator[Row]:
     """Hertz's line contact, where the contact is small.
 
-    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the computed load P. Neighbours a period away change either
-    by a part psi^2/6, the next term of ln cos psi. The edge lies within a cell; so does the profile, which
-    at its top is flat: off by (D/a)^2 and less.
+    a^2 = 4 P R/(pi E*) and p_max = E* a/(2 R) for the computed load P. Neighbours a period away change both
+    by the fraction psi^2/6, the next term of ln cos psi. The edge is known within a cell. The top of the
+    profile is flat, so its error is at most (D/a)^2.
     """
     n, depth = (2**12, 1e-3) if quick else (2**14, 1e-3)
     values = {"grid.points": n, "trajectory.depth": depth, "output.snapshots": [1.0]}
@@ -73,11 +73,11 @@ def hertz_line(quick: bool) -> Iterator[Row]:
 def hertz_sphere(quick: bool) -> Iterator[Row]:
     """Hertz's contact under a sphere, in a periodic cell.
 
-    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the displacement by the neighbours:
-    F/(pi E*) (S_1 + S_3 r^2/4), S_1 and S_3 lattice sums of 1/r less its mean and of 1/r^3; the rest is
-    of the order (a/L)^5. The rim is known to half a cell: the area to 1/m of itself, m points in a radius.
-    Depth and peak are off by m^-2, as in a line contact, times a periodic function of the places of the rim,
-    which is below 0.06 and 0.15.
+    a^3 = 3 F R/(4 E*), depth = a^2/R, p_max = 3 F/(2 pi a^2), with the displacement due to the neighbours,
+    F/(pi E*) (S_1 + S_3 r^2/4). S_1 and S_3 are lattice sums of 1/r minus its mean and of 1/r^3; the rest is
+    of the order (a/L)^5. The rim is known to half a cell, and the area to the fraction 1/m, with m points in
+    a radius. Depth and peak have errors of m^-2, as in a line contact, times a periodic function of the
+    position of the rim, which is below 0.06 and 0.15.
     """
     n, a = (64, 0.1) if quick else (512, 0.1)
     lattice_1, lattice_3 = -3.90026492, 9.03362168
@@ -102,8 +102,8 @@ def westergaard(quick: bool) -> Iterator[Row]:
     """A sinusoidal punch on an elastic halfspace.
 
     pbar = (pi E* h/lambda) S, S = sin^2 psi; growing contact has the compliance of a flat strip, -(2
-    lambda/(pi E*)) ln sin psi, which adds up to depth = h S (1 - ln S). Bounds as for the parabola, with
-    d pbar/da = 2 pbar (pi/lambda) cot psi; p_max = 2 pbar/sin psi.
+    lambda/(pi E*)) ln sin psi, which adds up to depth = h S (1 - ln S). The bounds are those of the parabola,
+    with d pbar/da = 2 pbar (pi/lambda) cot psi; p_max = 2 pbar/sin psi.
     """
     n, h = (1536 if quick else 3 * 2**12), 0.01
     source = f"Westergaard (1939); {JOHNSON}, ch. 13"
@@ -126,8 +126,9 @@ def westergaard(quick: bool) -> Iterator[Row]:
 def thin_layer(quick: bool) -> Iterator[Row]:
     """A thin, bonded, incompressible layer on a rigid base.
 
-    Where d is small against a, the layer is squeezed like a lubricant: P = 2 G a^5/(15 R d^3) and depth =
-    a^2/(6 R). That theory fails near the edge, over a length of the order of the thickness: by a part d/a.
+    If d is small against a, the layer is squeezed like a lubricant: P = 2 G a^5/(15 R d^3) and depth =
+    a^2/(6 R). This theory fails near the edge, over a length of the order of the thickness, so by a fraction
+    d/a.
     """
     n, d = (2**12, 0.005) if quick else (2**14, 0.0025)
     a = 0.2
@@ -141,9 +142,9 @@ def thin_layer(quick: bool) -> Iterator[Row]:
 def full_contact(_quick: bool) -> Iterator[Row]:
     """A wave pressed flat at once: the pressure relaxes as the sum of the layer's modes.
 
-    p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the wave's own q, K the paper's Eq. (11) at the modulus
-    G(s). The load comes on within 1e-9 tau, which is the bound, in parts of the glassy stiffness; the mode of
-    the displacement is that of the punch to rounding, and the exponential steps are exact.
+    p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the q of the wave, with K from the paper's Eq. (11) at the
+    modulus G(s). The load rises within 1e-9 tau, which is the bound relative to the glassy stiffness. The
+    mode of the displacement is that of the punch within rounding, and the exponential steps are exact.
     """
     n, h, times = 2**14, 0.01, [0.25, 1.0, 4.0]
     punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1.0}
@@ -232,3 +233,144 @@ def _compliance(time: float) -> float:
 def _creep(time: float) -> float:
     """Integral of J from 0 to `time`."""
     return time + 9 * float(np.expm1(-time / 10))
+
+
+# Limits: stiffness and whole runs of bodies that approach a simpler body.
+
+_EPS = float(np.finfo(float).eps)
+_ROUNDING = 40 * _EPS / 2  # some forty operations, none of which cancels
+_MATERIAL = Zener(1.0, 10.0, 1.0)
+_TIGHT = 1e-9
+
+
+def stiffness_limits(_quick: bool) -> Iterator[Row]:
+    """The stiffness K(q) of the layered body in limits with a closed form.
+
+    S(q) = q G/((1 - nu) K) of Eq. (11). Forty operations, none of which cancels, round off by 40 eps/2. Under
+    long waves a layer on a rigid base has S = (2/3) (qd)^3 but for a part (9/5) (qd)^2, the next term of
+    Eq. (13); a thin layer takes the stiffness of its base but for a part of the order of q d times the
+    contrast of the moduli.
+    """
+    q = np.logspace(-8, 6, 57)
+
+    def worst(values: object) -> float:
+        return float(np.abs(np.asarray(values) - 1).max())
+
+    thick = [LayeredHalfspace(math.inf, nu, 7.0).layer_factor(q, 3.0) for nu in (0.0, 0.3, 0.5)]
+    yield Row("S - 1, d = inf", 0.0, worst(thick), _ROUNDING, "Eq. (29)")
+    alike = [LayeredHalfspace(1.0, nu, 5.0, nu).layer_factor(q, 5.0) for nu in (0.0, 0.3, 0.5)]
+    yield Row("S - 1, layer of the halfspace's material", 0.0, worst(alike), _ROUNDING, "Eq. (12), m = n = 0")
+    bare = LayeredHalfspace(0.0, 0.5, 7.0, 0.3).stiffness(q, 3.0) / (q * 7.0 / 0.7)
+    yield Row("K/(q G_bulk/(1 - nu_bulk)) - 1, d = 0", 0.0, worst(bare), _ROUNDING, "Eq. (9)")
+    x = 1e-5
+    squeezed = LayeredHalfspace(1.0, 0.5, math.inf).layer_factor(x, 1.0).item() / (2 / 3 * x**3)
+    yield Row("S/((2/3) (qd)^3), rigid base", 1.0, squeezed, 2 * x**2 + _ROUNDING, "Eq. (13)")
+    thin = LayeredHalfspace(1e-8, 0.5, 4.0).layer_factor(1.0, 1.0).item()
+    yield Row("S, G/G_bulk = 1/4, qd = 1e-8", 0.25, thin, 4e-8, "Eq. (11)")
+    confined = LayeredHalfspace(0.1, 0.3, math.inf).stiffness(0.0, 3.0).item()
+    modulus = 2 * 3.0 * 0.7 / 0.4 / 0.1
+    yield Row(
+        "K(0) d, compressible on a rigid base", modulus, confined, modulus * _ROUNDING, "P-wave modulus"
+    )
+
+
+def printed_equation(_quick: bool) -> Iterator[Row]:
+    """The stiffness against Eqs. (11) and (12) as printed.
+
+    At real and complex moduli. The printed form cancels for thin layers; from qd = 1 on its
+    denominator is above 1/2, and ten operations on terms below 8 cost less than 160 eps.
+    """
+    x, moduli = np.linspace(1.0, 40.0, 157), np.array([[0.1], [1.0], [10.0], [1 + 1j], [0.5 + 30j]])
+    off = 0.0
+    for nu, nu_bulk, bulk in ((0.5, 0.5, 1.0), (0.5, 0.5, 100.0), (0.3, 0.4, 0.1), (0.0, 0.5, 2.0)):
+        g, r = moduli / bulk, np.exp(-2 * x)
+        m = (g - 1) / (g + 3 - 4 * nu)
+        n = 1 - 4 * (1 - nu) / (1 + g * (3 - 4 * nu_bulk))
+        numerator = 1 + 4 * m * x * r - m * n * r**2
+        denominator = 1 - (m + n + 4 * m * x**2) * r + m * n * r**2
+        ours = LayeredHalfspace(1.0, nu, bulk, nu_bulk).layer_factor(x, moduli)
+        off = max(off, float(np.abs(ours * denominator / numerator - 1).max()))
+    yield Row("S against Eq. (11) as printed", 0.0, off, 160 * _EPS, "Eqs. (11), (12)")
+
+
+def relaxing_modes(_quick: bool) -> Iterator[Row]:
+    """The exact relaxation spectrum against the stiffness at the modulus G(s).
+
+    K_0 + sum_j w_j s theta_j/(1 + s theta_j) is K(q, G(s)) at every complex s: to rounding, of three modes
+    forty operations each. The times theta_j of the paper's default body were found to six digits from the
+    roots in multiple precision.
+    """
+    q = 2 * np.pi * np.arange(1, 2049)
+    off = 0.0
+    for body in (
+        LayeredHalfspace(0.05, 0.5, 1.0),
+        LayeredHalfspace(0.05, 0.5, 256.0),
+        LayeredHalfspace(0.01, 0.3, 0.1, 0.4),
+    ):
+        spectrum = relaxation_spectrum(body, _MATERIAL, q)
+        for s in 1j * np.logspace(-4, 4, 33):
+            exact = body.stiffness(q, _MATERIAL.laplace(s))
+            off = max(off, float(np.abs(spectrum.stiffness(s) / exact - 1).max()))
+    yield Row("K(q, s) by modes against Eq. (11)", 0.0, off, 3 * _ROUNDING, "Eqs. (4), (11)")
+    default = LayeredHalfspace(0.05, 0.5, 1.0)
+    for k, known in ((1, (4.17316, 9.84365)), (3, (5.32998, 8.24585)), (10, (5.49934, 5.60627))):
+        times = np.sort(relaxation_spectrum(default, _MATERIAL, [2 * np.pi * k]).times.ravel())
+        for expected, found_time in zip(known, times[1:], strict=True):
+            yield Row(f"theta/tau, k = {k}", expected, float(found_time), 5e-6, "roots of the denominator D")
+
+
+def limiting_bodies(quick: bool) -> Iterator[Row]:
+    """Whole runs of bodies that are close to a simpler body.
+
+    If K differs from the simpler body's by at most a fraction epsilon at every q, the Cauchy-Schwarz
+    inequality
+    bounds the relative difference of the mean pressure by epsilon [2 E p'(depth)]^(1/2)/pbar, p' =
+    d pbar/d(depth), E the energy: less than 2 epsilon. The errors of both solvers are added. The base under a
+    layer many wavelengths thick has no effect, to the last bit.
+    """
+    n = 2**10 if quick else 2**14
+    steps: dict[str, object] = {"time.end": 2.0, "time.step": 0.1, "solver.tolerance": _TIGHT}
+    values = steps | {"grid.points": n}
+    q = 2 * np.pi * np.arange(1, n // 2 + 1)
+
+    def epsilon(close: LayeredHalfspace, simple: LayeredHalfspace) -> float:
+        return max(float(np.abs(close.stiffness(q, G) / simple.stiffness(q, G) - 1).max()) for G in (1, 10))
+
+    thin = epsilon(LayeredHalfspace(1e-12, 0.5, 1.0), LayeredHalfspace(0.0, 0.5, 1.0))
+    stiff = epsilon(LayeredHalfspace(0.05, 0.5, 1e9), LayeredHalfspace(0.05, 0.5, math.inf))
+    for name, body, close, part in (
+        ("d = 1e-12 L against none", HALFSPACE, {"layer.thickness": 1e-12}, thin),
+        ("d = 100 L against d = inf", ALONE, {"layer.thickness": 100.0}, None),
+        ("G_bulk = 1e9 G0 against a rigid base", RIGID, {"halfspace.shear_modulus": 1e9}, stiff),
+    ):
+        simple = run(values, body)
+        solvers = 2 * 10 * solver_error(_TIGHT, simple.last("contact_area"))
+        bound = 0.0 if part is None else 2 * part + solvers
+        off = difference(run(values, close), simple)
+        yield Row(f"ptilde over the largest: {name}", 0.0, off, bound, "Eqs. (11) to (14)")
+
+
+def fast_and_slow(quick: bool) -> Iterator[Row]:
+    """The glassy response at t = 0+ and the relaxed one at t = inf.
+
+    A punch pressed in within 1e-9 tau meets Ginf. With G_bulk = Ginf the body is then a halfspace of that
+    modulus for any thickness (Fig. 2), except for the fraction 1e-9 that has relaxed. In the end the punch
+    meets G0; with G_bulk = G0 the body is a halfspace of that modulus (Fig. 4). At 300 tau exp(-299/10) of
+    the slowest mode remains, and adaptive steps err by their tolerance times the largest pressure.
+    """
+    n = 2**10 if quick else 2**14
+    a = parabola_half_width(DEPTH)
+    p = float(parabola_pressure(a)) / 2
+    off = parabola_grid_error(n, a) / 2 + solver_error(_TIGHT, 2 * a, p)
+    values: dict[str, object] = {"grid.points": n, "solver.tolerance": _TIGHT}
+    sudden = {"trajectory.ramp_time": 1e-9, "time.end": 1e-9, "time.step": 1e-9}
+    for d in (0.03125, 0.25):
+        found = run(values, sudden, {"halfspace.shear_modulus": 10.0, "layer.thickness": d})
+        bound = 10 * (off + 1e-9 * p)
+        yield Row(f"ptilde at t = 0+, d/L = {d:g}", 10 * p, found.last("mean_pressure"), bound, PARABOLA)
+    tolerance = 1e-5
+    adaptive = {"time": {"end": 300.0, "step": "adaptive", "tolerance": tolerance}}
+    found = run(values, adaptive)
+    largest = float(found["mean_pressure"].max())
+    bound = off + tolerance * largest + 10 * p * math.exp(-299 / 10)
+    yield Row("ptilde at t = 300 tau", p, found.last("mean_pressure"), bound, PARABOLA)

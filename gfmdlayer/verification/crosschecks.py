@@ -1,28 +1,31 @@
-"""The same problem by independent methods; laws and temperature against theirs."""
+"""Independent methods: other solvers, the paper's integrator, other codes; laws and temperature."""
 
 from __future__ import annotations
 
 import math
 import tempfile
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import erfcx
 
-from gfmdlayer.arrays import FloatArray
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.body.shifts import WLF
+from gfmdlayer.grid.grid import Grid
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.punch.simple_shapes import Parabola
 from gfmdlayer.time_functions import Table
 from gfmdlayer.verification.rows import Row
-from gfmdlayer.verification.runs import ALONE, ELASTIC, ONE_STEP, RIGID, difference, run
-from gfmdlayer.verification.theory import parabola_grid_error, solver_error
-from gfmdlayer.verification.third_order import ThirdOrder
+from gfmdlayer.verification.runs import ALONE, ELASTIC, HALFSPACE, ONE_STEP, RIGID, difference, run
+from gfmdlayer.verification.theory import RADIUS, parabola_grid_error, solver_error
 
 _EPS = float(np.finfo(float).eps)
 _LAW_TOLERANCE = 1e-4
@@ -33,9 +36,9 @@ _PAPER: dict[str, object] = {"time.end": 1.0, "time.step": 0.005, "time.integrat
 def three_solvers(quick: bool) -> Iterator[Row]:
     """The active set, conjugate gradients and FIRE on the same steps.
 
-    Each has the solver's error at its residual, Ginf/G0 of that with the history: two of them differ by twice
-    as much at most, most of all at full depth. Relative to the largest ptilde. The edge may differ by a cell
-    where it passes close to a point.
+    Each has the solver's error at its residual, times Ginf/G0 with the history. Two of them differ by twice
+    as much at most, and most at full depth. Errors are relative to the largest ptilde. The edge may differ by
+    a cell where it passes close to a point.
     """
     n, tolerance, source = (2**10 if quick else 2**14), 1e-7, "same problem, other method"
     values = {"grid.points": n, "time.end": 2.0, "time.step": 0.1}
@@ -54,9 +57,9 @@ def three_solvers(quick: bool) -> Iterator[Row]:
 def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
     """The paper's third-order equation against the relaxing modes.
 
-    Backward Euler on each mode is Eq. (24) with backward differences, to rounding. In the paper's form the
-    error of a step grows as a third sum, (j + 1)(j + 2)/2 after j steps, until j passes theta/dt: summed over
-    i steps min((i + 3)^3/6, prod_k (1 + theta_k/dt)) times, of ten roundings a step at the scale of the
+    Backward Euler on each mode is Eq. (24) with backward differences, within rounding. In the paper's form
+    the error of a step grows as a third sum, (j + 1)(j + 2)/2 after j steps, until j passes theta/dt: summed
+    over i steps min((i + 3)^3/6, prod_k (1 + theta_k/dt)) times, of ten roundings a step at the scale of the
     glassy stress. The three times theta_k are tau and two up to tau Ginf/G0.
     """
     n, steps = (2**10, 100) if quick else (2**14, 400)
@@ -68,17 +71,7 @@ def two_forms_of_backward_euler(quick: bool) -> Iterator[Row]:
 
 
 def stress_difference(body: LayeredHalfspace, q: FloatArray, step: float, steps: int) -> float:
-    """Largest difference of the stress by both forms of backward Euler, in units of its rounding.
-
-    Parameters
-    ----------
-    body : LayeredHalfspace
-        The body, with the paper's default material.
-    q : ndarray
-        Wavenumbers; the first is left out, for q = 0.
-    step, steps : float, int
-        Time step in tau, and number of steps.
-    """
+    """Largest difference of the stress by both forms of backward Euler, in units of its rounding."""
     material = Zener(1.0, 10.0, 1.0)
     paper = ThirdOrder(body, material, q, step)
     modes = Modes(relaxation_spectrum(body, material, q), SCHEMES["backward_euler"])
@@ -96,10 +89,10 @@ def stress_difference(body: LayeredHalfspace, q: FloatArray, step: float, steps:
 
 
 def load_against_depth(quick: bool) -> Iterator[Row]:
-    """The loads that a depth needs, put on as loads, give that depth.
+    """The loads of a run at prescribed depth, prescribed in a second run, give the same depth.
 
-    Both runs have the solver's error of the pressure, Ginf/G0 of it with the history; the depth rises more
-    slowly than the pressure, so its error, in parts of the largest depth, is no larger.
+    Both runs have the solver's error of the pressure, times Ginf/G0 with the history. The depth rises more
+    slowly than the pressure, so its error relative to the largest depth is no larger.
     """
     n, tolerance = (2**9 if quick else 2**13), 1e-8
     values = {"grid.points": n, "time.end": 2.0, "time.step": 0.05, "solver.tolerance": tolerance}
@@ -115,8 +108,8 @@ def load_against_depth(quick: bool) -> Iterator[Row]:
 def lines_and_surfaces(quick: bool) -> Iterator[Row]:
     """A ridge on a surface in two directions is a line contact.
 
-    The same discrete problem, solved on other transforms: twice the solver's error, with the history,
-    relative to the largest ptilde.
+    It is the same discrete problem on other transforms. The bound is twice the solver's error, with the
+    history, relative to the largest ptilde.
     """
     n, tolerance = (2**8 if quick else 2**11), 1e-7
     values = {"grid.points": n, "time.end": 1.5, "time.step": 0.125, "solver.tolerance": tolerance}
@@ -219,3 +212,190 @@ def jump_of_temperature(_quick: bool) -> Iterator[Row]:
     exact = elastic["mean_pressure"][-1] * (1 + 9 * np.exp(-xi) * ramp)
     error = float(np.abs(found["mean_pressure"][held] / exact - 1).max())
     yield Row("p(t)/p - 1, jump of temperature", 0.0, error, 100 * tolerance, "Boltzmann's integral")
+
+
+# The paper's integrator: its third-order constitutive equation, Eq. (24), by backward Euler.
+#
+# For an incompressible Zener layer on an incompressible halfspace the stress of each mode follows its
+# displacement by
+#
+#     sum_k (c_{k+1,1} + c_{k,1}) tau^k d^k sigma/dt^k = -2 q sum_k (c_{k+1,0} G0 + c_{k,0} Ginf) tau^k d^k
+#     u/dt^k,   k = 0 ... 3.
+#
+# Every derivative, on both sides, is a backward difference. The stress of the next step is then sigma =
+# -kappa u + b with slopes -kappa and intercepts b that do not depend on u (lines 5 and 6 of the pseudocode).
+#
+# The history consists of the scaled differences Y_k = (tau/dt)^k nabla^k y of stress and displacement instead
+# of old values: third differences of old values would be divided by (dt/tau)^3, which costs seven digits at
+# dt = 0.005 tau.
+
+
+class Coefficients(NamedTuple):
+    """Coefficients of tau^k d^k/dt^k on the two sides of Eq. (24), k = 0 ... 3 along the first axis."""
+
+    stress: FloatArray
+    displacement: FloatArray
+
+
+def constitutive_coefficients(layer: LayeredHalfspace, material: Zener, q: FloatArray) -> Coefficients:
+    """Return the coefficients of both sides of Eq. (24), up to a factor common to both.
+
+    The c_{j,k} of Eq. (21) are the coefficients of (1 + s)^2 N (k = 0) and (1 + s)^2 D (k = 1), the numerator
+    and denominator of 1/S at the modulus G(s) = (G0 + s Ginf)/(1 + s), times G_bulk^2.  Expanded in the
+    coefficients of N and D in G, none of which is negative, they keep their digits for thin layers and for a
+    rigid or missing halfspace, where Eq. (21) as printed cancels or overflows.
+    """
+    G0, Ginf = material.G0, material.Ginf
+    # N2 G^2 + N1 G G_bulk + N0 G_bulk^2, divided through by the larger modulus squared.
+    scale = max(Ginf, layer.bulk_modulus)
+    soft, hard, bulk = (
+        (G0 / scale, Ginf / scale, layer.bulk_modulus / scale) if np.isfinite(scale) else (0.0, 0.0, 1.0)
+    )
+    numerator, denominator = layer.quadratics(q)
+    c = [  # c[k] holds c_{1,k}, c_{2,k}, c_{3,k}
+        np.stack(
+            (
+                square * soft**2 + linear * soft * bulk + constant * bulk**2,
+                2 * square * soft * hard + linear * (soft + hard) * bulk + 2 * constant * bulk**2,
+                square * hard**2 + linear * hard * bulk + constant * bulk**2,
+            )
+        )
+        for constant, linear, square in (numerator, denominator)
+    ]
+    return Coefficients(stress=_times(c[1], 1.0, 1.0), displacement=2 * q * _times(c[0], G0, Ginf))
+
+
+def _times(polynomial: FloatArray, constant: float, linear: float) -> FloatArray:
+    """Multiply polynomials in s, coefficients along the first axis, by constant + linear s."""
+    nothing = np.zeros_like(polynomial[:1])
+    return constant * np.concatenate((polynomial, nothing)) + linear * np.concatenate((nothing, polynomial))
+
+
+class ThirdOrder:
+    """Backward Euler on Eq. (24), with a fixed time step."""
+
+    def __init__(self, layer: LayeredHalfspace, material: Zener, q: FloatArray, step: float) -> None:
+        if layer.poisson != 0.5 or (np.isfinite(layer.bulk_modulus) and layer.bulk_poisson != 0.5):
+            raise ValueError("Eq. (24) holds for incompressible solids, nu = nu_bulk = 0.5")
+        q = np.ravel(q)
+        resisting = q > 0
+        stress, displacement = (np.zeros((4, q.size)) for _ in range(2))
+        stress[0] = 1.0  # at q = 0 the equation reads sigma = 0
+        stress[:, resisting], displacement[:, resisting] = constitutive_coefficients(
+            layer, material, q[resisting]
+        )
+        self._step, self._rate = step, material.tau / step
+        powers = self._rate ** np.arange(4)[:, None]
+        weight = (stress * powers).sum(axis=0)
+        self.stiffness = (displacement * powers).sum(axis=0) / weight
+        self._coefficients = np.stack([stress, displacement])[:, 1:] / weight  # of k = 1, 2, 3
+        self._past = np.zeros((2, 3, q.size), dtype=np.complex128)  # Y_0, Y_1, Y_2 of sigma and of u
+        self._b = np.zeros(q.size, dtype=np.complex128)
+
+    def terms(self, step: float) -> tuple[FloatArray, ComplexArray]:
+        """Return kappa and b, sigma = -kappa u + b, at the end of the next step (lines 5 and 6).
+
+        Y_k of the next step is rate^k y - (rate^k Y_0 + rate^(k-1) Y_1 + ... + rate Y_(k-1)) of the last one;
+        b collects the sums in brackets.
+        """
+        if step != self._step:
+            raise ValueError(f"step {step} after steps of {self._step}: third differences need equal steps")
+        bracket = np.zeros_like(self._past[:, 0])
+        self._b = np.zeros_like(self._b)
+        for k in range(3):
+            bracket = self._rate * (bracket + self._past[:, k])
+            self._b += (self._coefficients[:, k] * bracket).sum(axis=0)
+        return self.stiffness, self._b
+
+    def advance(self, spectrum: ComplexArray) -> None:
+        """Advance the history by the step of the last `terms` with its displacement (lines 8 and 9)."""
+        value = np.stack([self._b - self.stiffness * spectrum, spectrum])
+        first = self._rate * (value - self._past[:, 0])
+        self._past = np.stack([value, first, self._rate * (first - self._past[:, 1])], axis=1)
+
+
+# Comparison with other codes, if they are installed.
+
+_LOAD = 0.05
+_TRAJECTORY = {"trajectory": {"control": "load", "load": _LOAD}}
+
+
+class TamaasHalfspace:
+    """The paper's default material as a halfspace of period 1, in the steps of Tamaas.
+
+    Tamaas steps a generalised Maxwell halfspace by backward Euler and solves each step for a mean pressure by
+    the method of Polonsky and Keer. Its Young's modulus is the relaxed one, its displacement counts into the
+    body, and its surface is minus the height of the punch.
+    """
+
+    def __init__(self, heights: FloatArray, step: float, tolerance: float) -> None:
+        import tamaas
+
+        tamaas.set_log_level(tamaas.LogLevel.error)
+        tamaas.initialize(1)
+        self.version = str(tamaas.__version__)
+        self._model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_1d, [1.0], [heights.size])
+        self._model.E, self._model.nu = 3.0, 0.5
+        self._surface = -heights  # kept here, since the solver refers to it
+        self._solver = tamaas.MaxwellViscoelastic(self._model, self._surface, tolerance, step, [9.0], [1.0])
+        self._solver.max_iter = 100_000
+
+    def press(self, load: float) -> float:
+        """Take a time step to a mean pressure and return the depth."""
+        self._solver.solve(load)
+        return -float(self._model.displacement.mean())
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Displacement of the surface, positive upward, of zero mean."""
+        into_body = np.ravel(self._model.displacement)
+        return np.asarray(into_body.mean() - into_body)
+
+    @property
+    def contact_area(self) -> float:
+        """Fraction of the points in contact."""
+        return float((np.ravel(self._model.traction) > 0).mean())
+
+
+def tamaas(quick: bool) -> Iterator[Row]:
+    """A viscoelastic halfspace under a load, by Tamaas and by backward Euler here.
+
+    Frerot et al., J. Open Source Softw. 5 (2020) 2121. Problem and steps are the same. The difference is the
+    error of both solvers, times Ginf/G0 with the history, and smaller in the depth than in the pressure.
+    Tamaas runs to a tenth of our residual.
+    """
+    n, step, steps, tolerance = (2**9 if quick else 2**11), 0.1, 15, 1e-7
+    peer = TamaasHalfspace(Parabola(radius=RADIUS).heights(Grid((n,), (1.0,))), step, tolerance / 100)
+    depths = [peer.press(_LOAD * min(i * step, 1.0)) for i in range(1, steps + 1)]
+    time = {"time": {"end": steps * step, "step": step, "integrator": "backward_euler"}}
+    found = run(ALONE, _TRAJECTORY, time, {"grid.points": n, "solver.tolerance": tolerance})
+    area, depth = found.last("contact_area"), found["depth"][1:]
+    source = f"Tamaas {peer.version}"
+    off = float(np.abs(np.array(depths) - depth).max() / depth.max())
+    yield Row(f"depth over the largest, n = {n}", 0.0, off, 1.1 * 10 * solver_error(tolerance, area), source)
+    yield Row(f"atilde, n = {n}", peer.contact_area, area, 2 / n, source)
+
+
+def contact_mechanics(quick: bool) -> Iterator[Row]:
+    """An elastic halfspace under a load, by ContactMechanics and here.
+
+    The discrete problem is the same; the bound is twice the solver's error. The depth in ContactMechanics is
+    the mean height of the punch minus the mean gap.
+    """
+    from ContactMechanics import PeriodicFFTElasticHalfSpace
+    from ContactMechanics.Systems import NonSmoothContactSystem
+    from SurfaceTopography import UniformLineScan
+
+    n, tolerance = (2**9 if quick else 2**12), 1e-8
+    heights = -Parabola(radius=RADIUS).heights(Grid((n,), (1.0,)))
+    system = NonSmoothContactSystem(
+        PeriodicFFTElasticHalfSpace((n,), 4.0, (1.0,)), UniformLineScan(heights, 1.0, periodic=True)
+    )
+    answer = system.minimize_proxy(external_force=_LOAD, pentol=tolerance * 1e-4)
+    peer_depth = float(-heights.mean() - system.compute_gap(system.disp, answer.offset).mean())
+    peer_area = float(system.compute_nb_contact_pts() / n)
+    found = run(HALFSPACE, ONE_STEP, _TRAJECTORY, {"grid.points": n, "solver.tolerance": tolerance})
+    area, depth = found.last("contact_area"), found.last("depth")
+    source = f"ContactMechanics {version('ContactMechanics')}"
+    yield Row(f"depth/L, n = {n}", peer_depth, depth, depth * 2 * solver_error(tolerance, area), source)
+    yield Row(f"atilde, n = {n}", peer_area, area, 2 / n, source)

@@ -36,8 +36,8 @@ def _force(body: ViscoelasticLayer, indenter: Revolution, depth: float) -> float
 def indented_halfspace(quick: bool) -> Iterator[Row]:  # noqa: ARG001
     """Cone, sphere and flat punch on an elastic halfspace, by Sneddon's solutions.
 
-    The integral equation is local there, and its solution exact at the nodes: what is left is the rounding of
-    sums over some hundred of them, 1e-14, far below the bound of 1e-10.
+    On a halfspace the integral equation is local and its solution exact at the nodes. Only the rounding of
+    sums over some hundred nodes remains, 1e-14, far below the bound of 1e-10.
     """
     body, stiff, a = _body(_ELASTIC, math.inf, 0.3), 2 / 0.7, 0.8
     log = math.log((2 + a) / (2 - a))
@@ -53,7 +53,7 @@ def indented_halfspace(quick: bool) -> Iterator[Row]:  # noqa: ARG001
 def indented_layer(quick: bool) -> Iterator[Row]:  # noqa: ARG001
     """Sphere and flat punch on a bonded layer, over the force on a halfspace.
 
-    The factors are known to the digits given: half of the last is the bound.
+    The factors are known to the given digits; the bound is half of the last digit.
     """
     source, bound = "dual integral equations, tabulated", 5.1e-5
     for root, factor in ((0.5, 2.1562), (1.0, 5.1154), (1.5, 10.3045)):
@@ -91,7 +91,7 @@ def indented_over_time(quick: bool) -> Iterator[Row]:  # noqa: ARG001
 
 
 def isolated_and_periodic(quick: bool) -> Iterator[Row]:
-    """The depth under a force on a layer, isolated and in a periodic cell whose images are taken out.
+    """The depth under a force on a layer: isolated, and in a periodic cell minus its images.
 
     Images at the distance L shift the depth by -1.2415 F/(E* L), the Madelung sum of a square lattice on the
     base, and by -c1 F/L^2 with the slope c1 of q/K(q) at q = 0. The next images are some (a/L)^2 of the

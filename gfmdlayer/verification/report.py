@@ -35,22 +35,7 @@ _MARKERS = "os^Dv"
 
 
 def write_report(out: Path, outcomes: Outcomes, quick: bool) -> None:
-    """Write verification.md and its pictures.
-
-    Parameters
-    ----------
-    out : Path
-        Folder, made if missing.
-    outcomes : sequence of (Check, Outcome)
-        The checks carried out.
-    quick : bool
-        Whether they used small grids.
-
-    Raises
-    ------
-    ResultsError
-        They cannot be written.
-    """
+    """Write verification.md and its pictures."""
     curves = [curve for _, outcome in outcomes for curve in outcome.curves]
     pictures = [f"{against}.png" for against in _AXES if any(curve.against == against for curve in curves)]
     try:

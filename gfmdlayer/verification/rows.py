@@ -40,25 +40,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Curve:
-    """Error against the number of points, the time step or a tolerance.
+    """Error against the number of points, the time step or a tolerance."""
 
-    Parameters
-    ----------
-    against : {"points", "step", "tolerance"}
-        The abscissa.
-    label : str
-        The quantity that converges.
-    x, error : tuple of float
-        The points of the curve.
-    slope : float
-        Slope by theory, on logarithmic axes.
-    """
-
-    against: Literal["points", "step", "tolerance"]
-    label: str
-    x: tuple[float, ...]
-    error: tuple[float, ...]
-    slope: float
+    against: Literal["points", "step", "tolerance"]  # the abscissa
+    label: str  # the quantity that converges
+    x: tuple[float, ...]  # the points of the curve
+    error: tuple[float, ...]  # the points of the curve
+    slope: float  # slope by theory, on logarithmic axes
 
     @property
     def fitted(self) -> float:
@@ -72,22 +60,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Check:
-    """Rows that share a theory.
+    """Rows that share a theory."""
 
-    Parameters
-    ----------
-    group : str
-        Section of the report.
-    find : callable
-        Yields rows and curves; its argument is whether to use small grids. The first line of its docstring is
-        the title of the check, the rest the derivation of the bounds.
-    peer : str
-        Optional module that the check needs.
-    """
-
-    group: str
+    group: str  # section of the report
+    # yields rows and curves; its argument is whether to use small grids. The first line of its docstring is
+    # the title of the check, the rest the derivation of the bounds
     find: Callable[[bool], Iterable[Row | Curve]]
-    peer: str = ""
+    peer: str = ""  # optional module that the check needs
 
     @property
     def title(self) -> str:
@@ -102,25 +81,15 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a check.
+    """Result of a check."""
 
-    Parameters
-    ----------
-    rows, curves : tuple
-        Rows and curves in the order in which they were found, those before a failure included.
-    seconds : float
-        Wall time.
-    failure : str
-        The error that ended the check, or empty.
-    missing : str
-        The module that is not installed, or empty.
-    """
-
+    # rows and curves in the order in which they were found, those before a failure included
     rows: tuple[Row, ...] = ()
+    # rows and curves in the order in which they were found, those before a failure included
     curves: tuple[Curve, ...] = ()
-    seconds: float = 0.0
-    failure: str = ""
-    missing: str = ""
+    seconds: float = 0.0  # wall time
+    failure: str = ""  # the error that ended the check, or empty
+    missing: str = ""  # the module that is not installed, or empty
 
     @property
     def holds(self) -> bool:
@@ -129,19 +98,7 @@ class Outcome:
 
 
 def carry_out(check: Check, quick: bool) -> Outcome:
-    """Carry out a check; an exception, or no row at all, is a failure of the check.
-
-    Parameters
-    ----------
-    check : Check
-        The check.
-    quick : bool
-        Small grids.
-
-    Returns
-    -------
-    Outcome
-    """
+    """Carry out a check; an exception, or no row at all, is a failure of the check."""
     if check.peer and find_spec(check.peer) is None:
         return Outcome(missing=check.peer)
     begun, failure = time.perf_counter(), ""

@@ -37,13 +37,7 @@ class Recording(journal.Recording):
         return float(self.rows[-1][name])
 
     def at(self, name: str, times: Iterable[float]) -> FloatArray:
-        """Return the values of a column at times that are rows.
-
-        Raises
-        ------
-        ValueError
-            A time is not that of a row.
-        """
+        """Return the values of a column at times that are rows."""
         rows, known = [], self["time"]
         for time in times:
             rows.append(int(np.argmin(np.abs(known - time))))

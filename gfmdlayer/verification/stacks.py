@@ -45,9 +45,9 @@ _ROUNDING = 1e-11  # see `spectrum`
 def spectrum(_quick: bool) -> Iterator[Row]:
     """The modes of three stacks against K(q, s) from the boundary-value problem, at complex s.
 
-    The dense system of the layers' displacement functions loses the power of its condition number to
-    rounding, which is below 1e5 for the wavenumbers taken here; stiffness and modes themselves are good to
-    some hundred roundings (`tests/body/test_stack.py`, 50 digits).
+    The dense system of the layers' displacement functions amplifies rounding by its condition number, which
+    is below 1e5 for these wavenumbers. Stiffness and modes are themselves accurate to some hundred roundings
+    (`tests/body/test_stack.py`, 50 digits).
     """
     q, frequencies = np.geomspace(3.0, 300.0, 7), 1j * np.logspace(-4, 4, 9)
     for name, body in _STACKS.items():
@@ -60,10 +60,10 @@ def spectrum(_quick: bool) -> Iterator[Row]:
 
 
 def limits(_quick: bool) -> Iterator[Row]:
-    """Layers that make no difference: cut in two, like the halfspace; and merged modes within their bound.
+    """Layers without effect (cut in two, or of the halfspace's material), and merged modes in their bound.
 
-    The stiffness of bodies that are the same differs by the rounding of the modes alone. Balanced truncation
-    states a bound on the relative error of K at all s >= 0, to which that rounding is added.
+    Equal bodies differ only by the rounding of the modes. Balanced truncation gives a bound on the relative
+    error of K at all s >= 0; this rounding is added.
     """
     q, frequencies = np.geomspace(1e-6, 1e6, 25), np.logspace(-6, 6, 13)
     above, below = _ABOVE
@@ -89,7 +89,7 @@ def pavement(_quick: bool) -> Iterator[Row]:
 
     Layers of 150 and 600 mm on a halfspace, E = 3000, 200, 40 MPa, nu = 0.3, 0.35, 0.4; a pressure p = 1.1
     MPa on a disc of radius a = 150 mm. The deflection is p a int J_1(q a) J_0(q r)/K(q) dq; the halfspace of
-    the first material is taken out, for which the integral is known: p a (1 - nu)/G for r = 0, 2/pi of it at
+    the first material is subtracted, for which the integral is known: p a (1 - nu)/G for r = 0, 2/pi of it at
     r = a. The rest decays as exp(-2 q d) and is found by Gauss's rule to rounding. Known to five digits.
     """
     from scipy.special import j0, j1
@@ -112,10 +112,10 @@ def pavement(_quick: bool) -> Iterator[Row]:
 
 
 def runs(quick: bool) -> Iterator[Row | Curve]:
-    """Order of the time steps and balance of the energy in whole runs of a stack, as of one layer.
+    """Order of the time steps and balance of energy in whole runs of a stack.
 
-    See `orders.time_steps` and `energy.balance` for the bounds. Merging the modes changes K by a part
-    epsilon at most, and so the pressure by less than two epsilon, see `limits.limiting_bodies`.
+    See `orders.time_steps` and `orders.balance` for the bounds. Merging modes changes K by a
+    fraction epsilon at most, and so the pressure by less than 2 epsilon, see `closed_forms.limiting_bodies`.
     """
     n = 2**10 if quick else 2**13
     values = {**_BODY, "grid.points": n, "time.end": 2.0, "solver.tolerance": 1e-7}
@@ -139,9 +139,9 @@ def runs(quick: bool) -> Iterator[Row | Curve]:
 
 
 def different_shifts(quick: bool) -> Iterator[Row]:
-    """Three materials with different shifts at a temperature, as the stack of shifted times.
+    """Three materials with different shifts at one temperature, against a stack with shifted times.
 
-    The latter with all its modes; the bound is that of the two solutions.
+    The second stack keeps all its modes; the bound is the error of the two solutions.
     """
     n = 2**8 if quick else 2**10
     laws = [

@@ -57,16 +57,7 @@ def parabola_half_width(depth: float) -> float:
 def grid_error(points: int, half_width: float, steepness: float, waves: int = 1) -> float:
     """Bound on the grid's error of a mean pressure.
 
-    Parameters
-    ----------
-    points : int
-        Grid points in a period.
-    half_width : float
-        Half-width of contact, in periods.
-    steepness : float
-        d pbar/da of the punch.
-    waves : int
-        Contacts in a period.
+    `half_width` of contact in periods, `steepness` d pbar/da of the punch, `waves` contacts in a period.
     """
     psi, spacing = np.pi * half_width * waves, waves / points
     return float(GRID * spacing**2 * steepness / waves / math.tan(psi) / -math.log(math.sin(psi)))
@@ -81,14 +72,5 @@ def solver_error(residual: float, contact_area: float, mean_pressure: float = 1.
     """Bound on the solver's error of the mean pressure under the paper's punch.
 
     Hertz's p_max = (4/pi) pbar/atilde, and depth d pbar/d(depth) below 1.5 pbar.
-
-    Parameters
-    ----------
-    residual : float
-        Residual at which the solver stopped.
-    contact_area : float
-        atilde, the fraction of the surface in contact.
-    mean_pressure : float
-        pbar; 1 for the relative error.
     """
     return residual * mean_pressure * (4 / (np.pi * contact_area) + 1.5)

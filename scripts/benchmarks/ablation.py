@@ -389,9 +389,9 @@ ADAPTIVE = (
         "first step from rest: as after a jump",
         patches=lambda: [(adaptive_steps, "_FROM_REST", adaptive_steps._AFTER_JUMP / _TOLERANCE)],
     ),
-    _Ablation("short step after a kink", patches=lambda: [(adaptive_steps, "_AFTER_KINK", 1.0)]),
+    _Ablation("short step after a breakpoint", patches=lambda: [(adaptive_steps, "_AFTER_BREAKPOINT", 1.0)]),
     _Ablation(
-        "velocity discarded at kinks",
+        "velocity discarded at breakpoints",
         patches=lambda: [(ErrorControl, "discard_velocity", lambda _: None)],
     ),
     _Ablation(

@@ -1,10 +1,10 @@
-"""Adhesive contact: FFT pairs a step of Newton's method and of FIRE, time beside bare pairs, and ablations.
+"""Adhesive contact: FFT pairs per step of Newton's method and of FIRE, time over bare pairs, ablations.
 
 A parabola on a line, a sphere and a rough surface on an elastic halfspace are pressed in and pulled off in
-equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1. Two numbers tell cases apart: the
-stiffness of the interface over that of the body, work/(range^2 kappa_1), and the points in the length of the
-cohesive zone, (pi/4) E* range^2/work. Surfaces of more than 256 points a side are followed over the first
-few steps of the retreat.
+equal steps, E* = 4, work 1e-3 and radius 1/4 in cells of period 1. Two numbers
+characterise a case: the ratio of the stiffness of interface and body, work/(range^2 kappa_1), and the number
+of points in the cohesive zone of length (pi/4) E* range^2/work. On surfaces of more than 256 points per side
+only the first few steps of the retraction are computed.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _RESIDUAL = 1e-6
 
 
 class _Course(NamedTuple):
-    """A contact, and the depths that it goes through."""
+    """A contact and its sequence of depths."""
 
     name: str
     grid: Grid
@@ -69,7 +69,7 @@ class _Outcome(NamedTuple):
 
 
 def measure(effort: Effort) -> Iterator[Table]:
-    """Follow each course by both solvers; then take the ingredients out of Newton's method."""
+    """Solve each sequence with both solvers; then remove ingredients of Newton's method."""
     courses = [_line(n, reach, effort.steps) for n in effort.points for reach in _RANGES.get(n, (1e-3,))]
     large = max(effort.points) >= 1 << 14
     sides = _SIDES if large else (64,)
@@ -80,11 +80,11 @@ def measure(effort: Effort) -> Iterator[Table]:
         courses.append(_rough(sides[0], effort.steps // 3)._replace(law=steep))
     rows = [_row(course, effort.repetitions) for course in courses]
     note = (
-        "Jumps are steps in which energy was released, the first, from rest, left out. Pairs in single "
-        "precision count half."
+        "Jumps are steps with an energy release, without the first step from rest. Pairs in single precision "
+        "count half."
     )
     title = (
-        f"Adhesive contact on a halfspace, {effort.steps} depths or a third of them, residual {_RESIDUAL:g}"
+        f"Adhesive contact on a halfspace, {effort.steps} depths (surfaces: a third), residual {_RESIDUAL:g}"
     )
     yield Table("adhesion", title, rows, note)
     yield _ablations([course for course in courses if course.grid.size <= 1 << 12])
@@ -114,7 +114,7 @@ def _rough(side: int, steps: int) -> _Course:
 
 
 def _late(side: int, depths: FloatArray) -> FloatArray:
-    """Take the beginning of the retreat of the largest surfaces."""
+    """Keep the beginning of the retraction for the largest surfaces."""
     turn = int(np.argmax(depths))
     return depths[turn : turn + 1 + _LATE] if side > _SIDES[0] else depths
 
@@ -152,7 +152,7 @@ def _row(course: _Course, repetitions: int) -> dict[str, Cell]:
 
 
 def _follow(method: Solver, course: _Course) -> _Outcome:
-    """Follow a course; the first step, from rest, is left out of the counts."""
+    """Solve a sequence; the counts omit the first step, from rest."""
     start, seconds = np.full(course.grid.size, np.inf), 0.0
     pairs: list[int] = []
     jumps: list[bool] = []
@@ -169,7 +169,7 @@ def _follow(method: Solver, course: _Course) -> _Outcome:
 
 
 def _bare(transforms: Transforms) -> float:
-    """CPU time of a bare pair."""
+    """Return the CPU time of a bare pair."""
     count = max(3, 3_000_000 // math.prod(transforms.shape))
     task, best = bare_pairs(transforms, count), math.inf
     for _ in range(5):
@@ -180,7 +180,7 @@ def _bare(transforms: Transforms) -> float:
 
 
 class _LastDisplacement(Newton):
-    """Starts from the last displacement, but for the points in contact, which stay there."""
+    """Start from the last displacement; points in contact stay in contact."""
 
     _last: FloatArray
 
@@ -263,5 +263,5 @@ def _ablations(courses: list[_Course]) -> Table:
                     whole = rows[0][key] if rows else None
                     row[key] = count / whole if isinstance(whole, int) else count
         rows.append(row)
-    title = "Newton's method for adhesive contact: FFT pairs, over those of the full method"
+    title = "Newton's method for adhesive contact: FFT pairs / FFT pairs of the full method"
     return Table("adhesion-ablation", title, rows)

@@ -1,4 +1,4 @@
-"""Parts that the sections share: the paper's default case, bare FFT pairs, ratios of times."""
+"""The paper's default case, bare FFT pairs, ratios of times."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _DEFAULT = Path(__file__).parents[2] / "configs" / "indentation.yaml"
 
 
 def default_case(**values: object) -> Config:
-    """Return the paper's default case with some values changed; a double underscore stands for the dot."""
+    """Return the paper's default case with other values; two underscores replace the dot of a key."""
     return load(_DEFAULT).with_values({key.replace("__", "."): value for key, value in values.items()})
 
 
 def run(config: Config) -> Recording:
-    """Simulate a case in memory, with everything compiled and planned beforehand."""
+    """Simulate a case in memory, after compilation and planning."""
     recording = Recording()
     simulate(config, recording, wisdom=warm_up(config))
     return recording
 
 
 def bare_pairs(transforms: Transforms, count: int) -> Callable[[], None]:
-    """Return a task of FFT pairs and nothing else, in compiled code."""
+    """Return a compiled task of `count` FFT pairs."""
     field, back, spectrum = transforms.empty_field(), transforms.empty_field(), transforms.empty_spectrum()
     field[:] = np.cos(np.arange(field.size))
     _pairs(transforms.plans, field, spectrum, back, 1)
@@ -41,15 +41,7 @@ def bare_pairs(transforms: Transforms, count: int) -> Callable[[], None]:
 
 
 def ratio(whole: Callable[[], object], part: Callable[[], object], repetitions: int) -> float:
-    """Measure the time of the whole over that of the part.
-
-    Parameters
-    ----------
-    whole, part : callable
-        Run in turns.
-    repetitions : int
-        The median over these is returned.
-    """
+    """Return the median ratio of the times of two tasks that run in turns."""
     return float(np.median([seconds(whole) / seconds(part) for _ in range(repetitions)]))
 
 

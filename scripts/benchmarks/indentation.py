@@ -1,7 +1,7 @@
-"""An isolated sphere on a Zener layer, ramp, hold and retraction: time beside the periodic run of the same.
+"""An isolated sphere on a Zener layer: time of the isolated and of the periodic run.
 
-CPU times, both warm, in turns. The periodic run has steps of equal length on a cell of 12 thicknesses, whose
-images shift its force; a finer grid or a larger cell would take longer still.
+The history is ramp, hold and retraction. Times are CPU times after a first run. The periodic run has equal
+steps on a cell of 12 thicknesses; its images shift the force. Finer grids and larger cells take longer.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CELL = 12.0
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Measure both; the error of the isolated one is the estimated one."""
+    """Measure both; the error of the isolated run is its estimate."""
     body = ViscoelasticLayer(LayeredHalfspace(1.0, 0.5, math.inf), Zener(1.0, 10.0, 1.0))
     history = History(np.array(_TIMES), np.array(_DEPTHS))
     found = follow(body, sphere(5.0), history)

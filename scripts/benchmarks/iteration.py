@@ -1,4 +1,4 @@
-"""A FIRE iteration over the bare FFT pairs in it."""
+"""One iteration of FIRE over its bare FFT pairs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gfmdlayer.periodic import Case
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)
 
-_POINTS_MOVED = 1 << 23  # in one measured run, some 40 ms, which makes the setting up negligible
+_POINTS_MOVED = 1 << 23  # in one measured run of some 40 ms; then the set-up is negligible
 _TARGETS = {1024: "≤ 1.35", 16384: "≤ 1.25"}
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Iterate on the problem of one step to the limit, in turns with as many bare pairs."""
+    """Iterate on the problem of one step, in turns with the same number of bare pairs."""
     rows = [
         {
             "inertia": "mass-weighted" if mass_weighted else "uniform",
@@ -31,7 +31,7 @@ def measure(effort: Effort) -> list[Table]:
         for points in effort.points
     ]
     note = f"Median of {effort.repetitions} repetitions, iterations and bare pairs in turns."
-    return [Table("iteration", "FIRE: whole iteration / the bare FFT pairs in it", rows, note)]
+    return [Table("iteration", "FIRE: whole iteration / its bare FFT pairs", rows, note)]
 
 
 def _overhead(points: int, mass_weighted: bool, repetitions: int) -> float:

@@ -1,4 +1,4 @@
-"""Run a section's script in one process or over MPI ranks."""
+"""Run the script of a section in one process or on MPI ranks."""
 
 from __future__ import annotations
 
@@ -15,26 +15,9 @@ def mpirun() -> str | None:
 
 
 def over_ranks(number: int, script: str, *arguments: str, folder: Path | None = None) -> str | None:
-    """Run a script on MPI ranks; on one rank it is run without a launcher.
+    """Run a script on MPI ranks and return the last line of its output; None without mpirun.
 
-    Parameters
-    ----------
-    number : int
-        Number of ranks.
-    script, *arguments : str
-        The script and its arguments.
-    folder : Path, optional
-        Working folder.
-
-    Returns
-    -------
-    str or None
-        The last line of its output; None where there is no mpirun.
-
-    Raises
-    ------
-    RuntimeError
-        The script failed.
+    One rank needs no launcher. A failed script raises RuntimeError.
     """
     launcher = mpirun()
     if number > 1 and launcher is None:

@@ -1,7 +1,7 @@
-"""What a case costs beside its solves: start-up, scheduling, files; alone and over two ranks.
+"""Time of a case without its solves: start-up, scheduling, files; on one rank and on two.
 
 As a script, `overhead.py CONFIG DIR` is one rank of `gfmdlayer run` with a clock around every solve. It
-leaves clock-PID.json: seconds spent in `Solver.solve`, the number of cases, the start of the first of them.
+writes clock-PID.json: seconds in `Solver.solve`, the number of cases, and the start of the first case.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ sweep: {{latin_hypercube: {{samples: {cases}, layer.thickness: {{from: 0.02, to:
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Run a sweep of tiny cases by `gfmdlayer run`, alone and, where there is an mpirun, on two ranks."""
+    """Run a sweep of tiny cases with `gfmdlayer run`, on one rank and, with an mpirun, on two."""
     ranks = (1, 2) if mpirun() else (1,)
     rows = [_row(size, points, effort) for points in effort.points for size in ranks]
     title = f"Overhead of a case of {effort.steps} steps in a sweep of {effort.cases}"
     note = (
-        "Wall time x ranks less the time in the solves, over the cases: start-up, configuration, setting up, "
-        "scheduling, files and their way to the disk, the sweep file. Start-up is the time before the first "
-        "case, once for the run. Processor time shows the load of machine and disk. The best repetition."
+        "Wall time x ranks minus the time in the solves, per case: start-up, configuration, set-up, "
+        "scheduling, files and disk, the sweep file. Start-up is the time before the first case, once "
+        "per run. The processor time shows the load of machine and disk. The best repetition counts."
     )
     return [Table("overhead", title, rows, note)]
 
@@ -58,7 +58,7 @@ def _row(ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
 
 
 def _run(ranks: int, points: int, effort: Effort) -> dict[str, Cell]:
-    """Run the sweep once; times in milliseconds a case."""
+    """Run the sweep once; times are in milliseconds per case."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         content = _CONFIG.format(points=points, end=0.01 * effort.steps, cases=effort.cases)

@@ -1,4 +1,4 @@
-"""FFT pairs per time step, of each solver on growing grids, and of FIRE by inertia and first guess."""
+"""FFT pairs per time step: of each solver on growing grids; of FIRE by inertia and first guess."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))
 QUICK = Effort(points=(1 << 10, 1 << 12), steps=100)
-LARGE = 1 << 20  # for the active set alone
+LARGE = 1 << 20  # only for the active set
 
 _INGREDIENTS_AT = 1 << 14
-_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps used
+_STARTS = {1: "last step", 2: "linear", 3: "quadratic"}  # by the number of past steps
 
 
 def measure(effort: Effort) -> Iterator[Table]:
-    """Count over the steps after the first, at t = 0."""
+    """Count the pairs of all steps after t = 0."""
     rows = [
         _row(method, points, effort.steps)
         for method in METHODS
@@ -34,7 +34,7 @@ def measure(effort: Effort) -> Iterator[Table]:
     title = f"FFT pairs per step, {effort.steps} steps of {STEP} tau, residual 1e-6"
     note = (
         "Targets at n = 16384: active_set ≤ 8 in the ramp and ≤ 5 in the hold; "
-        "fire ≤ 120 in all, at n = 65536 no more than 1.5 times that.  FIRE is mass-weighted here."
+        "fire ≤ 120 over all steps, at n = 65536 at most 1.5 times as many. FIRE is mass-weighted here."
     )
     yield Table("pairs", title, rows, note)
     at = max((points for points in effort.points if points <= _INGREDIENTS_AT), default=effort.points[0])
@@ -89,7 +89,7 @@ class _Polynomial(Stateless):
         return guess.at(time)
 
     def remember(self, time: float, field: FloatArray, _gap: FloatArray, kink: bool = False) -> None:
-        """Keep an accepted step; the polynomial does not reach back over a kink."""
+        """Keep an accepted step; the polynomial uses no step before a breakpoint."""
         if kink:
             self._fields.clear()
         self._fields.append((time, field))

@@ -1,7 +1,7 @@
-"""A viscoelastic halfspace under a load beside Tamaas: time of a step at equal residual.
+"""A viscoelastic halfspace under a load by gfmdlayer and Tamaas: time of a step at equal residual.
 
-Both by backward Euler with the same steps on the same grid. Equal residual means this project's, computed
-from the displacements of Tamaas, whose own tolerance is chosen for it.
+Both use backward Euler with the same steps on the same grid. The residual is this project's; for Tamaas it is
+computed from its displacements, and its own tolerance is chosen to reach it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.periodic import Case
-from gfmdlayer.verification.peers import TamaasHalfspace
+from gfmdlayer.verification.crosschecks import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=240, repetitions=5)
@@ -37,9 +37,9 @@ _BARE = 500  # pairs in one measurement
 
 
 def measure(effort: Effort) -> Iterator[Table]:
-    """Run both on each grid; no table without Tamaas."""
+    """Run both codes on each grid; without Tamaas there is no table."""
     if find_spec("tamaas") is None:
-        print("Tamaas is not installed; the extra bench installs it", file=sys.stderr)
+        print("Tamaas is not installed; install gfmdlayer[bench]", file=sys.stderr)
         return
     for points in effort.points:
         yield _compare(points, effort)
@@ -86,7 +86,7 @@ def _compare(points: int, effort: Effort) -> Table:
 
 
 def _equal_tolerance(points: int) -> float:
-    """Return the loosest of Tamaas's tolerances whose median residual over the first steps is ours."""
+    """Return Tamaas's loosest tolerance whose median residual over the first steps is within ours."""
     config = _halfspace(points, _TRIAL_STEPS)
     for tolerance in _PEER_TOLERANCES:
         peer, residual = TamaasHalfspace(Case(config).punch, STEP, tolerance), _Residual(config)
@@ -98,7 +98,7 @@ def _equal_tolerance(points: int) -> float:
 
 
 class _Residual:
-    """Our residual of a step by Tamaas, with the pressure by our integrator for its displacement and load."""
+    """Our residual of a step by Tamaas; our integrator gives the pressure of its displacement and load."""
 
     def __init__(self, config: Config) -> None:
         case = Case(config)

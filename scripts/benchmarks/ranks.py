@@ -1,7 +1,7 @@
-"""Figures 2 to 4 on two MPI ranks against one, the cases of all three in one schedule.
+"""Figures 2 to 4 on two MPI ranks and on one, all cases in one schedule.
 
-Each time is that of whole cases with their files, from the first submission to the last outcome; all is
-compiled and planned beforehand. One and two ranks take turns. Needs a machine without other load.
+The times contain whole cases with their files, from the first submission to the last outcome, after
+compilation and planning. One and two ranks take turns. This needs a machine without other load.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def figures(quick: bool) -> list[Case]:
-    """Return the cases of the three figures, numbered through."""
+    """Return the cases of the three figures with consecutive numbers."""
     names = [f"{figure}{'-quick' if quick else ''}.yaml" for figure in FIGURES]
     every = [case for name in names for case in cases(load(CONFIGS / name))]
     return [Case(index, case.config, case.values) for index, case in enumerate(every)]
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Time the figures on one rank and on two; their quick variants where the effort has fewer points."""
+    """Time the figures on one rank and on two; with fewer points, their quick variants."""
     quick = max(effort.points) < max(EFFORT.points)
     found = [{n: _timed(n, quick) for n in (1, 2)} for _ in range(effort.repetitions)]
     one, two = (min(times[n]["seconds"] for times in found) for n in (1, 2))
@@ -52,7 +52,7 @@ def measure(effort: Effort) -> list[Table]:
         "bound": sum(costs) / 2 / max(sum(costs) / 2, max(costs)),
         "target": "≥ 0.95",
     }
-    return [Table("ranks", "Two MPI ranks against one", [row], "The least time of the repetitions counts.")]
+    return [Table("ranks", "Two MPI ranks and one", [row], "The shortest time of the repetitions counts.")]
 
 
 def _timed(number: int, quick: bool) -> dict[str, list[float]]:

@@ -1,8 +1,8 @@
-"""Rough surfaces in two directions: a run, first solves, error against work, other codes, threads and ranks.
+"""Rough two-dimensional surfaces: a run, first solves, error over work, other codes, threads and ranks.
 
-`points` counts along each of the two axes. The surface is that of configs/rough-layer.yaml, the same on any
-grid that resolves it. A pair in single precision counts half of one in double. Other codes are those of
-`rough_peers`; the section `slabs` compares threads and ranks.
+`points` is the number along each axis. configs/rough-layer.yaml describes the surface; it is the same on any
+grid that resolves it. A pair in single precision counts as half a pair in double precision. `rough_peers` has
+the other codes; the section `slabs` compares threads and ranks.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _BODIES: dict[str, dict[str, object]] = {
 
 
 def measure(effort: Effort) -> Iterator[Table]:
-    """Run the layer on each grid, solve from nothing, compare with other codes, and on threads and ranks."""
+    """Run the layer on each grid; solve from rest; compare with other codes, threads and ranks."""
     yield _layer(effort)
     for points in effort.points:
         yield _cold(points)
@@ -78,22 +78,12 @@ def _cold(points: int) -> Table:
                 }
             )
     title = f"First solves by nested_gradient, {points} x {points} points, residual {RESIDUAL:g}"
-    note = "Pairs on coarser grids are counted as parts of one, pairs in single precision as halves."
+    note = "Pairs on coarser grids count by their points, pairs in single precision count half."
     return Table(f"rough-cold-{points}", title, rows, note)
 
 
 def _of_area(case: Case, problem: Problem, area: float) -> Problem:
-    """Return the problem at the load that presses a part of the surface into contact, by bisection.
-
-    Parameters
-    ----------
-    case : Case
-        The surface.
-    problem : Problem
-        At a load of less contact.
-    area : float
-        That part, to `_WITHIN`.
-    """
+    """Find the load of a contact area, to `_WITHIN`, by bisection; `problem` has less contact."""
     solver, lower, upper = NestedGradient(case.transforms, case.grid), problem, None
     pressure = np.zeros(case.punch.size)
     for _ in range(_ROUNDS):
@@ -108,7 +98,7 @@ def _of_area(case: Case, problem: Problem, area: float) -> Problem:
 
 
 def _accuracy(points: int) -> Table:
-    """Error of the contact area on coarser grids, beside the work there."""
+    """Error of the contact area on coarser grids, and their work."""
     rows: list[dict[str, Cell]] = []
     for each in (points // 4, points // 2, points):
         case = Case(rough(each, halfspace=True, cutoff=16 / points))
@@ -123,10 +113,8 @@ def _accuracy(points: int) -> Table:
         row["error of the area"] = abs(
             float(row["contact area"] or 0) / float(rows[-1]["contact area"] or 1) - 1
         )
-    title = (
-        f"Error of the contact area against work, {points // 16} of the shortest waves in the cell's width"
-    )
-    note = "Against the finest grid; work is FFT pairs times points. The residual is 1e-6 on each."
+    title = f"Error of the contact area over work, {points // 16} of the shortest waves in the cell's width"
+    note = "Errors relative to the finest grid; work is FFT pairs times points. The residual is 1e-6."
     return Table("rough-accuracy", title, rows, note)
 
 
@@ -157,14 +145,14 @@ def _layer(effort: Effort) -> Table:
         )
     title = f"A rough surface on a viscoelastic layer, {effort.steps} steps, auto, residual 1e-6"
     note = (
-        "History, observables and HDF5 output included, CPU times. A pair in single precision counts half, "
-        "then as long as it takes; there is one in each iteration."
+        "CPU times with history, observables and HDF5 output. A pair in single precision counts half, "
+        "then by its time; there is one in each iteration."
     )
     return Table("rough-layer", title, rows, note)
 
 
 def _bare(transforms: Transforms) -> float:
-    """CPU time of an FFT pair."""
+    """Return the CPU time of an FFT pair."""
     once = seconds(bare_pairs(transforms, 3)) / 3
     task, found = bare_pairs(transforms, count := max(3, math.ceil(_MEASURE / once))), math.inf
     for _ in range(5):

@@ -1,8 +1,8 @@
-"""Other codes for rough surfaces, Tamaas and ASPHER, beside the solvers here at equal residual.
+"""Rough surfaces by Tamaas, ASPHER and gfmdlayer at equal residual.
 
-All on one thread; times are CPU times. The extra `bench` installs both. ASPHER is built on the way, by a C++
-compiler, with FFTW's headers and with Eigen, which it looks for where
-`CMAKE_ARGS=-DFETCHCONTENT_SOURCE_DIR_EIGEN3_SRC=/usr/include/eigen3` says.
+All use one thread; times are CPU times. The extra `bench` installs both codes. The build of ASPHER needs a
+C++ compiler, FFTW's headers and Eigen; `CMAKE_ARGS=-DFETCHCONTENT_SOURCE_DIR_EIGEN3_SRC=/usr/include/eigen3`
+gives the place of Eigen.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _EXACT = 1e-9
 
 
 def compare(points: int, repetitions: int) -> list[Table]:
-    """Solve by other codes at ever smaller tolerances, to a residual, and by the solvers here."""
+    """Solve with other codes, at decreasing tolerances down to a residual, and with our solvers."""
     config = rough(points, halfspace=True)
     case, mean_pressure = Case(config, warm_up(config)), PART * E_STAR * SLOPE
     zero = np.zeros(math.prod(case.grid.spectral_shape), dtype=np.complex128)
@@ -49,7 +49,7 @@ def compare(points: int, repetitions: int) -> list[Table]:
     rows, every = [], []
     for name, peer in (("tamaas", _tamaas), ("aspher", _aspher)):
         if find_spec(name) is None:
-            print(f"{name} is not installed; the extra bench installs it", file=sys.stderr)
+            print(f"{name} is not installed; install gfmdlayer[bench]", file=sys.stderr)
             continue
         for tolerance in _OWN_TOLERANCES:
             taken, pressure = peer(case, mean_pressure, tolerance, repetitions)
@@ -76,8 +76,8 @@ def compare(points: int, repetitions: int) -> list[Table]:
     ]
     title = f"A rough elastic halfspace of {points} x {points} points, pbar = {PART} E* g', one thread"
     note = (
-        f"A peer's own tolerance is the loosest power of ten at which its residual, computed here from its "
-        f"pressure, is within {RESIDUAL:g}. Targets: contact areas within 1e-3 of each other."
+        f"A peer's tolerance is the loosest power of ten with a residual within {RESIDUAL:g}; our formula "
+        "computes the residual from its pressure. Target: contact areas agree within 1e-3."
     )
     return [
         Table(f"rough-halfspace-{points}", title, over, note),
@@ -146,7 +146,7 @@ def _aspher(
 
 
 def _assessed(case: Case, problem: Problem, pressure: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Residual and contact area of a peer's pressure, the punch shifted clear of the surface."""
+    """Residual and contact area of a peer's pressure; the punch is shifted until nothing overlaps."""
     stiff = problem.stiffness > 0
     waves = -case.transforms.forward(pressure) * stiff / np.where(stiff, problem.stiffness, 1.0)
     gap = case.punch - case.transforms.backward(waves) / pressure.size
@@ -174,7 +174,7 @@ def _solved(solver: Solver, problem: Problem, tolerance: float, repetitions: int
 
 
 def rough(points: int, *, halfspace: bool = False, cutoff: float = 0.0) -> Config:
-    """The case on another grid; the surface keeps its waves as long as four spacings carry the shortest."""
+    """The case on another grid; the surface keeps its waves while the shortest has four spacings."""
     given = load(_CASE)
     values: dict[str, object] = {"grid.points": [points, points], "output.snapshots": []}
     assert isinstance(given.punch, SelfAffine)

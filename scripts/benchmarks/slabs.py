@@ -1,11 +1,11 @@
-"""One surface on one thread, on two, and on two MPI ranks: time, memory of a rank, share of the transforms.
+"""One surface on one thread, two threads and two MPI ranks: time, memory per rank, share of transforms.
 
     PYTHONPATH=scripts python scripts/benchmarks/slabs.py 8192
     PYTHONPATH=scripts mpirun -n 2 python scripts/benchmarks/slabs.py 8192
 
-solve one surface of 8192 x 8192 points on one process, and on two ranks: a rough, elastic halfspace, pressed
-to a contact of some 8 %; a second number is that of threads. The ways take turns, and memory is that of the
-process with its part of shared pages. Needs a machine without other load.
+solve one surface of 8192 x 8192 points on one process and on two ranks. A second number sets the threads.
+The body is an elastic halfspace, the punch is rough, and the contact is some 8 %. The memory of a process
+contains its part of shared pages. This needs a machine without other load.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _TARGETS = {"1 thread": None, "2 threads": "≥ 1.6", "2 ranks": "≥ 1.4, ≤ 0
 
 
 def configuration(points: int) -> Config:
-    """Return the case: one step, from nothing to the load."""
+    """Return the case: one step from rest to the load."""
     load = AREA / 2 * SLOPE * 4  # E* = 4 G of an incompressible halfspace
     return Config(
         name="rough",
@@ -58,7 +58,7 @@ def configuration(points: int) -> Config:
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Solve on one thread, two threads and two ranks, in turns; the least time of each counts."""
+    """Solve on one thread, two threads and two ranks in turns; the shortest time of each counts."""
     rows: list[dict[str, Cell]] = []
     for points in effort.points:
         found: dict[str, list[dict[str, float]]] = {way: [] for way in _WAYS}
@@ -91,7 +91,7 @@ def measure(effort: Effort) -> list[Table]:
 
 
 def solved(points: int, ranks: Ranks, threads: int = 1) -> dict[str, Any]:
-    """Solve the case on this process and its ranks; compiled and planned by a first solve."""
+    """Solve the case on this process and its ranks; a first solve compiles and plans."""
     case = Case(configuration(points), threads=threads, ranks=ranks)
     kappa, b = case.integrator.terms(0.0)
     problem = case.loading.problem(kappa, b, 1.0)
@@ -120,7 +120,7 @@ def solved(points: int, ranks: Ranks, threads: int = 1) -> dict[str, Any]:
 
 
 def _memory() -> float:
-    """Return the bytes of the process beyond its libraries, shared pages in proportion."""
+    """Return the bytes of the process without its libraries; shared pages count in proportion."""
     lines = Path("/proc/self/smaps_rollup").read_text(encoding="ascii").splitlines()
     held = next(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
     return 1024.0 * held

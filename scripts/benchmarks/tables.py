@@ -1,4 +1,4 @@
-"""Tables of counts and ratios, in Markdown, and the effort spent on them."""
+"""Tables of counts and ratios in Markdown, and the effort of a section."""
 
 from __future__ import annotations
 
@@ -9,27 +9,15 @@ Cell = float | int | str | None
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the rows share their keys, which head the columns.
+    """A table; all rows have the same keys, the headings of the columns."""
 
-    Parameters
-    ----------
-    name : str
-        Key in the JSON file.
-    title : str
-        Heading.
-    rows : list of dict
-        Cells by column; None is an empty cell.
-    note : str
-        Explanation below the table.
-    """
-
-    name: str
+    name: str  # key in the JSON file
     title: str
-    rows: list[dict[str, Cell]]
-    note: str = ""
+    rows: list[dict[str, Cell]]  # None is an empty cell
+    note: str = ""  # below the table
 
     def markdown(self) -> str:
-        """Return the table in Markdown, numbers to three digits and aligned to the right."""
+        """Return the table in Markdown; numbers have three digits and are aligned to the right."""
         columns = list(self.rows[0])
         texts = [columns, *([_text(row[column]) for column in columns] for row in self.rows)]
         widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
@@ -52,24 +40,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a section computes.
+    """Size of the computations of a section."""
 
-    Parameters
-    ----------
-    points : tuple of int
-        Numbers of grid points n.
-    steps : int
-        Time steps, of 0.005 tau each.
-    repetitions : int
-        Repetitions of each measured time; the median counts.
-    cases : int
-        Cases of a sweep.
-    """
-
-    points: tuple[int, ...]
-    steps: int = 400
-    repetitions: int = 5
-    cases: int = 1
+    points: tuple[int, ...]  # grid points n
+    steps: int = 400  # of 0.005 tau
+    repetitions: int = 5  # of each measured time; the median counts
+    cases: int = 1  # of a sweep
 
 
 def _text(cell: Cell) -> str:

@@ -1,4 +1,4 @@
-"""A whole run, with history, observables and HDF5 output, over its bare FFT pairs."""
+"""Time of a whole run, with history, observables and HDF5 output, over its bare FFT pairs."""
 
 from __future__ import annotations
 
@@ -21,14 +21,13 @@ QUICK = Effort(points=(1 << 12,), steps=100, repetitions=3)
 
 
 def measure(effort: Effort) -> list[Table]:
-    """Run the case as `gfmdlayer run` does, in turns with as many bare pairs."""
+    """Run the case like `gfmdlayer run`, in turns with the same number of bare pairs."""
     rows = [_row(method, points, effort) for method in METHODS for points in effort.points]
-    title = f"Whole run / bare FFT pairs in it, {effort.steps} steps of {STEP} tau"
+    title = f"Whole run / its bare FFT pairs, {effort.steps} steps of {STEP} tau"
     note = (
-        "History, observables and HDF5 output included; compiled and planned beforehand. Transforms of a "
-        "window around the contact count by their points, so that the remaining work has a larger share; the "
-        "time of a step in bare pairs is the time of the run. Its target is 1.6 times 8 pairs in the ramp "
-        "and 5 in the hold."
+        "The time contains history, observables and HDF5 output, after compilation and planning. Transforms "
+        "of a window count by their points, so the other work has a larger share. The time of a step is in "
+        "bare pairs; its target is 1.6 times 8 pairs in the ramp and 5 in the hold."
     )
     return [Table("whole_run", title, rows, note)]
 

@@ -1,9 +1,8 @@
-"""Random configurations, which all trials share, far beyond what users ask for.
+"""Random configurations for all trials, far beyond the range of measurements.
 
-Bodies, punches, histories and solvers are drawn over what configurations admit, far beyond what is measured:
-films of a millionth of the period and layers of a million, moduli over sixteen decades, compressible and
-auxetic bodies, thirty branches over twenty decades of time, loads that jump, vanish and return, sliding, odd
-and prime numbers of points. Case i of seed S follows from the pair (S, i) alone.
+Films of a millionth of the period and layers of a million periods, moduli over sixteen decades, compressible
+and auxetic bodies, thirty branches over twenty decades of time, loads that jump, vanish and return, sliding,
+odd and prime numbers of points. The pair (S, i) determines case i of seed S.
 """
 
 from __future__ import annotations
@@ -37,21 +36,7 @@ class Drawn(NamedTuple):
 
 
 def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,), shapes: tuple[Any, ...] = ()) -> Drawn:
-    """Draw a case.
-
-    Parameters
-    ----------
-    seed, index : int
-        Which case.
-    methods : tuple of str
-        Solvers, one of which the case has.
-    shapes : tuple
-        Grids, one of which the case has; by default any of `LINES` and `SURFACES`.
-
-    Returns
-    -------
-    Drawn
-    """
+    """Draw a case with one of the solvers, on one of the grids (default: `LINES` and `SURFACES`)."""
     rng = np.random.default_rng((seed, index))
     points: Any = choose(rng, *(shapes or (LINES if rng.random() < 0.8 else SURFACES)))
     period = choose(rng, 1.0, decades(rng, -9, 9))
@@ -89,12 +74,12 @@ def draw(seed: int, index: int, methods: tuple[str, ...] = (DEFAULT,), shapes: t
 
 
 def choose(rng: Draw, *values: Any) -> Any:
-    """One of some values."""
+    """Return one of the values."""
     return values[rng.integers(len(values))]
 
 
 def decades(rng: Draw, lowest: float, highest: float) -> float:
-    """A number whose logarithm is uniform."""
+    """Return a number with a uniform logarithm."""
     return float(f"{10 ** rng.uniform(lowest, highest):.4g}")
 
 
@@ -113,14 +98,14 @@ def body(rng: Draw, period: float) -> Values:
 
 
 def poisson(rng: Draw) -> float:
-    """Poisson's ratio, often that of incompressible bodies or close to it."""
+    """Return Poisson's ratio, often 0.5 or close to it."""
     return float(
         choose(rng, 0.5, 0.5, choose(rng, 0.4999999, 0.49, 0.0, -0.9), round(rng.uniform(-0.9, 0.5), 3))
     )
 
 
 def layer(rng: Draw, G0: float, period: float) -> Values:
-    """A layer of a material whose modulus and time are given but for a factor."""
+    """Return a layer; its modulus and time vary by a random factor."""
     G0 *= choose(rng, 1.0, decades(rng, -2, 2))
     tau = choose(rng, 1.0, decades(rng, -6, 6))
     match choose(rng, "elastic", "zener", "zener", "prony", "prony"):
@@ -163,7 +148,7 @@ def punch(rng: Draw, period: float, spacing: float) -> Values:
 
 
 def scales(config: Values, rng: Draw) -> tuple[float, float, float]:
-    """Largest depth and duration of a history, and stiffness of the softest mode at its beginning."""
+    """Largest depth and duration of a history, and stiffness of the lowest mode at its beginning."""
     bare = gfmdlayer.Config.model_validate({**config, "trajectory": {"depth": 0.0}})
     case = Case(bare)
     times = [tau for law in bare.laws for _, tau in law.maxwell_branches] or [1.0]

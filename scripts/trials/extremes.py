@@ -1,7 +1,7 @@
 """Extreme cases in memory.
 
 A case must end with finite numbers and a residual within the tolerance, or with `ConvergenceError`, which
-names the step and gives the command line its exit status 1; this counts as not converged.
+names the step; the latter counts as not converged.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from trials.outcomes import Hangs, Outcome, limited
 
 import gfmdlayer
 
-LONGEST = 60.0  # seconds of the processor after which a case counts as one that hangs
+LONGEST = 60.0  # seconds of processor time; a longer case counts as hanging
 WITHOUT_CONTACT = {"friction", "contact_centre"}  # NaN there, as documented
 
 
@@ -39,7 +39,7 @@ def outcome(drawn: Drawn) -> Outcome:
         return Outcome("not converged", str(error))
     except Hangs:
         return Outcome("hangs", f"over {LONGEST:.0f} s")
-    except Exception as error:  # whatever it is, it is what is looked for
+    except Exception as error:  # any other error is a finding
         where = traceback.extract_tb(error.__traceback__)[-1]
         return Outcome(type(error).__name__, f"{error} ({where.filename.rpartition('/')[2]}:{where.lineno})")
     wrong = [name for name, values in data.variables.items() if not _sound(name, values)]

@@ -1,4 +1,4 @@
-"""Faults of disk and files, during runs that must say so, or between runs, to be found by the next one."""
+"""Faults of disk and files: a run must report them; the next run must find those between runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _disturb(trial: Trial, seconds: float, status: int) -> None:
 
 
 def _begun_anew(trial: Trial) -> str:
-    """Choose a way that does not begin with libraries loaded, to which limits of a new process apply."""
+    """Choose a launch of a new process, to which limits apply, not a fork with loaded libraries."""
     return str(choose(trial.rng, *("serial" if way == "forked" else way for way in trial.ways)))
 
 
@@ -100,7 +100,7 @@ FAULTS = (
 
 
 def _damaged(trial: Trial, damage: Callable[[Path], None], status: int) -> None:
-    """Damage a file; the next run mends it, or refuses the folder and names the file, which is restored."""
+    """Damage a file; the next run repairs it, or refuses the folder and names the file. Then restore it."""
     files = sorted(path for path in trial.out.rglob("*") if path.is_file() and path.stat().st_size)
     if "grids" in trial.ways:  # whose plans are kept nowhere else
         files = [path for path in files if path.parent.name != "wisdom"]
@@ -124,7 +124,7 @@ def _damaged(trial: Trial, damage: Callable[[Path], None], status: int) -> None:
 
 
 def _ended(run: Launch, *statuses: int, only: bool = False) -> None:
-    """Wait for the end of a run, which must be of these or, unless `only`, of the usual kinds."""
+    """Wait for the end of a run; its status must be one of these or, unless `only`, a usual one."""
     run.wait(PATIENCE)
     told = run.text()
     if run.poll() is None:

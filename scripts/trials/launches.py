@@ -1,4 +1,4 @@
-"""Runs of the command line as users start them, their processes, and signals to these."""
+"""Runs of the command line, their processes, and signals to the processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trials.outcomes import Patience
 MPIRUN = Path(sys.executable).parent / "mpirun"  # that of the environment's own MPI library
 COMMAND = (sys.executable, "-m", "gfmdlayer")
 WAYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "forked": ((), ()),  # one process, which begins with its libraries loaded
+    "forked": ((), ()),  # one process that starts with loaded libraries
     "serial": (COMMAND, ()),
     "processes": (COMMAND, ("--jobs", "2")),
     "ranks": ((str(MPIRUN), "-n", "2", *COMMAND), ()),
@@ -37,7 +37,7 @@ class Limits:
     bound: bool = False
 
     def apply(self) -> None:
-        """Take them on, in the process of the run."""
+        """Apply the limits to this process."""
         signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells ignore in the background
         if self.file_size is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.file_size, self.file_size))
@@ -47,7 +47,7 @@ class Limits:
 
 
 class Launch:
-    """A run of the command line that has been started; `log` is the file of its output."""
+    """A started run of the command line; the file `log` has its output."""
 
     def __init__(self, way: str, arguments: tuple[str, ...], folder: Path, limits: Limits) -> None:
         self.log, (launcher, options) = folder / "log", WAYS[way]
@@ -74,7 +74,7 @@ class Launch:
         return self.status
 
     def wait(self, seconds: float) -> float:
-        """Wait for its end, at most this long; return how long."""
+        """Wait for its end, at most this long; return the time."""
         patience = Patience(seconds)
         while self.poll() is None and patience:
             pass
@@ -98,7 +98,7 @@ class Launch:
 def _be(
     arguments: tuple[str, ...], folder: Path, log: int, environment: Mapping[str, str], limits: Limits
 ) -> int:
-    """Become a run of the command line, in a process that was forked."""
+    """Turn a forked process into a run of the command line."""
     status = 70
     try:
         os.setsid()
@@ -147,14 +147,14 @@ def descendants(pid: int) -> list[int]:
 
 
 def command(pid: int) -> str:
-    """Return the command line of a process; nothing where it has ended."""
+    """Return the command line of a process; empty after its end."""
     with suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8", errors="replace")
     return ""
 
 
 def waited(pid: int) -> float:
-    """Return the seconds that a process was ready to run while the processors served others."""
+    """Return the seconds that a process waited for a processor."""
     with suppress(OSError, IndexError):
         return float(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
     return 0.0

@@ -1,4 +1,4 @@
-"""How a trial ended, and limits of the time that it takes."""
+"""The outcome of a trial, and limits of its time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GOOD = ("converged", "refused", "taken", "equal", "too long")
 
 
 class Outcome(NamedTuple):
-    """How a trial ended: a kind, the particulars, and what happened in it, counted."""
+    """The outcome of a trial: its kind, details, and counts of events."""
 
     kind: str
     text: str = ""
@@ -21,21 +21,21 @@ class Outcome(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Whether it ended as it must."""
+        """Whether this outcome is allowed."""
         return self.kind in GOOD
 
 
 class Wrong(Exception):  # noqa: N818
-    """What must not happen: its kind and the particulars."""
+    """A forbidden outcome: its kind and details."""
 
 
 class Hangs(Exception):  # noqa: N818
-    """A trial takes longer than it may."""
+    """A trial takes too long."""
 
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Raise `Hangs` in a block that takes longer than this of the processor's time."""
+    """Raise `Hangs` in a block that needs more than this processor time."""
 
     def stop(*_: object) -> None:
         raise Hangs
@@ -50,7 +50,7 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 class Patience:
-    """A clock that does not count pauses of the machine: no look at it adds more than `TICK`."""
+    """A clock that ignores pauses of the machine: each reading adds at most `TICK`."""
 
     TICK = 0.2
 
@@ -58,7 +58,7 @@ class Patience:
         self.spent, self._most, self._last = 0.0, seconds, time.monotonic()
 
     def __bool__(self) -> bool:
-        """Whether there is time left; waits for a moment."""
+        """Wait for a moment; return whether time is left."""
         time.sleep(0.01)
         now = time.monotonic()
         self.spent += min(now - self._last, self.TICK)

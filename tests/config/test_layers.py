@@ -48,7 +48,7 @@ def test_the_stack_is_the_body(tmp_path: Path) -> None:
     assert body.layers[2].material == Zener(20.0, 30.0, 1.0)
     assert body.accuracy == config.solver.tolerance
     assert not body.rigid
-    assert config.surface.material.unit == 2.0
+    assert config.solid.unit == 2.0
     rigid = config.with_values({"halfspace": {"shear_modulus": math.inf}})
     assert isinstance(rigid_body := Case(rigid).body, LayerStack)
     assert rigid_body.rigid
@@ -104,7 +104,7 @@ REFUSED = {
     "two moduli of the base": (
         "name: x\nhalfspace: {shear_modulus: 2, material: {G0: 1}}\n",
         "2:28: halfspace.shear_modulus: given beside material",
-        "left out",
+        "remove one",
     ),
     "unknown law": (
         "name: x\nlayers: [{thickness: 1, material: {model: zenner}}]\n",
@@ -118,12 +118,12 @@ REFUSED = {
     ),
     "swept beyond the list": (
         STACK + "sweep: {layers.2.thickness: [1, 2]}\n",
-        "7:9: sweep.layers.2.thickness: layers is a list of 2 entries, and 2 is none of its places",
+        "7:9: sweep.layers.2.thickness: layers has 2 entries, and 2 is not one of them",
         "layers.0 or layers.1",
     ),
     "no place": (
         STACK + "sweep: {layers.top.thickness: [1, 2]}\n",
-        "sweep.layers.top.thickness: layers is a list of 2 entries, and top is none of its places",
+        "sweep.layers.top.thickness: layers has 2 entries, and top is not one of them",
         "layers.0 or layers.1",
     ),
     "swept key misspelt": (
@@ -167,9 +167,9 @@ def test_all_errors_of_a_list_are_reported_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("layers.2.thickness=1", "--set: layers.2.thickness: layers is a list of 2 entries, and 2 is none"),
-        ("layers.x.thickness=1", "--set: layers.x.thickness: layers is a list of 2 entries, and x is none"),
-        ("layers.0.material.branches.1.G=2", "is a list of 1 entry, and 1 is none of its places"),
+        ("layers.2.thickness=1", "--set: layers.2.thickness: layers has 2 entries, and 2 is not one"),
+        ("layers.x.thickness=1", "--set: layers.x.thickness: layers has 2 entries, and x is not one"),
+        ("layers.0.material.branches.1.G=2", "has 1 entry, and 1 is not one of them"),
         ("layers.0.thicknes=1", "--set: layers[0].thicknes: unknown key"),
         ("grid.0=1", "--set: grid.0: grid is not a list"),
     ],
@@ -182,21 +182,21 @@ def test_options_and_sweeps_set_entries(tmp_path: Path) -> None:
     swept = "sweep: {layers.1.thickness: [0.3, 0.4], layers.0.material.branches.0.G: [5, 6]}\n"
     config = read(tmp_path, STACK + swept, "layers.0.thickness=0.05", "halfspace.material.Ginf=40")
     found = [case.config for case in cases(config)]
-    assert [case.stacked[1].thickness for case in found] == [0.3, 0.3, 0.4, 0.4]
+    assert [case.solid.thicknesses[1] for case in found] == [0.3, 0.3, 0.4, 0.4]
     assert [case.laws[0].branches[0].G for case in found] == [5, 6, 5, 6]  # type: ignore[attr-defined]
-    assert {case.stacked[0].thickness for case in found} == {0.05}
+    assert {case.solid.thicknesses[0] for case in found} == {0.05}
     assert found[0].laws[2].glassy == 40
     single = Config(name="x").with_values(
         {"layer.material": {"model": "prony", "branches": [{"G": 1, "tau": 1}]}}
     )
     assert single.with_values({"layer.material.branches.0.tau": 3}).laws[0].branches[0].tau == 3  # type: ignore[attr-defined]
-    with pytest.raises(ConfigError, match=r"branches is a list of 1 entry, and 4 is none"):
+    with pytest.raises(ConfigError, match=r"branches has 1 entry, and 4 is not one"):
         single.with_values({"layer.material.branches.4.tau": 3})
 
 
 def test_samples_are_drawn_of_entries(tmp_path: Path) -> None:
     drawn = "sweep: {sobol: {samples: 4, layers.1.thickness: {from: 0.1, to: 1}}}\n"
-    depths = [case.config.stacked[1].thickness for case in cases(read(tmp_path, STACK + drawn))]
+    depths = [case.config.solid.thicknesses[1] for case in cases(read(tmp_path, STACK + drawn))]
     assert len(set(depths)) == 4
     assert all(0.1 <= depth <= 1 for depth in depths)
 

@@ -67,7 +67,7 @@ def test_a_million_cases_are_checked_in_part_and_in_little_memory(
     assert "many: 1000000 cases" in shown
     assert "  0001  thickness = 0, tau = 2\n" in shown
     assert "  ... and 999980 more" in shown
-    assert "examined   100 cases, drawn at random; a run examines all before it begins" in shown
+    assert "examined   100 cases at random; a run examines all before it starts" in shown
 
 
 def test_what_is_added_up_from_a_part_is_near_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +91,7 @@ def test_more_cases_than_memory_holds_are_refused_before_any_is_made(
     monkeypatch.setattr(Cases, "__iter__", lambda _: pytest.fail("a case was made"))
     assert main(["run", str(path), "--out", str(out)]) == 2
     said = capsys.readouterr().err
-    assert "1000000 cases are made first" in said
+    assert "preparing 1000000 cases" in said
     assert "sweep: 1000000 cases in one run: about 6.73 GB of memory are needed" in said
     assert said.endswith("take fewer values, or more parts (--shard I/N)\n")
     assert not out.exists()

@@ -104,7 +104,7 @@ def test_anything_but_a_shard_is_refused(text: str, capsys: pytest.CaptureFixtur
 
 def test_a_shard_cannot_restart_the_sweep(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "tiny.yaml", "--shard", "1/2", "--restart"]) == 2
-    assert "--shard and --restart exclude each other" in capsys.readouterr().err
+    assert "--shard and --restart cannot be combined" in capsys.readouterr().err
 
 
 def test_the_last_shard_collects_and_the_bits_are_those_of_one_run(

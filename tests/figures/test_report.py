@@ -24,7 +24,7 @@ from gfmdlayer.figures.report.cases import Listed, kept_rows
 from gfmdlayer.figures.report.marks import html
 from gfmdlayer.figures.report.page import write_report
 from gfmdlayer.observables import INDENTATION, Column, known_columns
-from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.results.reader import case_path, open_case
 from gfmdlayer.results.writer import CaseWriter
 

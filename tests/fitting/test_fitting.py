@@ -182,7 +182,7 @@ def test_a_liquid_is_refused(kind: Kind) -> None:
     if kind is RelaxationCurve:
         seen = curve.abscissa < 8.0  # the plateau is not measured
         curve = replace(curve, abscissa=curve.abscissa[seen], moduli=curve.moduli[:, seen])
-    with pytest.raises(FitError, match=rf"flows like a liquid.* must reach {kind.slower}"):
+    with pytest.raises(FitError, match=rf"flows like a liquid.* measure at {kind.slower}"):
         fit(curve)
     assert fit(curve, relaxed=1e-6).material.G0 == 1e-6
 
@@ -196,13 +196,13 @@ def test_an_elastic_solid_is_refused() -> None:
 @pytest.mark.parametrize("branches", [-1, 0, 8])
 def test_an_impossible_number_of_branches_is_refused(branches: int) -> None:
     # 16 numbers determine 7 branches of two parameters, and G0.
-    with pytest.raises(FitError, match=f"{branches} branches: must be 1 to 7 for 8 rows"):
+    with pytest.raises(FitError, match=f"got {branches} branches; must be 1 to 7 for 8 rows"):
         fit(measured(MasterCurve, KNOWN, rows=8), branches=branches)
 
 
 @pytest.mark.parametrize("relaxed", [-1.0, 0.0, 12.0, float("nan")])
 def test_an_impossible_relaxed_modulus_is_refused(relaxed: float) -> None:
-    with pytest.raises(FitError, match="must be > 0 and below the highest measured modulus, "):
+    with pytest.raises(FitError, match="must be > 0 and below the highest measured, "):
         fit(measured(MasterCurve, KNOWN, rows=8), relaxed=relaxed)
 
 
@@ -266,13 +266,13 @@ def test_two_columns_are_a_relaxation_curve(tmp_path: Path) -> None:
             table([(*row, 1.0) for row in ROWS]),
             "1: '1.0,1.0,2.0,1.0' is 4 words; must be numbers, 3 (omega, ",
         ),
-        ("", "1: holds no numbers; must be 8 rows or more of 3 (omega, G', G'') or 2 (t, G)"),
+        ("", "1: no numbers; must be 8 rows or more of 3 (omega, G', G'') or 2 (t, G)"),
         ("omega G' G''\n", "1: holds 0 rows of numbers; must be at least 8"),
-        ("1;0,5\n2;0,4\n", "1: '1;0,5' has decimal commas; must be decimal points"),
+        ("1;0,5\n2;0,4\n", "1: '1;0,5' has decimal commas; use decimal points"),
         ("0,5 2\n", "1: '0,5 2' has decimal commas"),
         (
             table(ROWS, head="f [Hz], G', spread\n"),
-            '1: "f [Hz], G\', spread" is not understood beside a frequency; must be omega or f',
+            '1: "f [Hz], G\', spread" is not known with a frequency; must be omega or f',
         ),
         (table(ROWS, head="t, G, spread\n"), "1: the first column is 't', but 3 columns make a master curve"),
         (table(ROWS) + "end\n", "9: cannot read 'end'"),
@@ -302,8 +302,8 @@ def test_a_shift_of_temperature_multiplies_times_by_the_wlf_factor() -> None:
         ((-30.0, 25.0, 17.44, 51.6), "is 55 below the reference 25; must be less than C2 = 51.6 below"),
         ((-26.6, 25.0, 17.44, 51.6), "is 51.6 below"),
         ((-26.5, 25.0, 17.44, 51.6), "shifts by 8.98e[+]03 decades"),
-        ((60.0, 25.0, -17.44, 51.6), "must both be > 0"),
-        ((60.0, 25.0, 17.44, 0.0), "must both be > 0"),
+        ((60.0, 25.0, -17.44, 51.6), "both must be > 0"),
+        ((60.0, 25.0, 17.44, 0.0), "both must be > 0"),
         ((float("nan"), 25.0, 17.44, 51.6), "must be finite"),
     ],
 )
@@ -380,12 +380,13 @@ def test_the_figure_shows_the_data_the_fit_and_the_error(kind: Kind) -> None:
 
 
 def test_moduli_in_other_units_than_G0_are_pointed_out(data: Path) -> None:
-    assert "warning: G0 = 2e+06 is not 1: halfspace.shear_modulus must be in the same unit" in fit_material(
-        data
+    assert (
+        "warning: the moduli are in the unit of the data (G0 = 2e+06); give halfspace.shear_modulus"
+        in fit_material(data)
     )
 
 
-def test_what_is_extrapolated_is_pointed_out(tmp_path: Path, data: Path) -> None:
+def test_the_summary_warns_about_extrapolated_moduli(tmp_path: Path, data: Path) -> None:
     curve = fractional_zener_modulus(np.geomspace(0.03, 3, 41), 0.5)
     lowest, highest = curve.moduli[0, [0, -1]]
     np.savetxt(data, np.column_stack([curve.abscissa, *curve.moduli]))
@@ -413,7 +414,7 @@ def test_nothing_is_overwritten_unless_forced(data: Path, existing: str) -> None
 
 def test_the_data_are_never_overwritten(data: Path) -> None:
     data = data.rename("rubber.yaml")
-    with pytest.raises(ResultsError, match=r"rubber.yaml: holds the data; must be another file"):
+    with pytest.raises(ResultsError, match=r"rubber.yaml: is the data; choose another --out"):
         fit_material(data, force=True)
 
 
@@ -453,10 +454,10 @@ def test_the_command_line_fits_with_its_options(data: Path, capsys: pytest.Captu
     ("arguments", "message"),
     [
         (lambda _: ["absent.csv"], "absent.csv: cannot be read"),
-        (lambda data: [data, "--branches", "0"], "0 branches: must be 1 to 39 for 40 rows"),
+        (lambda data: [data, "--branches", "0"], "got 0 branches; must be 1 to 39 for 40 rows"),
         (
             lambda data: [data, "--wlf", "17", "51"],
-            "--temperature, --reference and --wlf: must be given together",
+            "--temperature, --reference and --wlf: give all three or none",
         ),
         (lambda data: [data, "--out", data], "cannot be written"),
         (

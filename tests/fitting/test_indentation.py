@@ -19,9 +19,7 @@ from gfmdlayer.files.tables import TableError
 from gfmdlayer.fitting.indentation.curve import Drive, in_si
 from gfmdlayer.fitting.indentation.curve_files import entries, read_curve
 from gfmdlayer.fitting.indentation.estimates import detect
-from gfmdlayer.fitting.indentation.forward import Prediction
-from gfmdlayer.fitting.indentation.parameters import Model, free_parameters
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, Prediction, free_parameters
 from gfmdlayer.fitting.indentation.report import comparison, write_report
 from gfmdlayer.fitting.measurement import FitError
 
@@ -116,13 +114,13 @@ def test_the_last_modulus_follows_from_eulers_theorem() -> None:
     assert np.abs(exact - by_differences).max() < 5e-3 * np.abs(exact).max()
 
 
-def test_a_time_shorter_than_the_ramp_is_said_to_be_undetermined() -> None:
+def test_a_fit_warns_that_the_data_do_not_determine_a_time_shorter_than_the_ramp() -> None:
     force = on_halfspace(TIME, tau=1e-4)
     force += 0.05 * force.max() * np.random.default_rng(3).standard_normal(force.size)
     fit = fit_indentation(
         curve(force), body(tau=1e-3), {ZENER[0]: None, ZENER[1]: [1.5, 100.0], ZENER[2]: [1e-5, 1e-2]}
     )
-    assert any("determine" in warning or "bound" in warning for warning in fit.warnings)
+    assert any("determine" in warning or "limit" in warning for warning in fit.warnings)
 
 
 def test_a_thickness_and_a_modulus_that_a_small_contact_cannot_tell_apart() -> None:
@@ -212,7 +210,7 @@ def test_a_noisy_depth_is_reduced_to_its_straight_pieces() -> None:
         ({"time": TIME[:-1]}, "200 of time, 201 of depth"),
         ({"depth": 0 * TIME}, "depth never changes"),
         ({"force": -TIME}, "no force is positive"),
-        ({"noise": -1.0}, "noise = -1.0; must be > 0"),
+        ({"noise": -1.0}, "noise = -1.0; it must be > 0"),
         ({"depth": [[1.0]]}, "depth has 2 dimensions"),
         ({"depth": ["one"]}, "depth cannot be read as numbers"),
     ],
@@ -226,12 +224,15 @@ def test_columns_that_cannot_be_used_are_named(change: dict[str, Any], message: 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda c: replace(c, depth=30 * c.depth), "beyond the layer of thickness 1"),
-        (lambda c: replace(c, force=1e9 * c.force), "would be .*: are the units of force"),
-        (lambda c: ForceCurve("a", TIME[:8] + 1, RAMP_HOLD[40:48], c.force[40:48]), "8 rows for 5 free"),
+        (lambda c: replace(c, depth=30 * c.depth), "more than the thickness 1 of the layer"),
+        (lambda c: replace(c, force=1e9 * c.force), "instead of .* Do force, depth, punch and moduli"),
+        (
+            lambda c: ForceCurve("a", TIME[:8] + 1, RAMP_HOLD[40:48], c.force[40:48]),
+            "8 rows are too few for 5 free",
+        ),
     ],
 )
-def test_curves_that_the_model_cannot_have_made_are_refused(
+def test_curves_impossible_for_the_model_are_rejected(
     make: Callable[[ForceCurve], ForceCurve], message: str
 ) -> None:
     free = [*ZENER, "contact_point", "drift"]
@@ -242,7 +243,7 @@ def test_curves_that_the_model_cannot_have_made_are_refused(
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda c: replace(c, force=1e3 * c.force), "units of force, depth, punch and moduli"),
+        (lambda c: replace(c, force=1e3 * c.force), "Do force, depth, punch and moduli have the same units"),
         (
             lambda c: replace(c, depth=1.0 * c.depth, time=1.0 * c.time, force=c.force[::-1].copy()),
             "residuals",
@@ -253,9 +254,7 @@ def test_curves_that_the_model_cannot_have_made_are_refused(
         ),
     ],
 )
-def test_what_is_odd_about_a_curve_is_warned_of(
-    make: Callable[[ForceCurve], ForceCurve], message: str
-) -> None:
+def test_a_fit_warns_about_odd_curves(make: Callable[[ForceCurve], ForceCurve], message: str) -> None:
     fit = fit_indentation(
         make(curve(on_halfspace(TIME))), body(), {ZENER[0]: [1e-3, 1e9], ZENER[1]: [1e-3, 1e9]}
     )
@@ -266,15 +265,15 @@ def test_what_is_odd_about_a_curve_is_warned_of(
     ("free", "message"),
     [
         (["layer.material.GO"], "did you mean 'G0'|did you mean 'layer.material.G0'"),
-        (["layer.thickness"], "starts at .inf; must start at a number > 0 and finite"),
-        ({"layer.material.G0": [2.0, 3.0]}, "starts at 1; must start between 2 and 3"),
-        ({"layer.material.G0": [3.0, 2.0]}, "bounds 3 and 2; must grow"),
-        ([], "free: must name parameters"),
+        (["layer.thickness"], "the start is .inf; it must be > 0 and finite"),
+        ({"layer.material.G0": [2.0, 3.0]}, "the start 1 is not between 2 and 3"),
+        ({"layer.material.G0": [3.0, 2.0]}, "bounds are 3 and 2; give 0 < low < high"),
+        ([], "free: name at least one parameter"),
         ([3], "free: got 3; must be a dotted key"),
         ([["layer.material.G0"]], "must be a dotted key"),
-        ({"layer.material.G0": [1, 2, 3]}, r"free: layer.material.G0: got \[1, 2, 3\]; must be two finite"),
-        ({"layer.material.G0": "1:2"}, "must be two finite numbers"),
-        ({"layer.material.G0": [1, math.inf]}, "must be two finite numbers"),
+        ({"layer.material.G0": [1, 2, 3]}, r"free: layer.material.G0: got \[1, 2, 3\]; give two finite"),
+        ({"layer.material.G0": "1:2"}, "give two finite numbers"),
+        ({"layer.material.G0": [1, math.inf]}, "give two finite numbers"),
     ],
 )
 def test_parameters_that_cannot_be_free_are_refused(free: Any, message: str) -> None:
@@ -290,13 +289,13 @@ def test_models_of_foreign_keys_are_refused() -> None:
 
 
 def test_a_radius_in_other_units_than_the_thickness_is_refused() -> None:
-    with pytest.raises(FitError, match=r"1.*thicknesses of the layer.*units of lengths"):
+    with pytest.raises(FitError, match=r"1.*thicknesses of the layer.*all lengths in the same unit"):
         fit_indentation(curve(on_halfspace(TIME)), body(thickness=1.0) | MILLIMETRES, ZENER)
 
 
 def test_curves_of_the_same_name_are_refused() -> None:
     data = curve(on_halfspace(TIME))
-    with pytest.raises(FitError, match=f"curve {data.name}: is given twice"):
+    with pytest.raises(FitError, match=f"curve {data.name}: this name is given twice"):
         fit_indentation([data, data], body(), [*ZENER, "contact_point"])
 
 
@@ -323,11 +322,11 @@ def test_curves_are_read_into_the_units_of_the_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("head", "units", "message"),
     [
-        ("time (s),depth (nm),force", None, "force without a unit beside time and depth"),
-        ("time (s),depth (nN),force (nN)", None, "'nN' is no unit of depth; must be m, mm, um or nm"),
-        ("time,height,force", None, "names no column depth"),
+        ("time (s),depth (nm),force", None, "time and depth with a unit, but force without"),
+        ("time (s),depth (nN),force (nN)", None, "got the unit 'nN' for depth; must be m, mm, um or nm"),
+        ("time,height,force", None, "no column is named depth"),
         ("time,depth,depth", None, "two columns are named depth"),
-        ("time,depth,force", ("s", "nm", "kg"), "'kg' is no unit of force"),
+        ("time,depth,force", ("s", "nm", "kg"), "got the unit 'kg' for force"),
     ],
 )
 def test_units_and_headings_that_are_unknown_are_refused(
@@ -398,7 +397,7 @@ def test_newtons_for_nanonewtons_are_refused_with_a_free_offset_too() -> None:
     time = np.concatenate((np.linspace(-0.5, 0, 50, endpoint=False), TIME))
     depth = np.concatenate((np.linspace(-0.1, 0, 50, endpoint=False), RAMP_HOLD))
     force = np.concatenate((np.zeros(50), on_halfspace(TIME))) + 0.5
-    with pytest.raises(FitError, match="are the units of force"):
+    with pytest.raises(FitError, match="Do force, depth, punch and moduli have the same units"):
         fit_indentation(ForceCurve("a", time, depth, 1e9 * force), body(), ZENER, contact="detect")
 
 
@@ -435,4 +434,4 @@ def test_the_command_fits_a_file_and_refuses_what_it_cannot(
     assert cli.main([*arguments, "--force", "--free", "layer.material.G0=a"]) == 2
     assert "KEY=LOW:HIGH" in capsys.readouterr().err
     assert cli.main([*arguments, "--force", "--jobs", "2"]) == 2
-    assert "no effect without --each" in capsys.readouterr().err
+    assert "--restart and --jobs: only with --each" in capsys.readouterr().err

@@ -106,9 +106,9 @@ def test_columns_without_names_are_named_by_the_user(tmp_path: Path) -> None:
     path = written(tmp_path / "data.txt", "# nothing", t, 3 * LAWS[0].relaxation_modulus(t))
     found = read(path, names="t, E")
     np.testing.assert_allclose(found.moduli[0], LAWS[0].relaxation_modulus(t), rtol=1e-14)
-    with pytest.raises(TableError, match=r"--columns: 't, E, G' is no curve"):
+    with pytest.raises(TableError, match=r"--columns: 't, E, G' does not name the columns"):
         read(path, names="t, E, G")
-    with pytest.raises(TableError, match=r"--columns: 'colour, E' is not understood"):
+    with pytest.raises(TableError, match=r"--columns: 'colour, E' is not known"):
         read(path, names="colour, E")
 
 
@@ -148,7 +148,7 @@ def test_fitted_file_is_the_material_of_a_layer(
             "wrong.yaml:1:27: layer.material.model: got the text",
         ),
         ("material: {model: zener, Ginf: 0.1}\n", "wrong.yaml:1:32: material.Ginf: got 0.1, below G0"),
-        ("layer: {thickness: 1}\n", "wrong.yaml:1:1: holds no material"),
+        ("layer: {thickness: 1}\n", "wrong.yaml:1:1: has no material"),
         ("layer: [\n", "wrong.yaml:2:1: not YAML"),
     ],
 )

@@ -116,7 +116,7 @@ def test_curves_that_have_changed_and_other_models_are_refused(capsys: pytest.Ca
     Path("model.yaml").write_text(YAML)
     write_map(Path("map.h5"), 2 * MODULI)
     assert cli.main(arguments) == 2
-    assert "was fitted to other data" in capsys.readouterr().err
+    assert "this fit used other data" in capsys.readouterr().err
     Path("out/cases/my_analysis.h5").write_text("mine")
     assert cli.main([*arguments, "--restart"]) == 1
     assert Path("out/cases/my_analysis.h5").read_text() == "mine"
@@ -151,7 +151,7 @@ def test_a_damaged_list_of_curves_is_refused(capsys: pytest.CaptureFixture[str])
     Path("out/config.yaml").write_bytes(written.replace(b"free:", b"fr\xffe:"))
     command = ["fit-indentation", "map.h5", "--model", "model.yaml", "--each", "--out", "out"]
     assert cli.main(command) == 2
-    assert "holds results of another model or other curves" in capsys.readouterr().err
+    assert "contains results of another model or other curves" in capsys.readouterr().err
 
 
 def test_curves_without_places_are_in_a_row() -> None:

@@ -104,7 +104,7 @@ def test_a_jump_is_followed_from_a_millionth_of_the_relaxation_time_on(run: Run,
     assert np.abs(coarse - close).max() <= 1e-4 * recording["mean_pressure"].max()
 
 
-def test_rows_fall_on_every_output_time_snapshot_and_kink(run: Run) -> None:
+def test_rows_fall_on_every_output_time_snapshot_and_breakpoint(run: Run) -> None:
     asked = {"time.end": 3.0, "output.times": 0.3, "output.snapshots": [0.0, 0.7, 3.0]}
     recording = run(ADAPTIVE | {"grid.points": 256, "trajectory.ramp_time": 0.95} | asked)
     for time in [0.0, *(0.3 * np.arange(1, 11)), 0.7, 0.95, 3.0]:
@@ -144,25 +144,25 @@ class CubicControl:
     shortest_time, tolerance = 1.0, 1e-4
 
     def __init__(self, steps: list[float], size: float) -> None:
-        self.steps, self.size, self.kinks = steps, size, 0
+        self.steps, self.size, self.breakpoints = steps, size, 0
 
     def error(self, _spectrum: Any, **_moving: bool) -> tuple[float, float]:
         return self.size * self.steps[-1] ** 3, 0.0
 
     def discard_velocity(self) -> None:
-        self.kinks += 1
+        self.breakpoints += 1
 
 
 def accepted_steps(
     size: float,
     end: float,
     snapshots: Sequence[float] = (),
-    kinks: Sequence[float] = (),
+    breakpoints: Sequence[float] = (),
 ) -> tuple[list[Any], int, CubicControl]:
     """Accepted time points, number of attempts, and the error control."""
     tried: list[float] = []
     control = CubicControl(tried, size)
-    steps: Any = AdaptiveSteps(control, stops(end, snapshots, kinks))  # type: ignore[arg-type]
+    steps: Any = AdaptiveSteps(control, stops(end, snapshots, breakpoints))  # type: ignore[arg-type]
     accepted = []
     for instant in steps:
         tried.append(instant.step)
@@ -180,13 +180,13 @@ def test_steps_converge_to_just_below_the_tolerance() -> None:
 
 def test_steps_grow_at_most_fourfold_and_later_twofold_and_do_not_grow_over_cuts() -> None:
     accepted, _, control = accepted_steps(
-        size=1e-12, end=1e4, kinks=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
+        size=1e-12, end=1e4, breakpoints=[3.0, 5000.0, 1e4], snapshots=[0.5, 77.7]
     )
     growth = [after.step / before.step for before, after in pairwise(accepted[1:])]
     assert max(growth[:3]) <= 4 * (1 + 1e-9)
     assert {0.5, 77.7} <= {instant.time for instant in accepted if instant.snapshot}
-    assert [instant.time for instant in accepted if instant.kink] == [3.0, 5000.0]  # the end is not
-    assert control.kinks == 2
+    assert [instant.time for instant in accepted if instant.breakpoint] == [3.0, 5000.0]  # the end is not
+    assert control.breakpoints == 2
     assert len(accepted) < 50
 
 

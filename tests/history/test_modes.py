@@ -19,7 +19,7 @@ from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
-from gfmdlayer.verification.third_order import ThirdOrder
+from gfmdlayer.verification.crosschecks import ThirdOrder
 
 Floats = NDArray[np.float64]
 

@@ -27,13 +27,13 @@ def test_equal_steps_start_with_a_step_from_rest_to_zero_and_stop_at_the_end() -
     steps = list(equal_steps(1.0, 0.1, [], []))
     assert [round(instant.time / 0.1, 9) for instant in steps] == list(range(11))
     assert {instant.step for instant in steps} == {0.1}
-    assert not any(instant.snapshot or instant.kink for instant in steps)
+    assert not any(instant.snapshot or instant.breakpoint for instant in steps)
 
 
-def test_equal_steps_mark_the_snapshots_and_the_last_time_before_each_kink() -> None:
+def test_equal_steps_mark_the_snapshots_and_the_last_time_before_each_breakpoint() -> None:
     steps = list(equal_steps(2.0, 0.05, [0.0, 0.3, 2.0], [0.15, 1.02]))
     assert [i.time for i in steps if i.snapshot] == pytest.approx([0.0, 0.3, 2.0], rel=1e-12, abs=0)
-    assert [i.time for i in steps if i.kink] == pytest.approx([0.15, 1.0], rel=1e-12)
+    assert [i.time for i in steps if i.breakpoint] == pytest.approx([0.15, 1.0], rel=1e-12)
 
 
 @pytest.mark.parametrize(("time", "whole"), [(0.3, True), (0.0, True), (0.33, False), (0.1 * 3, True)])
@@ -47,16 +47,16 @@ def test_a_whole_number_of_steps_may_be_off_by_rounding_only(time: float, whole:
     end=times,
     step=st.floats(0.02, 20.0),
     snapshots=st.lists(st.floats(0.0, 1.0), max_size=5),
-    kinks=st.lists(times, max_size=5),
+    breakpoints=st.lists(times, max_size=5),
 )
-@example(end=1.0, step=0.05, snapshots=[0.1 * 3 / 1.0], kinks=[0.3])
-@example(end=8.0, step=0.005, snapshots=[0.125 * (1 + 1e-12)], kinks=[1.0])
-@example(end=0.1, step=0.1, snapshots=[0.0, 1.0], kinks=[0.1])
-def test_steps_land_on_every_snapshot_and_kink(
-    end: float, step: float, snapshots: list[float], kinks: list[float]
+@example(end=1.0, step=0.05, snapshots=[0.1 * 3 / 1.0], breakpoints=[0.3])
+@example(end=8.0, step=0.005, snapshots=[0.125 * (1 + 1e-12)], breakpoints=[1.0])
+@example(end=0.1, step=0.1, snapshots=[0.0, 1.0], breakpoints=[0.1])
+def test_steps_land_on_every_snapshot_and_breakpoint(
+    end: float, step: float, snapshots: list[float], breakpoints: list[float]
 ) -> None:
     asked = [fraction * end for fraction in snapshots]
-    steps = list(landing_steps(end, step, asked, kinks))
+    steps = list(landing_steps(end, step, asked, breakpoints))
     assert steps[0] == Instant(0.0, 0.0, snapshot=0.0 in asked)
     assert steps[-1].time == pytest.approx(end, rel=1e-12)
     for before, after in pairwise(steps):
@@ -64,7 +64,7 @@ def test_steps_land_on_every_snapshot_and_kink(
         assert after.step == pytest.approx(after.time - before.time, rel=1e-6, abs=1e-14 * end)
         assert after.step <= step * (1 + 2e-6)
     # Times closer than a millionth of a step may share one; none is lost.
-    for mark, wanted in (("snapshot", asked), ("kink", [t for t in kinks if t < end])):
+    for mark, wanted in (("snapshot", asked), ("breakpoint", [t for t in breakpoints if t < end])):
         found = [instant.time for instant in steps if getattr(instant, mark)]
         assert len(found) <= len(set(wanted))
         for time in wanted:

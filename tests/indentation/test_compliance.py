@@ -67,6 +67,6 @@ def test_a_contact_too_wide_beside_a_layer_is_refused_before_its_nodes_are_made(
     features = Features(surface=1e14, first=1e3, last=2e6)  # of a film of some micrometres
     assert make_space(features, 1e-6).nodes.cosines.size < 1e6
     with pytest.raises(
-        ValueError, match=r"radius 0\.25 is too large beside the thinnest layer: beyond a radius of 0\.002"
+        ValueError, match=r"radius 0\.25 is too large for the thinnest layer: beyond a radius of 0\.002"
     ):
         make_space(features, 0.25)

@@ -99,13 +99,13 @@ def test_the_run_ends_with_the_trajectory_unless_its_end_is_given() -> None:
     [
         ({"start": 0.01}, "trajectory.start: got 0.01; must be below depth = 0.01"),
         ({"final": 0.5}, "trajectory.final: got 0.5; must be below depth = 0.01"),
-        ({"dwell": 1e-12}, "trajectory.dwell: got 1e-12: this leg lasts 1e-12 of"),
-        ({"ramp_time": 1.0}, "trajectory.ramp_time: given, but kind is approach_retract"),
+        ({"dwell": 1e-12}, "trajectory.dwell: got 1e-12: this part of the path lasts 1e-12 of"),
+        ({"ramp_time": 1.0}, "trajectory.ramp_time: only for kind: ramp_hold"),
         ({"retract_speed": 0.0}, "trajectory.retract_speed: got 0.0; must be a number > 0"),
         ({"cycles": 0}, "trajectory.cycles: got 0; must be a whole number from 1"),
         ({"control": "load"}, "trajectory.load: missing"),
         ({"control": "load", "load": 1.0}, "trajectory.start: got -0.01, a pull on the punch; must be >= 0"),
-        ({"kind": "ramp_hold"}, "trajectory.start: given, but kind is ramp_hold"),
+        ({"kind": "ramp_hold"}, "trajectory.start: only for kind: approach_retract"),
     ],
 )
 def test_a_cycle_that_cannot_be_is_refused(wrong: dict[str, object], said: str) -> None:

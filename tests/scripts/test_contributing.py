@@ -16,26 +16,27 @@ import xarray as xr
 import gfmdlayer
 from gfmdlayer import open_case
 
-pytestmark = (
-    pytest.mark.slow
-)  # tests/validation/test_seams.py and tests/scripts/test_pages.py have smaller forms
+pytestmark = pytest.mark.slow
 PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 FILE = re.compile(r"^```python\n(# (gfmdlayer/\S+\.py)\n.*?)^```$", re.DOTALL | re.MULTILINE)
 TABLE = re.compile(r"`([A-Z]+)`[^`]*`(gfmdlayer/\S+\.py)`|`(gfmdlayer/\S+\.py)`[^`]*`([A-Z]+)`")
 LINE = re.compile(r"(`|^```python\n    )(\"\w[^`]*?,)\n?(`|```$)", re.DOTALL | re.MULTILINE)
 
 STEPS = "time: {end: 1.0, step: 0.25}"
+GRID = "grid: {points: 64}"
 CASES = {
-    "a punch shape": f"punch: {{shape: frustum, face: 0.2, slope: 100.0}}\n{STEPS}",
-    "a material law": """\
-layer: {thickness: .inf, material: {model: rouse, G0: 1.0, G: 2.0, tau: 1.0, modes: 2}}
-punch: {shape: flat, width: 0.25, edge_radius: 1.0e-6}
-trajectory: {depth: 0.01, ramp_time: 0.5}
-time: {end: 2.0, step: 0.125}
-solver: {tolerance: 1.0e-9}""",
-    "an interface law": f"interface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 0.1}}\n{STEPS}",
-    "a solver": f"solver: {{method: projected_gradient}}\n{STEPS}",
-    "an observable": f"output: {{snapshots: [1.0]}}\n{STEPS}",
+    "a punch shape": f"{GRID}\npunch: {{shape: frustum, face: 0.2, slope: 100.0}}\n{STEPS}",
+    "a material law": f"""{GRID}
+layer: {{thickness: .inf, material: {{model: rouse, G0: 1.0, G: 2.0, tau: 1.0, modes: 2}}}}
+punch: {{shape: flat, width: 0.25, edge_radius: 1.0e-6}}
+trajectory: {{depth: 0.01, ramp_time: 0.5}}
+time: {{end: 2.0, step: 0.125}}
+solver: {{tolerance: 1.0e-9}}""",
+    "a body": f"{GRID}\nbody: {{kind: winkler, k: 5.0}}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
+    "an interface law": f"{GRID}\ninterface: {{law: two_ranges, work: 1.0e-3, range: 0.05, far: 1}}\n{STEPS}",
+    "a solver": f"{GRID}\nsolver: {{method: projected_gradient}}\n{STEPS}",
+    "a geometry": f"grid: {{geometry: spring}}\nlayer: {{material: {{model: elastic, G: 3.0}}}}\n{STEPS}",
+    "an observable": f"{GRID}\noutput: {{snapshots: [1.0]}}\n{STEPS}",
 }
 SCRIPT = "import sys; from gfmdlayer.cli import main; print([main(['run', each]) for each in sys.argv[1:]])"
 
@@ -76,7 +77,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, xr.Dataset]:
     for title, values in CASES.items():
         add(every[title], copy)
         name = title.replace(" ", "-")
-        (folder / f"{name}.yaml").write_text(f"name: {name}\ngrid: {{points: 64}}\n{values}\n")
+        (folder / f"{name}.yaml").write_text(f"name: {name}\n{values}\n")
     names = [path.name for path in sorted(folder.glob("*.yaml"))]
     ran = subprocess.run(
         [sys.executable, "-c", SCRIPT, *names],
@@ -106,6 +107,17 @@ def test_the_pressure_under_a_flat_punch_follows_the_modulus_of_a_rouse_chain(
     np.testing.assert_allclose(pressure / pressure[-1], modulus / modulus[-1], rtol=1e-7)
 
 
+def test_each_point_of_a_winkler_bed_carries_its_own_overlap(results: dict[str, xr.Dataset]) -> None:
+    """In contact from t0 on a point moves at v, and p = k v (t - t0) + k v tau (1 - exp(-(t - t0)/tau))."""
+    last = results["a body"].isel(snapshot=-1)
+    speed, x = 0.01, last["x"].to_numpy()
+    since = np.maximum(1 - x**2 / (2 * 0.25) / speed, 0.0)
+    exact = 5 * speed * (since + 1 - np.exp(-since))
+    # A point is touched within a step of 1/4: it is wrong by less than k v dt^2/tau.
+    np.testing.assert_allclose(last["pressure"], exact, rtol=0, atol=5 * speed * 0.25**2)
+    assert exact.max() > 10 * 5 * speed * 0.25**2
+
+
 def test_a_sum_of_two_ranges_attracts(results: dict[str, xr.Dataset]) -> None:
     assert float(results["an interface law"]["largest_tension"].max()) > 0
 
@@ -118,3 +130,9 @@ def test_the_column_of_an_observable_is_in_each_file(results: dict[str, xr.Datas
     found = results["an observable"]
     pressure = found["pressure"].isel(snapshot=-1)
     assert float(found["rms_pressure"][-1]) == pytest.approx(float((pressure**2).mean()) ** 0.5, rel=1e-12)
+
+
+def test_a_spring_is_a_geometry(results: dict[str, xr.Dataset]) -> None:
+    found = results["a geometry"]
+    np.testing.assert_allclose(found["force"], 3.0 * found["depth"], rtol=1e-15)
+    assert found["depth"][-1] == 0.01

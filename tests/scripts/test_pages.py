@@ -69,6 +69,8 @@ def fill(folder: Path) -> None:
     (folder / ".venv/bin/activate").write_text(activate)
     shutil.copy(ROOT / "configs/polymer.csv", folder / "master-curve.csv")
     np.save(folder / "surface.npy", np.zeros((8, 8)))
+    (bed,) = (each.code for each in BLOCKS[ROOT / "docs/guides/bodies.md"] if each.language == "python")
+    (folder / "bed.py").write_text(bed)
 
 
 @pytest.fixture(scope="module")

@@ -145,5 +145,5 @@ def test_kernels_of_an_isolated_contact_are_compiled_by_one_that_is_small_beside
     recording = Recording()
     simulate(small, recording)
     widest = max(row["contact_radius"] for row in recording.rows)
-    assert 0 < widest < film.stacked[0].thickness
+    assert 0 < widest < film.solid.thicknesses[0]
     assert small.trajectory.control == control

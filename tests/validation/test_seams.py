@@ -224,7 +224,7 @@ from __future__ import annotations
 import numpy as np
 
 from gfmdlayer.model import Footprint, Model
-from gfmdlayer.observables.contact_statistics import TIME
+from gfmdlayer.observables.contact import TIME
 from gfmdlayer.observables.observable import Column
 
 
@@ -243,7 +243,7 @@ class Spring(Model):
             yield "trajectory.control", "got 'load'; must be depth or force"
 
     def run(self, recorder, progress=None, resume=None):
-        k, given = self.config.surface.material.relaxed, self.config.trajectory.control
+        k, given = self.config.solid.unit, self.config.trajectory.control
         for instant in self.programme.fixed_steps():
             depth = self.programme.drive(instant.time) / (k if given == "force" else 1.0)
             recorder.row(time=instant.time, depth=depth, force=k * depth)

@@ -12,8 +12,12 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.body.relaxation import relaxation_spectrum
 from gfmdlayer.history.modes import SCHEMES, Modes
-from gfmdlayer.verification.crosschecks import stress_difference
-from gfmdlayer.verification.third_order import Coefficients, ThirdOrder, constitutive_coefficients
+from gfmdlayer.verification.crosschecks import (
+    Coefficients,
+    ThirdOrder,
+    constitutive_coefficients,
+    stress_difference,
+)
 
 Floats = NDArray[np.float64]
 

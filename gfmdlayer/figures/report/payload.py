@@ -16,7 +16,7 @@ from gfmdlayer.figures.quantities import in_unit, power_of_ten, quantity
 from gfmdlayer.figures.report.cases import Contents, Described, Listed, Reader, Surfaces
 from gfmdlayer.figures.report.marks import html, packed, plain
 from gfmdlayer.figures.selection import default_columns, value_titles
-from gfmdlayer.observables.contact_edges import FEWEST
+from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.results.gathering import lay_out
 from gfmdlayer.results.provenance import LIBRARIES
 from gfmdlayer.results.schema import FIELDS, described_key

@@ -1,4 +1,4 @@
-"""A measured force curve: time, depth and force of an indenter, and what is wrong with it."""
+"""A measured force curve: time, depth and force of an indenter, with checks, straight pieces and units."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.validation.units import Units
 
 FEWEST_ROWS = 8
-GAP = 0.05  # of the duration: a longer pause between two rows, in which the force changes, is warned of
-GAP_STEPS = 20  # usual steps between rows, for the same
+GAP = 0.05  # of the duration: a longer pause between two rows gives a warning if the force changes in it
+GAP_STEPS = 20  # and if it is this many times longer than the usual step
 LARGEST = 1e30
 
 
 class CurveError(FitError):
-    """A curve cannot be fitted; the message names it, and has a line for each reason."""
+    """A curve cannot be fitted; the message names it and has one line for each reason."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ForceCurve:
     time : array_like, shape (rows,)
         Increasing.
     depth : array_like, shape (rows,)
-        Depth of the indenter below the undeformed surface, as measured: up to a contact point and a drift.
+        Measured depth of the indenter below the undeformed surface, up to a contact point and a drift.
     force : array_like, shape (rows,)
         Positive where it compresses.
     noise : float, optional
@@ -47,7 +47,7 @@ class ForceCurve:
     Raises
     ------
     CurveError
-        Naming every row that cannot be used.
+        The message names every row that cannot be used.
 
     Examples
     --------
@@ -76,39 +76,39 @@ class ForceCurve:
         sizes = {key: getattr(self, key).size for key in ("time", "depth", "force")}
         if len(set(sizes.values())) > 1:
             found = ", ".join(f"{size} of {key}" for key, size in sizes.items())
-            yield f"holds {found}; must be equally many"
+            yield f"has {found}; give the same number of each"
             return
         if self.time.size < FEWEST_ROWS:
-            yield f"holds {self.time.size} rows; must be at least {FEWEST_ROWS}"
+            yield f"has {self.time.size} rows; a fit needs at least {FEWEST_ROWS}"
         sound = True
         for key in sizes:
             values = getattr(self, key)
             if (wrong := ~(np.abs(values) < LARGEST)).any():
                 sound = False
-                yield f"{key} is not a finite number in {_rows(wrong)}; must be one in every row"
+                yield f"{key} is not a finite number in {_rows(wrong)}"
         if sound and (back := np.diff(self.time, prepend=-np.inf) <= 0).any():
-            yield f"time does not increase in {_rows(back)}; must increase from row to row"
+            yield f"time does not increase in {_rows(back)}; it must increase from row to row"
         elif sound and np.ptp(self.depth) == 0:
-            yield "the depth never changes; must be a column of depths"
+            yield "the depth never changes"
         elif sound and self.force.max() <= 0:
-            yield "no force is positive; must be positive where the indenter presses"
+            yield "no force is positive; forces are positive where the indenter presses"
         if self.noise is not None and not 0 < self.noise < math.inf:
-            yield f"noise = {self.noise!r}; must be > 0 and finite, or left out"
+            yield f"noise = {self.noise!r}; it must be > 0 and finite, or None"
 
     def warnings(self) -> Iterator[str]:
-        """Yield what is odd about the curve but does not prevent a fit."""
+        """Yield doubts about the curve that do not prevent a fit."""
         steps = np.diff(self.time)
         lost = (steps > GAP_STEPS * np.median(steps)) & (steps > GAP * np.ptp(self.time))
         for row in np.flatnonzero(lost & (np.abs(np.diff(self.force)) > GAP * np.ptp(self.force))):
             yield (
-                f"gap of {steps[row]:.4g} after row {row + 1} (time {self.time[row]:.6g}), in which the "
-                "force changes; the depth is taken to change evenly there"
+                f"the force changes in a gap of {steps[row]:.4g} after row {row + 1} (time "
+                f"{self.time[row]:.6g}); the fit assumes that the depth changes evenly there"
             )
         if np.corrcoef(self.depth, self.force)[0, 1] < 0:
-            yield "the force falls where the depth grows: is a sign, or the order of the columns, wrong?"
+            yield "the force falls where the depth grows. Is a sign or the order of the columns wrong?"
 
     def in_units(self, time: float, length: float, force: float) -> ForceCurve:
-        """Return the curve with its columns multiplied by the sizes of their units."""
+        """Return the curve with each column multiplied by the size of its unit."""
         return replace(
             self,
             time=self.time * time,
@@ -124,7 +124,7 @@ def _column(name: str, key: str, values: ArrayLike) -> FloatArray:
     except (TypeError, ValueError):
         raise CurveError(f"curve {name}: {key} cannot be read as numbers") from None
     if column.ndim != 1:
-        raise CurveError(f"curve {name}: {key} has {column.ndim} dimensions; must be a single column")
+        raise CurveError(f"curve {name}: {key} has {column.ndim} dimensions; give a single column")
     return column
 
 
@@ -138,33 +138,24 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
 
 # The measured depth as straight pieces in time, and time points of a solution between their corners.
 #
-# A measured depth has noise, and thousands of rows. It is replaced by straight pieces whose corners are among
-# the rows (Ramer 1972; Douglas & Peucker 1973), within `TOLERANCE` of its range or `SIGMAS` of its noise.
-# Their
-# depths are those of least squares; under noise, corners that it explains are removed again. The pieces stay
-# straight when a contact point and a drift are taken off.
+# A measured depth has noise and thousands of rows. Straight pieces replace it; their corners are rows (Ramer
+# 1972; Douglas & Peucker 1973), and they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The
+# depths of the corners follow from least squares; corners that the noise explains are removed again. The
+# pieces stay straight when a contact point and a drift are subtracted.
 
 TOLERANCE = 1e-3  # of the range of the depth
-SIGMAS = 4.5  # of the noise: one row in 150 000 is further away
-CHANCE = 20.0  # variances of the noise: what a needless corner takes off the sum of squares, at most
-SHARP = 0.1  # of the largest rate: a larger jump of the rate is a kink of the force
+SIGMAS = 4.5  # standard deviations of the noise: one row in 150 000 lies further away
+CHANCE = 20.0  # a corner is removed if the sum of squares grows by less than this many variances
+SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of the force
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A depth of straight pieces.
+    """A depth of straight pieces."""
 
-    Parameters
-    ----------
-    time, depth : ndarray, shape (corners,)
-        The corners.
-    error : float
-        Standard deviation of the measured depth from it.
-    """
-
-    time: FloatArray
-    depth: FloatArray
-    error: float
+    time: FloatArray  # shape (corners,); the corners
+    depth: FloatArray  # shape (corners,); the corners
+    error: float  # standard deviation of the measured depth from it
 
     @classmethod
     def of(cls, time: FloatArray, depth: FloatArray) -> Drive:
@@ -183,10 +174,9 @@ class Drive:
 
     @property
     def first_contact(self) -> tuple[int, float]:
-        """The piece in which the depth first becomes positive, and the time at which it does.
+        """The piece in which the depth first becomes positive, and the time.
 
-        A depth that is positive from the beginning does so at the first corner; one that never is, at the
-        last.
+        The first corner for a depth that is positive from the start; the last for one that is never positive.
         """
         if self.depth[0] >= 0:
             return 0, float(self.time[0])
@@ -199,15 +189,15 @@ class Drive:
         return piece, float(self.time[piece] + part * (self.time[piece + 1] - self.time[piece]))
 
     @property
-    def kinks(self) -> FloatArray:
-        """Times of the corners at which the rate jumps by a large part of itself, and both ends."""
+    def breakpoints(self) -> FloatArray:
+        """Times of the corners at which the rate jumps by a large part of itself, and of both ends."""
         rates = np.diff(self.depth) / np.diff(self.time)
         jumps = np.abs(np.diff(rates)) > SHARP * np.abs(rates).max()
         return np.asarray(self.time[np.concatenate(([True], jumps, [True]))])
 
 
 def _corners(time: FloatArray, depth: FloatArray, within: float) -> list[int]:
-    """Return the rows that are corners: the furthest from each chord, as long as any is too far."""
+    """Return the rows that are corners: split each chord at the furthest row until all rows are close."""
     found, open_pieces = {0, time.size - 1}, [(0, time.size - 1)]
     while open_pieces:
         first, last = open_pieces.pop()
@@ -225,7 +215,7 @@ def _corners(time: FloatArray, depth: FloatArray, within: float) -> list[int]:
 
 
 def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: float) -> FloatArray:
-    """Return the corners without those whose removal adds no more than `chance` to the sum of squares."""
+    """Remove corners while the sum of squares grows by no more than `chance`."""
     squares = _least_squares(time, depth, corners)[1]
     while corners.size > 2:
         without = [np.delete(corners, i) for i in range(1, corners.size - 1)]
@@ -238,7 +228,7 @@ def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: fl
 
 
 def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> tuple[FloatArray, float]:
-    """Return the depths of the corners that are closest to all rows, and the sum of squares."""
+    """Return the depths of the corners by least squares over all rows, and the sum of squares."""
     from scipy.linalg import solveh_banded
 
     piece = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
@@ -255,7 +245,7 @@ def _least_squares(time: FloatArray, depth: FloatArray, corners: FloatArray) -> 
     return found, float(np.sum((depth - np.interp(time, corners, found)) ** 2))
 
 
-# Units of measured columns, as headings write them, and their sizes in metres, seconds and newtons.
+# Units of measured columns in headings, and their sizes in metres, seconds and newtons.
 
 Sizes = tuple[float, float, float]
 PREFIXES = {
@@ -273,7 +263,7 @@ _HEADING = re.compile(r"\s*([^(\[/]*?)\s*(?:[(\[/]\s*([^)\]]*?)\s*[)\]]?)?\s*")
 
 
 def size_of(unit: str, column: str) -> float | None:
-    """Return the size of a unit of a column in SI; None where it is none."""
+    """Return the size of a unit of a column in SI; None for an unknown unit."""
     for base, size in BASES[column].items():
         if unit.endswith(base) and unit[: -len(base)] in PREFIXES:
             prefix = unit[: -len(base)]
@@ -284,7 +274,7 @@ def size_of(unit: str, column: str) -> float | None:
 
 
 def parse_heading(heading: str) -> tuple[str | None, str]:
-    """Return the column that a heading names, if it does, and its unit: ``Force (nN)`` is force and nN."""
+    """Return the column that a heading names, or None, and its unit: ``Force (nN)`` is force and nN."""
     found = _HEADING.fullmatch(heading.strip().strip("\"'"))
     word, unit = (found[1], found[2] or "") if found else (heading, "")
     last = re.split(r"[\s_]+", word.strip().lower())
@@ -295,20 +285,13 @@ def parse_heading(heading: str) -> tuple[str | None, str]:
 
 
 def in_si(units: Units | None) -> Sizes:
-    """Return the sizes in SI of the units of time, length and force of a model; 1 where it has none.
-
-    Raises
-    ------
-    ConfigError
-        A unit is not metric.
-    """
+    """Return the sizes in SI of the units of time, length and force of a model; 1 without units."""
     if units is None:
         return 1.0, 1.0, 1.0
     time, length = size_of(units.time, "time"), size_of(units.length, "depth")
     stress = PREFIXES.get(units.stress.removesuffix("Pa")) if units.stress.endswith("Pa") else None
     if time is None or length is None or stress is None:
-        metric = "metric, such as um, kPa and s, for curves with units"
-        raise ConfigError([f"units: got {units}; must be {metric}"])
+        raise ConfigError([f"units: got {units}; curves with units need metric ones, such as um, kPa and s"])
     return time, length, stress * length**2
 
 

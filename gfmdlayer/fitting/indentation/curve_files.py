@@ -1,16 +1,14 @@
 """Measured force curves in files: columns of text, HDF5, and the formats of AFMs.
 
-Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or as the headings
-name them. Units stand in the headings, as in ``depth (nm)``, or are given.
+Text (.csv, .txt, .dat, .tsv): one curve in columns of time, depth and force, in this order or in the order of
+the headings. Units are in the headings, as in ``depth (nm)``, or are given separately.
 
 HDF5 (.h5, .hdf5): variables time, depth and force at the root, (rows,) for one curve or (curves, rows) for
-many, which may share a time of (rows,) and have x and y of (curves,); or a group for each curve with these
-variables in it and attributes x and y. Units are attributes `units`. Rows of NaN after the end of a short
+many, which may share a time of (rows,) and have x and y of (curves,); or one group for each curve with these
+variables and the attributes x and y. Units are the attribute `units`. Rows of NaN after the end of a short
 curve are left out.
 
-Other files are read by afmformats (the extra `afm`), in SI units; the depth is that of the tip.
-
-A file of many curves is opened once, and a curve is read when it is used.
+afmformats (the extra `afm`) reads other files, in SI units; the depth is the position of the tip.
 """
 
 from __future__ import annotations
@@ -38,34 +36,16 @@ Units = Sequence[str]
 
 @dataclass(frozen=True)
 class Entry:
-    """A curve in a file.
+    """A curve in a file."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    key : str
-        The curve in it: a group, a number, or nothing for the only one.
-    name : str
-        Names the curve in messages and results.
-    position : tuple of float
-        Place (x, y) on the sample, or nothing.
-    """
-
-    path: Path
-    key: str
-    name: str
-    position: tuple[float, ...] = ()
+    path: Path  # the file
+    key: str  # the curve in it: a group, a number, or nothing for the only one
+    name: str  # names the curve in messages and results
+    position: tuple[float, ...] = ()  # place (x, y) on the sample, or nothing
 
 
 def entries(paths: Sequence[Path]) -> list[Entry]:
-    """Return the curves in files and folders, in the order of the names.
-
-    Raises
-    ------
-    TableError
-        A file does not exist or cannot be read, or there is no curve.
-    """
+    """Return the curves in files and folders, in the order of their names."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -73,10 +53,10 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
         elif path.exists():
             files.append(path)
         else:
-            raise TableError(f"{path}: no such file; must be a file of curves, or a folder of them")
+            raise TableError(f"{path}: no such file; give a file of curves or a folder")
     found = [entry for path in files for entry in _entries(path)]
     if not found:
-        raise TableError(f"{', '.join(map(str, paths))}: holds no curve")
+        raise TableError(f"{', '.join(map(str, paths))}: no curve found")
     names: dict[str, int] = {}
     for entry in found:
         names[entry.name] = names.get(entry.name, 0) + 1
@@ -84,28 +64,15 @@ def entries(paths: Sequence[Path]) -> list[Entry]:
         entry if names[entry.name] == 1 else replace(entry, name=f"{entry.path}:{entry.key}".rstrip(":"))
         for entry in found
     ]
-    # Bytes of a file's name that are not UTF-8 are written out by their codes.
+    # Bytes of a file's name that are not UTF-8 become escape codes.
     return [replace(each, name=os.fsencode(each.name).decode(errors="backslashreplace")) for each in every]
 
 
 def read_curve(entry: Entry, units: Units | None = None, into: Sizes = (1.0, 1.0, 1.0)) -> ForceCurve:
-    """Read a curve, in the units of a model where units are known, else as its numbers are.
+    """Read a curve; with known units, convert it to the units of the model.
 
-    Parameters
-    ----------
-    entry : Entry
-        The curve.
-    units : sequence of str, optional
-        Units of time, depth and force of columns without their own.
-    into : tuple of float
-        Sizes of the model's units of time, length and force in SI.
-
-    Raises
-    ------
-    TableError
-        The file cannot be read, a column is missing, or units are unknown or incomplete.
-    CurveError
-        The numbers cannot be used.
+    `units` are those of time, depth and force for columns without a unit; `into` are the sizes in SI of the
+    model's units of time, length and force.
     """
     if entry.path.suffix.lower() in TEXT:
         columns, found = _text_columns(entry.path)
@@ -143,7 +110,7 @@ def _text_columns(path: Path) -> tuple[dict[str, FloatArray], dict[str, str]]:
     lines = read_lines(path)
     first = next((i for i, line in enumerate(lines) if all(map(is_number, line[2]))), None)
     if first is None:
-        raise TableError(f"{path}:1: holds no rows of numbers; must hold time, depth and force")
+        raise TableError(f"{path}:1: no rows of numbers; the file must have columns of time, depth and force")
     order = {column: i for i, column in enumerate(COLUMNS)}
     units: dict[str, str] = {}
     if first:
@@ -153,17 +120,17 @@ def _text_columns(path: Path) -> tuple[dict[str, FloatArray], dict[str, str]]:
     for number, shown, words in lines[first:]:
         if len(words) != width or not all(map(is_number, words)):
             raise TableError(
-                f"{path}:{number}: cannot read {shown[:60]!r}; must be {width} numbers, as above"
+                f"{path}:{number}: got {shown[:60]!r}; must be {width} numbers, as in the rows above"
             )
         rows.append([float(word) for word in words])
     table = np.array(rows)
     if max(order.values()) >= width:
-        raise TableError(f"{path}:{lines[first][0]}: holds {width} columns; must hold time, depth and force")
+        raise TableError(f"{path}:{lines[first][0]}: got {width} columns; must be time, depth and force")
     return {column: table[:, i] for column, i in order.items()}, units
 
 
 def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[str, str]]:
-    """Return the places and the units of the columns that a line of headings names."""
+    """Return the positions and units of the columns in a line of headings."""
     separator = next((mark for mark in ",;\t" if mark in line), None)
     order: dict[str, int] = {}
     units: dict[str, str] = {}
@@ -172,33 +139,35 @@ def _headings(path: Path, number: int, line: str) -> tuple[dict[str, int], dict[
         if column is None:
             continue
         if column in order:
-            raise TableError(f"{path}:{number}: two columns are named {column}; must be one")
+            raise TableError(f"{path}:{number}: two columns are named {column}; name only one so")
         order[column] = i
         if unit:
             units[column] = unit
     if missing := [column for column in COLUMNS if column not in order]:
         raise TableError(
-            f"{path}:{number}: names no column {' and '.join(missing)}; must name time, depth and force, as "
-            "in time (s), depth (nm), force (nN)"
+            f"{path}:{number}: no column is named {' or '.join(missing)}; name time, depth and force, as in "
+            "time (s), depth (nm), force (nN)"
         )
     return order, units
 
 
 def _sizes(path: Path, found: dict[str, str], given: Units | None, into: Sizes) -> list[float]:
-    """Return the sizes of the units of the columns over those of a model; 1 where none has a unit."""
+    """Return the sizes of the columns' units over the sizes of the model's; 1 if no column has a unit."""
     units = dict(zip(COLUMNS, given or (), strict=False)) | found
     if not units:
         return [1.0] * len(COLUMNS)
     if missing := [column for column in COLUMNS if column not in units]:
         raise TableError(
-            f"{path}: {' and '.join(missing)} without a unit beside {' and '.join(units)} with one; must all "
-            "have one, in the headings or by --units"
+            f"{path}: {' and '.join(units)} with a unit, but {' and '.join(missing)} without; give "
+            "all units, in the headings or with --units"
         )
     sizes = []
     for column, own in zip(COLUMNS, into, strict=True):
         size = size_of(units[column], column)
         if size is None:
-            raise TableError(f"{path}: {units[column]!r} is no unit of {column}; must be {allowed(column)}")
+            raise TableError(
+                f"{path}: got the unit {units[column]!r} for {column}; must be {allowed(column)}"
+            )
         sizes.append(size / own)
     return sizes
 
@@ -229,7 +198,7 @@ def _hdf5_columns(entry: Entry) -> tuple[dict[str, FloatArray], dict[str, str]]:
         columns, units = {}, {}
         for column in COLUMNS:
             if column not in place:
-                raise TableError(f"{entry.path}: curve {entry.name} has no {column}; must have one")
+                raise TableError(f"{entry.path}: curve {entry.name} has no variable {column}")
             data = place[column]
             columns[column] = np.asarray(data[:] if data.ndim == 1 or row is None else data[row], dtype=float)
             if unit := data.attrs.get("units"):
@@ -269,7 +238,7 @@ def _afm_group(path: Path) -> Any:
     except ImportError:
         known = ", ".join(sorted(TEXT | HDF5))
         raise TableError(
-            f"{path}: must be {known}, or `pip install 'gfmdlayer[afm]'` for the formats of AFMs"
+            f"{path}: must be {known}; for AFM formats first run pip install 'gfmdlayer[afm]'"
         ) from None
     try:
         return afmformats.load_data(path)
@@ -278,11 +247,11 @@ def _afm_group(path: Path) -> Any:
 
 
 def _afm_curve(entry: Entry) -> ForceCurve:
-    """Read a curve by afmformats; the tip is at the measured height of its base plus its deflection."""
+    """Read a curve by afmformats; the position of the tip is the measured height plus the deflection."""
     data = _afm_group(entry.path)[int(entry.key)]
     stiffness = data.metadata.get("spring constant")
     if "time" not in data.columns or "force" not in data.columns:
-        raise TableError(f"{entry.path}: curve {entry.name} has no time or no force; must have both")
+        raise TableError(f"{entry.path}: curve {entry.name} has no time or no force; it needs both")
     force = np.asarray(data["force"])
     if "tip position" in data.columns:
         tip = np.asarray(data["tip position"])
@@ -290,7 +259,7 @@ def _afm_curve(entry: Entry) -> ForceCurve:
         tip = np.asarray(data["height (measured)"]) + force / stiffness
     else:
         raise TableError(
-            f"{entry.path}: curve {entry.name} has no tip position; must have it, or the measured height and "
-            "the spring constant"
+            f"{entry.path}: curve {entry.name} has no tip position; it needs the tip position, or the "
+            "measured height and the spring constant"
         )
     return ForceCurve(entry.name, data["time"], -tip, force, position=entry.position)

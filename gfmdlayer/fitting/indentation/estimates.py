@@ -1,56 +1,51 @@
-"""Estimates of the parameters of a fit, with their errors, and what the data cannot tell."""
+"""Estimates of the parameters of a fit, their confidence intervals, and doubts about them.
+
+Linear intervals: with the derivatives J of the residuals and their variance s^2, the covariance of u is
+s^2 (J^T J)^-1. A robust loss rho changes the factor to mean(psi^2)/mean(psi')^2, psi = r rho'(r^2) (Huber,
+Robust Statistics, 1981, Sec. 7.6). Intervals of the parameters follow on their scales with Student's t.
+
+Profile intervals: one parameter is fixed and all others are fitted again; at the ends of the interval the sum
+of squares has grown by s^2 t^2 (Bates & Watts, Nonlinear Regression Analysis, 1988, Sec. 6.1). A further
+stiff residual fixes the parameter.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import stdtrit
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
-from gfmdlayer.fitting.indentation import intervals
 from gfmdlayer.fitting.indentation.curve import CurveError, ForceCurve
-from gfmdlayer.fitting.indentation.parameters import Parameter
-from gfmdlayer.fitting.indentation.problem import LeastSquares
+from gfmdlayer.fitting.indentation.problem import LeastSquares, Parameter
 
 BAND = 0.95  # confidence of all intervals
+LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+STIFF = 1e3  # of the further residual, over its standard error
+ROUNDS = 5  # of the search for an end of a profile
+CLOSE = 0.02  # an end is found when the root of the growth is this close to t, relative to t
+FAR = 4.0  # the search ends this many linear half-widths from the estimate
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter.
+    """A fitted parameter."""
 
-    Attributes
-    ----------
-    key, curve : str
-        Dotted key of the model or value of a curve, and the curve if it belongs to one of several.
-    value : float
-        Value of least squares.
-    error : float
-        Standard error; relative where the parameter is fitted by its logarithm.
-    interval : tuple of float
-        95 % confidence interval, linear.
-    profile : tuple of float, optional
-        95 % confidence interval of the profile.
-    bounds : tuple of float
-        Those of the fit.
-    relative : bool
-        Whether it is fitted by its logarithm.
-    """
-
-    key: str
-    curve: str
-    value: float
-    error: float
-    interval: tuple[float, float]
-    profile: tuple[float, float] | None
-    bounds: tuple[float, float]
-    relative: bool
+    key: str  # dotted key of the model, or value of a curve
+    curve: str  # the curve to which it belongs; empty if all curves share it
+    value: float  # least squares
+    error: float  # standard error; relative where the parameter is fitted by its logarithm
+    interval: tuple[float, float]  # 95 % confidence interval, linear
+    profile: tuple[float, float] | None  # 95 % confidence interval, by profile
+    bounds: tuple[float, float]  # smallest and largest value allowed
+    relative: bool  # whether it is fitted by its logarithm
 
     @property
     def name(self) -> str:
@@ -65,56 +60,26 @@ class Estimate:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """A curve with the force of the fitted model.
+    """A curve with the force of the fitted model."""
 
-    Attributes
-    ----------
-    curve : ForceCurve
-        The measurement.
-    force : ndarray
-        Predicted, at the rows of the curve.
-    band : ndarray
-        Half width of the 95 % confidence band of the prediction.
-    noise : float
-        Standard deviation of the force, as given or from the residual.
-    """
-
-    curve: ForceCurve
-    force: FloatArray
-    band: FloatArray
-    noise: float
+    curve: ForceCurve  # the measurement
+    force: FloatArray  # predicted, at the rows of the curve
+    band: FloatArray  # half width of the 95 % confidence band of the prediction
+    noise: float  # standard deviation of the force, as given or from the residual
 
 
 @dataclass(frozen=True)
 class IndentationFit:
-    """A fit of one or several curves.
-
-    Attributes
-    ----------
-    parameters : tuple of Estimate
-        The free parameters.
-    correlation : ndarray, shape (parameters, parameters)
-        Of the estimates, on the scales on which they are fitted.
-    curves : tuple of CurveFit
-        The curves.
-    aic, bic : float
-        Information criteria of Akaike and Schwarz for normal noise: smaller is better, for the same curves.
-    warnings : tuple of str
-        What the data cannot tell, and what is odd about them.
-    solutions : int
-        Contact problems over a whole curve that were solved.
-    config : Config
-        The model with the fitted values.
-    """
+    """A fit of one or several curves."""
 
     parameters: tuple[Estimate, ...]
-    correlation: FloatArray
+    correlation: FloatArray  # shape (parameters, parameters), on the scales on which they are fitted
     curves: tuple[CurveFit, ...]
-    aic: float
-    bic: float
-    warnings: tuple[str, ...]
-    solutions: int
-    config: Any = field(repr=False)
+    aic: float  # information criterion of Akaike; smaller is better, for the same curves
+    bic: float  # information criterion of Schwarz
+    warnings: tuple[str, ...]  # parameters that the data do not determine, and odd data
+    solutions: int  # number of solved contact problems, each over a whole curve
+    config: Any = field(repr=False)  # the model with the fitted values
 
     @property
     def depth(self) -> float:
@@ -125,7 +90,7 @@ class IndentationFit:
         return max(*reached, 0.0)
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return a parameter by its key, or its last part."""
+        """Return a parameter by its key, or the last part of its key."""
         for each in self.parameters:
             if name in {each.name, each.key, each.key.rpartition(".")[2]}:
                 return each
@@ -134,27 +99,18 @@ class IndentationFit:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How curves are fitted.
+    """How curves are fitted."""
 
-    Attributes
-    ----------
-    loss : str
-        linear, or soft_l1, huber, cauchy, which outliers pull less.
-    profile : bool
-        Find the profile intervals too; the fit then takes three to ten times as long.
-    contact : str
-        given: the depth is that below the surface. detect: each curve has a free contact point and offset
-        of the force, which start where the force begins to rise.
-    """
-
-    loss: str = "linear"
-    profile: bool = False
+    loss: str = "linear"  # linear; or soft_l1, huber, cauchy, which give outliers less weight
+    profile: bool = False  # find profile intervals too; the fit then takes three to ten times as long
+    # given: depths count from the surface. detect: each curve has a free contact point and a free offset of
+    # the force, which start where the force begins to rise.
     contact: str = "given"
 
     def __post_init__(self) -> None:
         problems = []
-        if self.loss not in intervals.LOSSES:
-            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(intervals.LOSSES)}")
+        if self.loss not in LOSSES:
+            problems.append(f"loss: got {self.loss!r}; must be one of {', '.join(LOSSES)}")
         if self.contact not in {"given", "detect"}:
             problems.append(f"contact: got {self.contact!r}; must be given or detect")
         if problems:
@@ -162,20 +118,19 @@ class FitOptions:
 
 
 def conclude(problem: LeastSquares, u: FloatArray, options: FitOptions, notes: list[str]) -> IndentationFit:
-    """Estimate the errors of a fit."""
+    """Return the fit at u: estimates, intervals, correlations, information criteria, warnings."""
     residuals, jacobian = problem.residuals(u), problem.jacobian(u)
     known = all(each.curve.noise is not None for each in problem.predictions)
-    factor = intervals.variance(residuals, u.size, options.loss, known)
-    spread = intervals.covariance(jacobian, factor)
-    t = intervals.quantile(BAND, residuals.size - u.size)
+    factor = variance(residuals, u.size, options.loss, known)
+    spread = covariance(jacobian, factor)
+    t = quantile(BAND, residuals.size - u.size)
     reported, slopes = problem.reported(u)
     on_scale = slopes @ spread @ slopes.T
     errors = np.sqrt(np.diag(on_scale))
     profiles: list[tuple[float, float] | None] = [None] * u.size
     if options.profile:
-        refit = partial(_refit, bounds=problem.bounds, loss=options.loss)
-        search = intervals.Profile(problem, u, spread, factor, refit)
-        profiles = [search.interval(i, t) for i in range(u.size)]
+        search = _Profile(problem, u, spread, factor, options.loss)
+        profiles = [(search.end(i, t, -1.0), search.end(i, t, 1.0)) for i in range(u.size)]
     values = problem.values(u)
     estimates = tuple(
         _estimate(each, values[each.name], (float(reported[i]), float(errors[i])), t, profiles[i])
@@ -191,12 +146,6 @@ def conclude(problem: LeastSquares, u: FloatArray, options: FitOptions, notes: l
     )
 
 
-def _refit(
-    residuals: Any, jacobian: Any, start: FloatArray, bounds: tuple[FloatArray, FloatArray], loss: str
-) -> FloatArray:
-    return intervals.minimised(residuals, jacobian, start, bounds, loss, 1e-4)
-
-
 def _estimate(
     parameter: Parameter,
     value: float,
@@ -204,7 +153,7 @@ def _estimate(
     t: float,
     profile: tuple[float, float] | None,
 ) -> Estimate:
-    """Turn an estimate on its scale into one in its units."""
+    """Convert an estimate from the scale of the fit to its own units."""
     at, error = on_scale
     relative = parameter.scale == "logarithmic"
 
@@ -233,7 +182,7 @@ def _curve_fits(
 
 
 def _criteria(fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float]:
-    """Return AIC and BIC; a noise that was estimated counts as a parameter."""
+    """Return AIC and BIC; an estimated noise counts as a parameter."""
     twice, rows, count = 0.0, 0, parameters
     for each in fitted:
         squares, size = float(np.sum((each.force - each.curve.force) ** 2)), each.force.size
@@ -249,25 +198,25 @@ def _criteria(fitted: Sequence[CurveFit], parameters: int) -> tuple[float, float
 def _doubts(
     estimates: Sequence[Estimate], correlation: FloatArray, fitted: Sequence[CurveFit], excess: float
 ) -> Iterator[str]:
-    """Yield what the data cannot tell."""
+    """Yield warnings: parameters that the data do not determine, and residuals that are not noise."""
     for each in estimates:
         (low, high), (least, most) = each.profile or each.interval, each.bounds
         below, above = low <= least * (1 + 1e-6 * np.sign(least)), high >= most * (1 - 1e-6 * np.sign(most))
         if below and above:
             yield (
-                f"{each.name}: the data do not determine it: its interval spans its bounds, {least:g} to "
+                f"{each.name}: the data do not determine it; its interval spans its bounds, {least:g} to "
                 f"{most:g}"
             )
         elif below or above:
-            side, bound = ("above", least) if below else ("below", most)
-            yield f"{each.name}: the data bound it from {side} only: its interval reaches the bound {bound:g}"
+            side, bound = ("an upper", least) if below else ("a lower", most)
+            yield f"{each.name}: the data give only {side} limit; the interval reaches {bound:g}"
         elif each.relative and high > 10 * low:
-            yield f"{each.name}: hardly determined: its interval spans a factor of {high / low:.2g}"
+            yield f"{each.name}: the data hardly determine it; the interval spans a factor {high / low:.2g}"
     for i, j in combinations(range(len(estimates)), 2):
         if abs(correlation[i, j]) > 0.99:
             pair = f"{estimates[i].name} and {estimates[j].name}"
             value = f"correlation {correlation[i, j]:.4f}"
-            yield f"{pair}: {value}: the data determine a combination of them, not both"
+            yield f"{pair}: the data determine only a combination of them ({value})"
     for fit in fitted:
         residual = fit.force - fit.curve.force
         if np.sum(residual**2) > 0:
@@ -275,20 +224,20 @@ def _doubts(
             if along > 0.5:
                 yield (
                     f"curve {fit.curve.name}: residuals of neighbouring rows have a correlation of "
-                    f"{along:.2f}: the model does not describe the curve to its noise, and intervals are "
-                    "too narrow"
+                    f"{along:.2f}. The model does not follow the curve to within its noise, and the "
+                    "intervals are too narrow"
                 )
     if excess > 1.5:
-        yield f"the residual is {excess**0.5:.3g} times the noise that was given; intervals count with it"
+        yield f"the residual is {excess**0.5:.3g} times the given noise; the intervals account for it"
 
 
-# The contact point of a measured curve, from the force alone.
+# The contact point of a measured curve, from the force.
 #
-# Up to the largest depth the force is an offset before the contact and an offset plus c (d - d_0)^m after it:
-# m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For each row as the contact point, offset and c are a
-# linear problem; the sum of squares over the rows has its minimum at the contact point, and grows by the
-# variance of the noise at one standard error from it. Only the rows up to `PART` of the largest force count:
-# further in, a thin layer stiffens, and a material relaxes.
+# Up to the largest depth the force is an offset before contact, and the offset plus c (d - d_0)^m after it:
+# m = 3/2 for a sphere, 2 for a cone, 1 for a flat end. For a given contact point, the offset and c follow
+# from a linear problem. The sum of squares is least at the true contact point, and larger by the variance of
+# the noise at one standard error from it. Only the rows up to `PART` of the largest force count: deeper, a
+# thin layer stiffens and a material relaxes.
 
 PART = 0.25  # of the largest force
 BASELINE = 5  # rows before the contact, at least
@@ -296,7 +245,7 @@ CANDIDATES = 200
 
 
 class ContactPoint(NamedTuple):
-    """A measured depth at which the indenter touches, its standard error, and the force before."""
+    """The measured depth at which the indenter touches, its standard error, and the force before contact."""
 
     depth: float
     error: float
@@ -304,20 +253,7 @@ class ContactPoint(NamedTuple):
 
 
 def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
-    """Find the contact point of a curve.
-
-    Parameters
-    ----------
-    curve : ForceCurve
-        With at least `BASELINE` rows before the contact.
-    exponent : float
-        m of the force.
-
-    Raises
-    ------
-    CurveError
-        No rows lie before the contact.
-    """
+    """Find the contact point of a curve; the force grows with the power `exponent` of the depth."""
     end = int(np.argmax(curve.force)) + 1
     offset = float(np.median(curve.force[: max(BASELINE, end // 20)]))
     reached = np.flatnonzero(curve.force[:end] - offset > PART * (curve.force[end - 1] - offset))
@@ -326,8 +262,8 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
     last = end - BASELINE
     if last <= BASELINE:
         raise CurveError(
-            f"curve {curve.name}: {end} rows up to {PART:.0%} of the largest force; a contact point needs "
-            f"{BASELINE} rows before the contact and as many after it"
+            f"curve {curve.name}: only {end} rows up to {PART:.0%} of the largest force; a contact point "
+            f"needs {BASELINE} rows before contact and {BASELINE} after it"
         )
     points = np.unique(np.linspace(depth[0], depth[last], CANDIDATES))
     found = [_squares(point, depth, force, exponent) for point in points]
@@ -335,8 +271,8 @@ def detect(curve: ForceCurve, exponent: float = 1.5) -> ContactPoint:
     best = int(np.argmin(squares))
     if np.count_nonzero(depth < points[best]) < BASELINE:
         raise CurveError(
-            f"curve {curve.name}: presses from its first rows on; a contact point needs {BASELINE} rows "
-            "before the contact"
+            f"curve {curve.name}: the first rows are already in contact; a contact point needs {BASELINE} "
+            "rows before contact"
         )
     allowed = squares[best] * (1 + 1 / (end - 3))
     inside = points[squares <= allowed]
@@ -350,3 +286,111 @@ def _squares(point: float, depth: FloatArray, force: FloatArray, exponent: float
     columns = np.stack([np.ones_like(shape), shape / max(float(shape.max()), 1e-300)], axis=1)
     solution = np.linalg.lstsq(columns, force, rcond=None)[0]
     return float(np.sum((force - columns @ solution) ** 2)), float(solution[0])
+
+
+def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, FloatArray]:
+    """Return psi = r rho'(r^2) and its derivative to r, for the losses of `scipy.optimize.least_squares`."""
+    z = residuals**2
+    match loss:
+        case "soft_l1":
+            first, second = (1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5
+        case "huber":
+            outside = np.maximum(z, 1.0)
+            first = outside**-0.5
+            second = np.where(z > 1, -0.5 * outside**-1.5, 0.0)
+        case "cauchy":
+            first, second = 1 / (1 + z), -1 / (1 + z) ** 2
+        case _:
+            first, second = np.ones_like(z), np.zeros_like(z)
+    return residuals * first, first + 2 * z * second
+
+
+def variance(residuals: FloatArray, parameters: int, loss: str, known: bool) -> float:
+    """Return the factor of (J^T J)^-1 in the covariance; at least 1 where the noise is `known`.
+
+    Residuals are over the noise.
+    """
+    psi, slope = loss_derivatives(residuals, loss)
+    found = float(np.sum(psi**2) / (residuals.size - parameters) / np.mean(slope) ** 2)
+    return max(found, 1.0) if known else found
+
+
+def covariance(jacobian: FloatArray, factor: float) -> FloatArray:
+    """Return factor (J^T J)^-1; directions that the data do not determine get a huge variance."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = np.finfo(float).tiny ** 0.5
+    _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
+    inverse = np.maximum(singular, 1e-12 * singular.max()) ** -2.0
+    return np.asarray(factor * (directions.T * inverse) @ directions / np.outer(scale, scale))
+
+
+def quantile(level: float, freedom: int) -> float:
+    """Student's t for a two-sided interval."""
+    return float(stdtrit(freedom, 0.5 + level / 2))
+
+
+class _Profile:
+    """The ends of the profile intervals."""
+
+    def __init__(
+        self, problem: LeastSquares, best: FloatArray, spread: FloatArray, factor: float, loss: str
+    ) -> None:
+        self._problem, self._best, self._spread, self._factor = problem, best, spread, factor
+        self._loss = loss
+        self._least = float(np.sum(problem.residuals(best) ** 2))
+
+    def end(self, i: int, t: float, side: float) -> float:
+        """Return the lower (side -1) or upper (+1) end of parameter i on its scale; infinite if not found."""
+        found, slopes = self._problem.reported(self._best)
+        error = float(np.sqrt(slopes[i] @ self._spread @ slopes[i]))
+        direction = self._spread @ slopes[i] / error**2
+        reach, u = t * error, self._best
+        known = [(0.0, 0.0)]  # distances from the estimate, and the roots there
+        for _ in range(ROUNDS):
+            moved = side * (reach - known[-1][0])
+            u = self._fixed_at(i, found[i] + side * reach, error, u + moved * direction)
+            known.append((reach, self._root(u)))
+            (near, low), (far, root) = known[-2:]
+            if abs(root - t) < CLOSE * t:
+                break
+            pace = max((root - low) / (far - near), 0.1 * t / reach)
+            reach = float(np.clip(far + (t - root) / pace, 0.3 * far, 2 * far))
+            if reach > FAR * t * error:
+                return side * np.inf
+        return float(found[i] + side * reach)
+
+    def _root(self, u: FloatArray) -> float:
+        grown = float(np.sum(self._problem.residuals(u) ** 2)) - self._least
+        return float(np.sqrt(max(grown, 0.0) / self._factor))
+
+    def _fixed_at(self, i: int, value: float, error: float, start: FloatArray) -> FloatArray:
+        """Fit the other parameters with parameter i fixed."""
+        stiffness = STIFF * self._factor**0.5 / error
+
+        def residuals(u: FloatArray) -> FloatArray:
+            return np.append(
+                self._problem.residuals(u), stiffness * (self._problem.reported(u)[0][i] - value)
+            )
+
+        def jacobian(u: FloatArray) -> FloatArray:
+            return np.vstack([self._problem.jacobian(u), stiffness * self._problem.reported(u)[1][i]])
+
+        return minimised(residuals, jacobian, start, self._problem.bounds, self._loss, 1e-4)
+
+
+def minimised(
+    residuals: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    loss: str = "linear",
+    precision: float = 1e-7,
+) -> FloatArray:
+    """Return the u of least loss within bounds."""
+    room = 1e-9 * (bounds[1] - bounds[0])
+    inside = np.clip(start, bounds[0] + room, bounds[1] - room)
+    found = least_squares(
+        residuals, inside, jac=jacobian, bounds=bounds, x_scale="jac", loss=loss,
+        ftol=precision, xtol=precision, gtol=1e-12, max_nfev=60,
+    )  # fmt: skip
+    return np.asarray(found.x)

@@ -2,7 +2,7 @@
 
 The free parameters minimise the sum of squares of predicted minus measured force over the noise
 (`problem.LeastSquares`, the trust-region reflective method of scipy). The fit starts with all free moduli
-multiplied by the factor that the forces ask for, and with the best of several factors of the times.
+multiplied by the factor that fits the forces best, and with the best of several relaxation times.
 """
 
 from __future__ import annotations
@@ -19,22 +19,19 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError, text
-from gfmdlayer.fitting.indentation import intervals
 from gfmdlayer.fitting.indentation.curve import ForceCurve, Sizes, in_si
 from gfmdlayer.fitting.indentation.curve_files import Units, entries, read_curve
-from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, detect
-from gfmdlayer.fitting.indentation.forward import Prediction
-from gfmdlayer.fitting.indentation.parameters import (
-    SECTIONS,
-    Free,
-    Model,
-    Parameter,
-    free_parameters,
-)
+from gfmdlayer.fitting.indentation.estimates import FitOptions, IndentationFit, conclude, detect, minimised
 from gfmdlayer.fitting.indentation.problem import (
     MODULI,
+    SECTIONS,
+    Free,
     LeastSquares,
+    Model,
+    Parameter,
+    Prediction,
     depths,
+    free_parameters,
     refuse_impossible,
     refuse_mixed_units,
     warnings_before,
@@ -43,10 +40,10 @@ from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.validation.problems import shown, unknown_key
 
 Given = ForceCurve | str | Path | Mapping[str, Any]
-TIMES = (0.0, 0.01, 0.1, 1.0)  # of the duration, for the first relaxation time; 0: as the model has it
-ROUGH, FINE = 1e-2, 1e-5  # precision of the fit before the times of the solution are chosen again, and then
+TIMES = (0.0, 0.01, 0.1, 1.0)  # trials of the shortest relaxation time, over the duration; 0: the model's
+ROUGH, FINE = 1e-2, 1e-5  # precision of the first fit, and of the fits after the times are chosen again
 ROUNDS = 4
-STAYS = 0.2  # change of a logarithm that needs no other times of the solution
+STAYS = 0.2  # change of a logarithm below which the times of the solution stay
 
 
 def fit_indentation(
@@ -64,17 +61,16 @@ def fit_indentation(
     Parameters
     ----------
     curves : ForceCurve, path, mapping or Dataset, or an iterable of these
-        Measured curves: files or folders of them (see `curve_files`), or columns time, depth and force.
-        Several share the parameters of the model; each has its own contact point, drift and
-        offset of the force.
+        Measured curves: files or folders (see `curve_files`), or columns time, depth and force. All curves
+        share the parameters of the model; each has its own contact point, drift and offset of the force.
     model : mapping, str or Path
-        Body and indenter in the words of a configuration (layer or layers, halfspace, punch), or a file of
-        it. Its values are where the fit starts. A key `free` names the free parameters.
+        Body and indenter with the keys of a configuration (layer or layers, halfspace, punch), or a YAML
+        file with them. The fit starts from these values. A key `free` names the free parameters.
     free : sequence of str, or mapping
         Dotted keys of the model, and contact_point, drift, force_offset; a mapping gives bounds as
         [low, high], or None.
     units : sequence of str, optional
-        Units of time, depth and force in files that do not tell them, such as ("s", "nm", "nN").
+        Units of time, depth and force for columns without units, such as ("s", "nm", "nN").
     loss, profile, contact
         See `FitOptions`.
 
@@ -115,12 +111,12 @@ def fit_indentation(
     made = Model(data)
     given = list(_curves(every, units, in_si(made.config.units)))
     if not given:
-        raise FitError("no curve is given; must be at least one")
+        raise FitError("got no curve; give at least one")
     return fit_curves(given, made, keys, options)
 
 
 def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[ForceCurve]:
-    """Yield the curves that are given in any of the ways of `fit_indentation`."""
+    """Yield the curves, given in any form that `fit_indentation` takes."""
     for number, each in enumerate(given):
         if isinstance(each, ForceCurve):
             yield each
@@ -130,17 +126,11 @@ def _curves(given: Iterable[Any], units: Units | None, into: Sizes) -> Iterator[
             time, depth, force = (np.asarray(each[key]) for key in ("time", "depth", "force"))
             yield ForceCurve(str(number), time, depth, force)
         else:
-            raise FitError(f"curve {number}: has no columns time, depth and force; must have them")
+            raise FitError(f"curve {number}: must have the columns time, depth and force")
 
 
 def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tuple[dict[str, Any], Free]:
-    """Return body and indenter as plain data, and the keys of the free parameters.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or no free parameter is named.
-    """
+    """Return body and indenter as plain data, and the keys of the free parameters."""
     if isinstance(model, Mapping):
         data = dict(model)
     else:
@@ -150,7 +140,7 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
             raise ConfigError([f"{model}: cannot be read ({error.strerror}); must be a YAML file"]) from None
         if document.problems or not isinstance(document.data, dict):
             found = [f"{place}: {message}" for place, message in document.problems]
-            raise ConfigError(found or [f"{model}: must hold the keys layer, halfspace and punch"])
+            raise ConfigError(found or [f"{model}: must have the keys layer, halfspace and punch"])
         data = document.data
     own = data.pop("free", None)
     keys = own if free is None else free
@@ -162,9 +152,9 @@ def read_model(model: Mapping[str, Any] | str | Path, free: Free | None) -> tupl
 
 
 def _wrong_keys(keys: Any) -> Iterator[str]:
-    """Yield what is wrong with the form of the keys of the free parameters, and of their bounds."""
+    """Yield errors in the form of the free parameters and their bounds."""
     if not isinstance(keys, (list, tuple, Mapping)) or not keys:
-        yield "free: must name parameters, such as layer.material.G0, or give bounds; in the model, or --free"
+        yield "free: name at least one parameter, such as layer.material.G0, in the model or with --free"
         return
     for key in keys:
         if not isinstance(key, str):
@@ -172,7 +162,7 @@ def _wrong_keys(keys: Any) -> Iterator[str]:
     for key, bounds in keys.items() if isinstance(keys, Mapping) else ():
         ends = () if isinstance(bounds, str) else np.atleast_1d(np.asarray(bounds, dtype=object))
         if bounds is not None and not (len(ends) == 2 and all(map(_finite, ends))):
-            yield f"free: {key}: got {shown(bounds)}; must be two finite numbers, [low, high], or nothing"
+            yield f"free: {key}: got {shown(bounds)}; give two finite numbers, [low, high], or no value"
 
 
 def _finite(value: Any) -> bool:
@@ -183,14 +173,15 @@ def fit_curves(curves: Sequence[ForceCurve], model: Model, free: Free, options: 
     """Fit a checked model to curves, see `fit_indentation`."""
     names = [curve.name for curve in curves]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise FitError(f"curve {', '.join(twice)}: is given twice; must have a name of its own")
+        raise FitError(f"curve {', '.join(twice)}: this name is given twice; give each curve its own name")
     parameters = _parameters(curves, model, free, options)
     reached = depths(curves, parameters)
     refuse_impossible(reached, model)
     rows = sum(curve.time.size for curve in curves)
     if rows < 2 * len(parameters):
         raise FitError(
-            f"{rows} rows for {len(parameters)} free parameters; must be at least {2 * len(parameters)}"
+            f"{rows} rows are too few for {len(parameters)} free parameters; the fit needs at least "
+            f"{2 * len(parameters)}"
         )
     problem = LeastSquares(model, parameters, [Prediction(curve) for curve in curves])
     u, scale = _first_guess(problem)
@@ -228,7 +219,7 @@ def _from_detection(parameter: Parameter, point: Any) -> Parameter:
 
 
 def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
-    """Return where the fit starts, and the factor by which the moduli of the model had to grow.
+    """Return the start of the fit, and the factor by which the moduli of the model were multiplied.
 
     The force is nearly of first degree in the moduli: one factor fits all of them to the measured force.
     """
@@ -248,7 +239,7 @@ def _first_guess(problem: LeastSquares) -> tuple[FloatArray, float]:
 
 
 def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, float]:
-    """Return u with the moduli that fit best, the sum of squares, and the factor."""
+    """Return u with the best common factor on the moduli, the sum of squares, and the factor."""
     moduli = [i for i, each in enumerate(problem.parameters) if each.key.rpartition(".")[2] in MODULI]
     offsets = [problem.offset(u, each.curve.name) for each in problem.predictions]
     pairs = list(zip(problem.predictions, offsets, strict=True))
@@ -264,8 +255,8 @@ def _scaled(problem: LeastSquares, u: FloatArray) -> tuple[FloatArray, float, fl
 
 
 def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
-    """Fit, choose the times of the solutions and the noise of each curve anew, and fit until u stays."""
-    minimise = partial(intervals.minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
+    """Fit; then choose the times of the solutions and the noise again and refit, until u stays."""
+    minimise = partial(minimised, problem.residuals, problem.jacobian, bounds=problem.bounds)
     problem.adapt(u)
     u = minimise(start=u, precision=ROUGH)
     estimated = [i for i, each in enumerate(problem.predictions) if each.curve.noise is None]
@@ -281,7 +272,7 @@ def _solve(problem: LeastSquares, u: FloatArray, loss: str) -> FloatArray:
 
 
 def _spread(residual: FloatArray, loss: str) -> float:
-    """Return the standard deviation of a residual; of its core, where outliers are expected."""
+    """Return the standard deviation of a residual, without outliers if the loss is not linear."""
     if loss == "linear":
         found = float(np.sqrt(np.mean(residual**2)))
     else:

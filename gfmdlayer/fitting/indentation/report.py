@@ -26,38 +26,17 @@ SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
 def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
-    """Return the names of the YAML, the JSON and the picture.
-
-    Raises
-    ------
-    ResultsError
-        One of them exists, unless `force`.
-    """
+    """Return the names of YAML, JSON and picture; existing files are an error unless `force`."""
     material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
     found = material, material.with_suffix(".json"), material.with_suffix(".png")
     for target in found:
         if target.exists() and not force:
-            raise ResultsError(f"{target}: exists; must be another file, or --force be given to overwrite it")
+            raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
     return found
 
 
 def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
-    """Write YAML, JSON and picture, and return the lines of a summary.
-
-    Parameters
-    ----------
-    fit : IndentationFit
-        The fit.
-    out : Path
-        The YAML file; the others lie beside it.
-    force : bool
-        Overwrite existing files.
-
-    Raises
-    ------
-    ResultsError
-        A file exists or cannot be written.
-    """
+    """Write YAML to `out`, JSON and picture beside it, and return the lines of a summary."""
     material, numbers, picture = targets(out, force)
     try:
         material.parent.mkdir(parents=True, exist_ok=True)
@@ -70,7 +49,7 @@ def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[st
 
 
 def model_yaml(fit: IndentationFit, name: str) -> str:
-    """Write the fitted model as a small configuration, the estimates and their intervals above it."""
+    """Write the fitted model as a small configuration, with the estimates in comments above it."""
     data = fit.config.model_dump(exclude_none=True)
     word = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:128] or "model"
     kept = {"name": word} | {key: data[key] for key in SECTIONS if key in data}
@@ -79,7 +58,7 @@ def model_yaml(fit: IndentationFit, name: str) -> str:
 
 
 def as_data(fit: IndentationFit) -> dict[str, Any]:
-    """Return a fit as plain data; an end of a profile that was not found is null."""
+    """Return a fit as plain data; null for an end of a profile interval that was not found."""
     return {
         "parameters": [_estimate(each) for each in fit.parameters],
         "correlation": fit.correlation.tolist(),
@@ -107,7 +86,7 @@ def _estimate(each: Estimate) -> dict[str, Any]:
 
 
 def summary(fit: IndentationFit) -> list[str]:
-    """Return the estimates, the noise, the correlations and the warnings, a line each."""
+    """Return lines with the estimates, the noise, the correlations and the warnings."""
     rows = sum(each.curve.time.size for each in fit.curves)
     number = "1 curve" if len(fit.curves) == 1 else f"{len(fit.curves)} curves"
     return [
@@ -121,7 +100,7 @@ def summary(fit: IndentationFit) -> list[str]:
 
 
 def comparison(fits: dict[str, IndentationFit]) -> list[str]:
-    """Return a table of models by their information criteria, the best by BIC first."""
+    """Return a table of models with their information criteria, the best by BIC first."""
     best_aic, best_bic = min(f.aic for f in fits.values()), min(f.bic for f in fits.values())
     width = max(len(name) for name in fits)
     lines = [f"{'model':{width}}  parameters  {'noise':>10}  {'AIC - best':>11}  {'BIC - best':>11}"]
@@ -157,7 +136,7 @@ def _correlations(fit: IndentationFit) -> Iterator[str]:
 
 
 def fit_figure(fit: IndentationFit) -> Figure:
-    """Draw measured and fitted forces over time with the confidence band, and below them the residuals."""
+    """Draw measured and fitted forces with the confidence band over time, and below them the residuals."""
     shown = fit.curves[:SHOWN_CURVES]
     with styled():
         figure = new_figure(1, 100.0)
@@ -190,7 +169,7 @@ def _draw(above: Axes, below: Axes, each: Any, look: tuple[str, float]) -> None:
 
 
 def _prefix(largest: float) -> tuple[float, str]:
-    """Return a power of ten that makes small or large numbers readable, and how to write it."""
+    """Return a power of ten that makes the numbers readable, and its label."""
     power = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
     if -3 <= power <= 3:
         return 1.0, ""

@@ -1,0 +1,212 @@
+"""A body as a configuration names it: a section with keys, and a `gfmdlayer.body.body.Body` at once.
+
+Configurations are read without numpy, which is imported inside of methods.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from gfmdlayer.body.materials import Law, Material
+from gfmdlayer.validation.problems import Problem
+from gfmdlayer.validation.sections import Kind, Section, sections_in
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from gfmdlayer.body.body import Body
+    from gfmdlayer.body.relaxation import Spectrum
+    from gfmdlayer.body.wavevectors import Wavevectors
+
+Relaxation = tuple[float, tuple[tuple[float, float], ...]]  # relaxed modulus, and (G_k, tau_k) of branches
+
+
+class Solid(Kind):
+    """Base class of bodies: its fields are the keys under `body`.
+
+    A field may be a material law, ``material: Annotated[Law, OneOf(LAWS)]``: in a run it is a `Material`, the
+    series of Maxwell branches that responds like the law over the times of the run.
+
+    Attributes
+    ----------
+    isolated : bool
+        Whether K(q) grows like q for short waves, as on a halfspace: an isolated, axisymmetric indenter needs
+        this, and a stiffness that does not depend on the direction.
+
+    Examples
+    --------
+    A bed of independent springs of stiffness k, pressure over displacement:
+
+    >>> class Bed(gfmdlayer.Solid):
+    ...     k: float
+    ...     @property
+    ...     def mean_stiffness(self):
+    ...         return self.k
+    ...     def stiffness(self, waves, s):
+    ...         return self.k + 0 * np.asarray(waves) * np.asarray(s)
+    ...     def spectrum(self, waves):
+    ...         return gfmdlayer.Spectrum.of_material(self.k + 0 * np.asarray(waves), gfmdlayer.Elastic(1.0))
+    >>> config = gfmdlayer.Config(name="bed", grid={"points": 64})
+    >>> case = gfmdlayer.Case(config, body=Bed(k=5.0))
+    >>> case.body.stiffness(case.grid.waves, 0.0)[:2]
+    array([5., 5.])
+    """
+
+    isolated: ClassVar[bool] = False
+
+    kind: str = "file"
+    """word that chooses the body"""
+
+    @property
+    def mean_stiffness(self) -> float:
+        """K(q = 0, s = 0) of the relaxed body; 0, the default, where the mean displacement is prescribed."""
+        return 0.0
+
+    @abstractmethod
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s), stress per displacement, see `gfmdlayer.body.body.Body`."""
+
+    @abstractmethod
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes at the wavevectors, of any shape."""
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The material laws of the body, in the order of its keys."""
+        return tuple(section for _, section in sections_in(self) if isinstance(section, Law))
+
+    def with_series(self, materials: Sequence[Material], accuracy: float) -> Body:  # noqa: ARG002
+        """Return the body of a run.
+
+        Parameters
+        ----------
+        materials : sequence of Material
+            Series in place of each of `laws`.
+        accuracy : float
+            Relative error of K(q, s) up to which relaxing modes may be merged.
+        """
+        body: Body = _with_laws(self, iter(materials))
+        return body
+
+    @property
+    def unit(self) -> float:
+        """Modulus by which dimensionless pressures are divided: of the first law, else 1."""
+        return next((law.unit for law in self.laws), 1.0)
+
+    @property
+    def characteristic_time(self) -> float | None:
+        """The relaxation time of the first law, where it has a single one."""
+        return next((law.characteristic_time for law in self.laws), None)
+
+    def roughly(self, longest: float) -> tuple[Relaxation, ...]:
+        """Return the relaxation of each material up to a time, for the cost of a run.
+
+        Without a law it is the relaxation of the stiffness at one wave.
+        """
+        if self.laws:
+            return tuple(law.roughly(longest) for law in self.laws)
+        found = self.spectrum([1.0])
+        return ((float(found.relaxed[0]), tuple(zip(*found.modes_at(0), strict=True))),)
+
+    @property
+    def moduli(self) -> tuple[float, ...]:
+        """Finite moduli in the body, one for each material."""
+        return tuple(law.unit for law in self.laws)
+
+    @property
+    def thicknesses(self) -> tuple[float, ...]:
+        """Thicknesses of layers from the surface down; inf: a halfspace."""
+        return ()
+
+    @property
+    def rigid_below(self) -> float:
+        """Depth of a rigid base; inf where there is none."""
+        return math.inf
+
+    @property
+    def contact_modulus(self) -> float | None:
+        """Relaxed E* = 2 G/(1 - nu) at the surface; None where there is no such modulus."""
+        return None
+
+    @property
+    def merges(self) -> bool:
+        """Whether relaxing modes may be merged: results then have a bound on the error, `spectrum_error`."""
+        return True
+
+    def problems_isolated(self) -> Iterator[Problem]:
+        """Yield why the body does not carry an isolated indenter, in keys of the configuration."""
+        if not self.isolated:
+            message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
+            yield Problem(("body",), message)
+
+
+def _with_laws(section: Any, materials: Iterator[Material]) -> Any:
+    """Return a section with the next of the materials in place of each law in it."""
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, Law):
+            return next(materials)
+        if isinstance(value, tuple):
+            return tuple(map(replaced, value))
+        return _with_laws(value, materials) if isinstance(value, Section) else value
+
+    new = {key: replaced(value) for key, value in vars(section).items()}
+    return section.model_copy(update=new)
+
+
+def fault(body: Body, waves: Wavevectors) -> str:
+    """Return why a body does not keep the promises of `Body` at some waves, if so.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    waves : Wavevectors, shape (nq,)
+        Waves of the grid, q = 0 the first.
+    """
+    import numpy as np
+
+    from gfmdlayer.body.wavevectors import Wavevectors
+
+    found, mean = body.spectrum(waves), body.mean_stiffness
+    parts = {"relaxed": found.relaxed, "weights": found.weights, "times": found.times}
+    for name, values in parts.items():
+        shape = waves.shape if name == "relaxed" else (len(found.weights), *waves.shape)
+        if np.shape(values) != shape:
+            return f"spectrum(waves).{name} has the shape {np.shape(values)}; must be {shape}"
+        if not np.isfinite(values).all():
+            return f"spectrum(waves).{name} is not finite at all wavevectors; must be"
+    if not 0 <= mean < np.inf:
+        return f"mean_stiffness is {mean!r}; must be >= 0 and finite"
+    if (found.weights < 0).any() or (found.times <= 0).any():
+        return "spectrum(waves) has a weight < 0 or a time <= 0; must be weights >= 0 and times > 0"
+    if (found.relaxed[1:] <= 0).any():
+        q = waves.magnitude[1:][found.relaxed[1:] <= 0][0]
+        return f"spectrum(waves).relaxed is not positive at |q| = {q:.6g}; must be"
+    if not _close(found.relaxed[:1], mean):
+        return (
+            f"spectrum(waves).relaxed is {found.relaxed[0]:.6g} at q = 0; must be mean_stiffness, {mean:.6g}"
+        )
+    back = Wavevectors.of_components(-waves.qx, -waves.qy)
+    for s in (0.0, *(1 / np.unique(found.times)[:: max(1, found.times.size // 8)])):
+        K = body.stiffness(waves, s)
+        if np.shape(K) != waves.shape:
+            return f"stiffness(waves, s) has the shape {np.shape(K)}; must be {waves.shape}"
+        if not _close(K, found.stiffness(s)):
+            return (
+                f"stiffness(waves, s) is not the sum of the modes of spectrum(waves) at s = {s:.6g}; must be"
+            )
+        if not _close(K, body.stiffness(back, s)):
+            return "stiffness(waves, s) differs between q and -q; must be equal"
+    return ""
+
+
+def _close(one: Any, other: Any) -> bool:
+    """Whether two stiffnesses agree, relative to each value, or to the largest where a value is zero."""
+    import numpy as np
+
+    size = np.abs(other)
+    return bool((np.abs(one - other) <= 1e-6 * size + 1e-12 * np.max(size)).all())

@@ -1,0 +1,208 @@
+"""Columns of the contact: time, depth, area, pressure, force, statistics of a rough contact, temperature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from gfmdlayer.observables.observable import AcceptedStep, Bins, Column, Observable, Parts, Value
+from gfmdlayer.resumable import State
+
+if TYPE_CHECKING:
+    from gfmdlayer.config import Config
+    from gfmdlayer.config.sections import Histogram
+
+TIME = Column("time", "time", "time", origin="from the beginning of the run")
+AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
+              symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
+PRESSURE = Column("mean_pressure", "mean contact pressure ptilde = pbar / (2 G0)", symbol=r"\tilde{p}",
+                  origin="mean over the whole cell; G0 of the uppermost layer")  # fmt: skip
+DEPTH = Column("depth", "indentation depth of the punch", "length",
+               origin="from the height at which the punch touches the surface at rest")  # fmt: skip
+RESIDUAL = Column("residual", "residual of the contact problem when the step was accepted",
+                  origin="relative to the largest pressure and the depth")  # fmt: skip
+
+
+class ContactMeans(Observable):
+    """Time, contact area, mean pressure in units of twice the relaxed modulus, depth, and residual."""
+
+    COLUMNS = TIME, AREA, PRESSURE, DEPTH, RESIDUAL
+
+    def __init__(self, case: Parts) -> None:
+        self._unit = 2 * case.config.solid.unit
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the columns of the solution."""
+        return {
+            "time": step.time,
+            "contact_area": step.solution.contact_area,
+            "mean_pressure": step.solution.mean_pressure / self._unit,
+            "depth": step.surface.depth,
+            "residual": step.solution.residual,
+        }
+
+
+class Force(Observable):
+    """Mean pressure over the cell, and the force over the cell: of a line contact, per length of the line."""
+
+    COLUMNS = (
+        Column("mean_stress", "mean contact pressure pbar", "pressure", origin="mean over the whole cell"),
+        Column(
+            "force",
+            "force on the punch over the cell",
+            "force",
+            origin="mean_stress times the area of the cell; of a line, its period",
+        ),
+    )
+
+    def __init__(self, case: Parts) -> None:
+        self._cell = math.prod(case.grid.period)
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return pbar, and pbar times the area of the cell or its length."""
+        mean = step.solution.mean_pressure
+        return {"mean_stress": mean, "force": mean * self._cell}
+
+
+FEWEST = 30  # a run is coarse if its largest contact has fewer points
+
+
+class Resolution(Observable):
+    """Contact area by edges between the points; attribute `most_contact_points`, the most in any step."""
+
+    COLUMNS = (
+        Column(
+            "contact_area_interpolated",
+            "relative contact area, the edge located between the points",
+            origin="over the cell; the edge from pressure and gap beside it",
+        ),
+    )
+
+    def __init__(self, case: Parts) -> None:
+        self._grid, self._most = case.grid, 0
+        self.attributes = {"most_contact_points": 0}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the area, and remember the number of points."""
+        from gfmdlayer.observables.contact_edges import interpolated_area
+        from gfmdlayer.observables.contact_statistics import in_contact
+
+        solution, shape = step.solution, self._grid.shape
+        touching = in_contact(step.problem, solution)
+        pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
+        self._count(self._grid.ranks.total(int(touching.sum())))
+        fields = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
+        return {"contact_area_interpolated": interpolated_area(*fields, self._grid)}
+
+    def state(self) -> State:
+        """Return the largest number of points."""
+        return {"most": self._most}
+
+    def restore(self, state: State) -> None:
+        """Continue from the number of another run."""
+        self._count(int(state["most"]))
+
+    def _count(self, points: int) -> None:
+        self._most = max(self._most, points)
+        self.attributes = {"most_contact_points": self._most}
+        few = 0 < self._most < FEWEST
+        touching = f"{self._most} point{'s' * (self._most != 1)}"
+        self.warning = f"COARSE: at most {touching} in contact; take more grid.points" if few else ""
+
+
+MEAN_GAP = Column(
+    "mean_gap", "mean gap between surface and punch", "length", origin="over the whole cell; 0 in contact"
+)
+PATCHES = Column("patches", "number of connected patches of contact", dtype="i8", origin="in the cell")
+
+
+class ContactStatistics(Observable):
+    """Mean gap and, on request, number of patches and histograms of pressure and gap.
+
+    The histogram of the pressure is over the points in contact and sums to the contact area; the histogram of
+    the gap is over the other points and sums to the rest of 1.
+    """
+
+    COLUMNS = (MEAN_GAP,)
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...]:
+        """Return the mean gap and the columns that `output` asks for."""
+        asked, found = config.output, [MEAN_GAP]
+        if asked.patches:
+            found.append(PATCHES)
+        if asked.histograms.pressure is not None:
+            bins = Bins("pressure_bin", "pressure", "pressure", _bin_edges(asked.histograms.pressure))
+            name = "part of the surface in contact with a pressure in the bin; the sum is the contact area"
+            found.append(Column("pressure_histogram", name, along=bins, origin="over the cell"))
+        if asked.histograms.gap is not None:
+            bins = Bins("gap_bin", "the gap", "length", _bin_edges(asked.histograms.gap))
+            name = "part of the surface out of contact with a gap in the bin; the sum is 1 - contact area"
+            found.append(Column("gap_histogram", name, along=bins, origin="over the cell"))
+        return tuple(found)
+
+    def __init__(self, case: Parts) -> None:
+        import numpy as np
+
+        asked = {column.name: column.along for column in self.columns(case.config)}
+        self._grid, self._counts_patches = case.grid, PATCHES.name in asked
+        self._edges = {name: np.array(bins.edges) for name, bins in asked.items() if bins is not None}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+        """Return mean gap, patches and histograms."""
+        solution = step.solution
+        found: dict[str, Value] = {"mean_gap": solution.mean_gap}
+        if not (self._counts_patches or self._edges):
+            return found
+        from gfmdlayer.observables.contact_statistics import count_patches, histogram, in_contact
+
+        touching = in_contact(step.problem, solution)
+        if self._counts_patches:
+            found["patches"] = count_patches(touching.reshape(self._grid.shape), self._grid)
+        for name, edges in self._edges.items():
+            of_pressure = name == "pressure_histogram"
+            values, chosen = (solution.pressure, touching) if of_pressure else (solution.gap, ~touching)
+            found[name] = histogram(values, chosen, edges, self._grid.ranks)
+        return found
+
+
+def _bin_edges(asked: Histogram) -> tuple[float, ...]:
+    """Edges of the bins of a histogram, with 0 and inf.
+
+    Values beyond `max` and, on a log scale, below `min` have a bin of their own.
+    """
+    import numpy as np
+
+    if asked.scale == "linear":
+        inner = np.linspace(0.0, asked.max, asked.bins + 1)[1:]
+    else:
+        assert asked.min is not None
+        inner = np.geomspace(asked.min, asked.max, asked.bins + 1)
+    return (0.0, *inner.tolist(), np.inf)
+
+
+class Temperature(Observable):
+    """Temperature of the body, and the factor of relaxation times of the uppermost material with a shift."""
+
+    COLUMNS = (
+        Column("temperature", "temperature of the body", "degrees Celsius", symbol="T", origin="as given"),
+        Column(
+            "shift_factor",
+            "aT, factor of relaxation times, of the uppermost material with a shift",
+            origin="from the relaxation times at the reference temperature",
+        ),
+    )
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case with a temperature."""
+        return None if config.temperature is None else cls.COLUMNS
+
+    def __init__(self, case: Parts) -> None:
+        self._reduced_time = next(filter(None, case.reduced_times))
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return both at the end of the step."""
+        temperature = self._reduced_time.temperature(step.time)
+        return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}

@@ -1,1 +1,0 @@
-"""Adhesion: closed forms of JKR, Johnson, Maugis and pull-in; instabilities of films; rate dependence."""

@@ -1,0 +1,239 @@
+"""Bodies of a user's own, from YAML: the examples of CONTRIBUTING.md, in a file and in the table."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gfmdlayer
+from gfmdlayer import Case, Config, ConfigError, Wavevectors, Zener, load, simulate
+from gfmdlayer.body.solid import fault
+from gfmdlayer.config import digest
+from gfmdlayer.execution.sweep import cases, input_errors
+from gfmdlayer.figures.body_plot import body_figure
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = re.findall(
+    r"^```python\n# gfmdlayer/body/(\w+\.py)\n(.*?)^```$",
+    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+    re.DOTALL | re.MULTILINE,
+)
+CODE = {name: text for name, text in EXAMPLES if "(Solid)" in text}
+BED = "name: bed\ngrid: {points: 256}\nbody: {file: winkler.py, k: 2.0}\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name, text in CODE.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def configured(text: str, **keys: Any) -> Config:
+    Path("case.yaml").write_text(text)
+    return load("case.yaml", keys, input_errors)
+
+
+@pytest.mark.usefixtures("here")
+def test_springs_press_in_proportion_to_the_overlap(recorder: Any) -> None:
+    # One branch as stiff as the spring: after a sudden step the pressure halves as it relaxes.
+    values = {"time.end": 0.5, "time.step": 0.1, "output.snapshots": [0.5], "trajectory.ramp_time": 1e-6}
+    case, found = Case(configured(BED, **values)), recorder()
+    simulate(case, found)
+    _, _, p = found.snapshots[0]
+    overlap = np.maximum(found["depth"][-1] - case.punch, 0)
+    assert 0 < np.count_nonzero(overlap) < 256
+    close = 1e-5 * overlap.max()  # the solver's tolerance, and the ramp
+    np.testing.assert_allclose(p, 2.0 * (1 + np.exp(-0.5)) * overlap, rtol=0, atol=2.0 * close)
+
+
+@pytest.mark.usefixtures("here")
+def test_body_and_punch_turned_by_a_right_angle_turn_the_pressure(recorder: Any) -> None:
+    found = []
+    for points, period, radius, a, b in (
+        ([48, 64], [1.0, 1.5], [0.5, 1.0], 4.0, 0.5),
+        ([64, 48], [1.5, 1.0], [1.0, 0.5], 0.5, 4.0),
+    ):
+        config = {
+            "name": "turned",
+            "grid": {"points": points, "period": period},
+            "body": {"file": "orthotropic.py", "a": a, "b": b, "material": {"model": "zener"}},
+            "punch": {"shape": "parabola", "radius": radius},
+            "time": {"end": 1.0, "step": 0.25},
+            "output": {"snapshots": [1.0]},
+        }
+        kept = recorder()
+        simulate(Config.model_validate(config), kept)
+        found.append((kept["contact_area"][-1], np.reshape(kept.snapshots[0][2], points)))
+    (area, p), (turned_area, turned_p) = found
+    assert area == turned_area
+    # Pressures are found to the solver's tolerance times the contrast of 10 of the moduli.
+    np.testing.assert_allclose(turned_p, p.T, rtol=0, atol=2e-5 * p.max())
+    np.testing.assert_allclose(p[1:], p[1:][::-1], rtol=0, atol=2e-5 * p.max())  # a mirror, about x = 0
+    assert abs(p - np.roll(p, 1, 0)).max() > 0.01 * p.max()
+
+
+@pytest.mark.usefixtures("here")
+def test_the_halfspace_is_a_body_that_is_the_same_in_all_directions() -> None:
+    text = "name: a\ngrid: {points: [16, 24]}\nbody: {file: orthotropic.py, a: 1, b: 1, material: {}}\n"
+    case = Case(configured(text))
+    halfspace, waves = gfmdlayer.halfspace(Zener()), case.grid.waves
+    for s in (0.0, 1.0, 2j):
+        np.testing.assert_allclose(case.body.stiffness(waves, s), halfspace.stiffness(waves, s), rtol=1e-14)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_law_of_the_body_is_replaced_by_its_series() -> None:
+    law = "{model: fractional_zener, exponent: 0.5}"
+    text = f"name: a\ngrid: {{points: 32}}\nbody: {{file: orthotropic.py, a: 1, b: 1, material: {law}}}\n"
+    config = configured(text)
+    case, law_itself = Case(config), config.laws[0]
+    assert len(case.series) == 1
+    K, s = case.body.stiffness([3.0], 2.0), 2.0
+    assert K[0] == pytest.approx(6.0 * law_itself.laplace(s), rel=3e-4)
+    np.testing.assert_allclose(case.body.spectrum([3.0]).stiffness(s), K, rtol=1e-12)
+    assert config.solid.unit == law_itself.unit
+    assert config.solid.characteristic_time == law_itself.characteristic_time
+
+
+def test_digests_follow_the_contents_of_the_file_and_not_its_name(here: Path) -> None:
+    first = digest(configured(BED))
+    (here / "other.py").write_text(CODE["winkler.py"])
+    assert digest(configured(BED.replace("winkler", "other"))) == first
+    (here / "winkler.py").write_text(CODE["winkler.py"] + "\n")
+    assert digest(configured(BED)) != first
+    assert digest(configured(BED, **{"body.k": 3.0})) != digest(configured(BED))
+
+
+def test_layers_by_name_are_the_default() -> None:
+    keys: dict[str, Any] = {"name": "a", "layer": {"thickness": 0.1}}
+    assert digest(Config(**keys, body={"kind": "layers"})) == digest(Config(**keys))
+    assert Config(**keys, body={"kind": "layers"}).solid == Config(**keys).solid
+
+
+@pytest.mark.usefixtures("here")
+def test_a_written_configuration_reads_back() -> None:
+    config = configured(BED, **{"body.tau": 3.0})
+    assert load("again.yaml", content=config.dump()).dump() == config.dump()
+    assert digest(load("again.yaml", content=config.dump())) == digest(config)
+
+
+def test_a_configuration_reaches_other_processes_when_the_file_is_gone(here: Path) -> None:
+    config = configured(BED, sweep={"body.k": [1.0, 2.0]})
+    every = pickle.dumps([case.config for case in cases(config)])
+    (here / "winkler.py").unlink()
+    code = f"import pickle; print([c.body.spectrum([1.0]).relaxed[0] for c in pickle.loads({every!r})])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[np.float64(1.0), np.float64(2.0)]\n"
+
+
+def test_a_file_and_a_line_in_the_table_make_a_body(here: Path) -> None:
+    # A package with the line: links to all other files.
+    package = here / "gfmdlayer"
+    for path in (ROOT / "gfmdlayer").rglob("*.py"):
+        link = package / path.relative_to(ROOT / "gfmdlayer")
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(path)
+    table, line = package / "config" / "bodies.py", '    "gfmdlayer.config.layers:Layers",\n'
+    text = table.read_text()
+    assert line in text
+    table.unlink()
+    table.write_text(text.replace(line, line + '    "gfmdlayer.body.winkler:WinklerBed",\n'))
+    (package / "body" / "winkler.py").write_text(CODE["winkler.py"])
+    code = (
+        "import gfmdlayer as g; c = g.Config(name='a', grid={'points': 8}, body={'kind': 'winkler', 'k': 2});"
+        "print(g.__file__, g.Case(c).body.spectrum(1.0).glassy); g.Config(name='a', body={'kind': 'winkle'})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False,
+                          env=os.environ | {"PYTHONPATH": str(here)})  # fmt: skip
+    assert done.stdout == f"{package / '__init__.py'} 4.0\n", done.stderr
+    assert "body.kind: got the text 'winkle'; must be one of layers, winkler, file" in done.stderr
+
+
+FILE = "{file: winkler.py, k: 1}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{k: 2.0}", "case.yaml:3:8: body.k: unknown key; allowed: kind"),
+        ("{file: winkler.py}", "case.yaml:3:1: body.k: missing; must be a number > 0, finite"),
+        ("{file: winkler.py, k: -1}", "case.yaml:3:29: body.k: got -1; must be a number > 0, finite"),
+        ("{file: winkler.py, k: 1, kk: 1}", "body.kk: unknown key; allowed: kind, k, tau, file; did"),
+        ("{file: nothing.py, k: 1}", "nothing.py does not exist; must be the name of a readable file,"),
+        (FILE + "\nlayer: {}", "case.yaml:4:1: layer: not available with body: {kind: winkler}; remove it"),
+        (
+            FILE + "\nhalfspace: {}",
+            "case.yaml:4:1: halfspace: not available with body: {kind: winkler}",
+        ),
+        (FILE + "\ngrid: {geometry: axisymmetric}", "axisymmetric, which this body does not allow; must be"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_impossible_keys_are_refused_with_their_place(text: str, expected: str) -> None:
+    grid = "" if "grid:" in text else "grid: {points: 16}"
+    with pytest.raises(ConfigError) as refused:
+        configured(f"name: bed\n{grid}\nbody: {text}\n")
+    assert expected in str(refused.value)
+    assert len(refused.value.problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("WinklerBed(Solid)", "WinklerBed(Solids)", "winkler.py:17: NameError: name 'Solids' is not"),
+        ("(Solid):", "(Solid:", "winkler.py:17: SyntaxError: invalid syntax; must be Python that defines a"),
+        ("(Solid):", "(object):", "classes that derive from gfmdlayer.Solid: none; must be one"),
+        ("def spectrum", "def spectra", "winkler.py:17: WinklerBed lacks spectrum; must define"),
+        ("np.full((1,", "np.ful((1,", "winkler.py:46: AttributeError: module"),
+        ("weights=k[np", "weights=-k[np", "a weight < 0 or a time <= 0; must be"),
+        ("weights=k[np", "weights=2*k[np", "stiffness(waves, s) is not the sum of the modes of spectrum"),
+        ("return self.k\n", "return 0.0\n", "relaxed is 1 at q = 0; must be mean_stiffness, 0"),
+        ("np.full(np.shape(waves), self.k)", "np.array([self.k])", "relaxed has the shape (1,); must be ("),
+    ],
+)  # fmt: skip
+def test_impossible_code_is_refused_with_file_and_line(here: Path, old: str, new: str, expected: str) -> None:
+    assert old in CODE["winkler.py"]
+    (here / "winkler.py").write_text(CODE["winkler.py"].replace(old, new, 1))
+    with pytest.raises(ConfigError) as refused:
+        configured(f"name: bed\ngrid: {{points: 16}}\nbody: {FILE}\n")
+    assert str(refused.value).startswith("case.yaml:3:14: body.file: ")
+    assert expected in str(refused.value)
+    assert len(refused.value.problems) == 1
+
+
+def test_a_body_that_differs_between_q_and_its_opposite_is_refused(here: Path) -> None:
+    text = CODE["orthotropic.py"].replace("q.qy**2)", "q.qy**2 + 0.1 * q.qx)")
+    (here / "orthotropic.py").write_text(text)
+    with pytest.raises(ConfigError, match="differs between q and -q; must be equal"):
+        configured("name: a\nbody: {file: orthotropic.py, a: 1, b: 1, material: {model: elastic}}\n")
+
+
+def test_the_modes_of_every_body_of_the_package_keep_the_promises() -> None:
+    waves = Wavevectors.of_components([0.0, 1.0, 0.0, -3.0], [0.0, 2.0, 50.0, 4.0])
+    for keys in ({}, {"halfspace": {"shear_modulus": np.inf}, "layer": {"poisson": 0.3}}):
+        assert fault(Config(name="a", **keys).solid, waves) == ""  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("points", [32, [32, 16]])
+@pytest.mark.usefixtures("here")
+def test_the_figure_shows_stiffness_and_relaxation(points: Any) -> None:
+    text = "name: a\nunits: {length: m, stress: Pa, time: s}\n"
+    body = "body: {file: orthotropic.py, a: 4, b: 1, material: {}}\n"
+    figure = body_figure(configured(text + body, **{"grid.points": points}))
+    stiffness, relaxation = figure.axes
+    assert [stiffness.get_xlabel(), stiffness.get_ylabel()] == ["$q$ (1/m)", "$K$ (Pa/m)"]
+    relaxed, sudden = (np.asarray(line.get_ydata(), dtype=float) for line in stiffness.lines[:2])
+    np.testing.assert_allclose(sudden, 10 * relaxed)
+    kept = np.asarray(relaxation.lines[0].get_ydata(), dtype=float)
+    assert kept[0] == pytest.approx(sudden[0], rel=1e-4)
+    assert len(stiffness.lines) == (2 if points == 32 else 4)
