@@ -137,8 +137,8 @@ class Axis:
     """One factor of the product: a swept key with its values, or a list of combinations."""
 
     rows: Sequence[Row]  # dotted keys and their values, in each place of the axis
-    location: Location  # where the keys are in the configuration
-    sampled: bool = False  # whether the values were drawn, and stand nowhere in the configuration
+    location: Location  # of the keys in the configuration
+    sampled: bool = False  # whether the values are samples, which the configuration does not contain
 
     def place(self, key: str, index: int) -> Location:
         """Return the location of a key's value in a row."""

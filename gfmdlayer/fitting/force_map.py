@@ -57,9 +57,9 @@ SCALARS = ("noise", "aic", "bic")
 class MapCase:
     """A curve of a map."""
 
-    index: int  # its number, that of its file
+    index: int  # number of the curve and of its file
     entry: Entry  # the curve in its file
-    contents: str  # hash of this file
+    contents: str  # hash of the file
 
     @property
     def values(self) -> dict[str, object]:
@@ -75,7 +75,7 @@ class FitTask:
     model: dict[str, Any]  # body and indenter
     free: Free  # free parameters
     options: FitOptions  # how curves are fitted
-    units: Units | None = None  # of columns without their own
+    units: Units | None = None  # of columns without a unit
 
     def digest(self, case: MapCase) -> str:
         """Return a hash of all input that determines the estimates of a case."""
@@ -115,8 +115,8 @@ class Estimates(NamedTuple):
     """The contents of the file of a case."""
 
     keys: list[str]  # free parameters
-    columns: FloatArray  # shape (4, parameters); `COLUMNS`
-    scalars: FloatArray  # shape (3,); `SCALARS`
+    columns: FloatArray  # shape (4, parameters), in the order of COLUMNS
+    scalars: FloatArray  # shape (3,), in the order of SCALARS
     warnings: str  # one line each
 
 

@@ -36,8 +36,8 @@ class Measurement(ABC):
     """A measured curve; responses are flat, one modulus after the other."""
 
     source: str  # name of the file
-    abscissa: FloatArray  # shape (rows,); angular frequencies or times, positive
-    moduli: FloatArray  # shape (moduli, rows); measured moduli, positive
+    abscissa: FloatArray  # shape (rows,): angular frequencies or times, positive
+    moduli: FloatArray  # shape (moduli, rows), positive
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
@@ -226,11 +226,10 @@ def _parts(values: NDArray[np.complex128]) -> FloatArray:
 class WLF:
     """A change of temperature of a material that follows the equation of Williams, Landel and Ferry."""
 
-    # t, and T0 at which the material was measured or to which its master curve was reduced
-    temperature: float
-    reference: float  # t, and T0 at which the material was measured or to which its master curve was reduced
-    C1: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
-    C2: float  # the material's constants at T0, both positive; C2 is a difference of temperatures
+    temperature: float  # T
+    reference: float  # T0, of the measurement or of the master curve
+    C1: float  # constant at T0, positive
+    C2: float  # constant at T0, a positive difference of temperatures
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, astuple(self))):

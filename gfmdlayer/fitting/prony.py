@@ -52,7 +52,7 @@ class Fit:
 
     measurement: Measurement  # the measured curve
     material: Law  # the fitted law; branches of a series from the fastest to the slowest
-    least: float  # the least root mean square error of any series with times in the range
+    least: float  # least rms error of any series with times in the range
 
     @property
     def errors(self) -> FloatArray:

@@ -47,17 +47,15 @@ class ConfigError(ValueError):
 class Problem:
     """One error in a configuration."""
 
-    location: Location  # path of the key, such as ``("layer", "thickness")``
+    location: Location  # path of the key, such as ("layer", "thickness")
     message: str  # value found and values allowed
-    # dotted keys whose values the message depends on besides the one at `location`
-    others: tuple[str, ...] = ()
-    at_key: bool = False  # whether the key itself is wrong, not its value
-    # whether the key chooses the section that holds it, whose other keys have no meaning then
-    chooses: bool = False
+    others: tuple[str, ...] = ()  # further dotted keys on whose values the message depends
+    at_key: bool = False  # whether the key is wrong instead of its value
+    chooses: bool = False  # whether the key chooses its section, so that the other keys there have no meaning
 
     @property
     def key(self) -> str:
-        """Dotted key, of a value that is a list without the place in it: ``layers.1.thickness``."""
+        """Dotted key, without a place in a list at its end: ``layers.1.thickness``."""
         return dotted_key(without_last_places(self.location))
 
     def within(self, location: Location, *others: str) -> Problem:

@@ -44,9 +44,9 @@ class Curve:
 
     against: Literal["points", "step", "tolerance"]  # the abscissa
     label: str  # the quantity that converges
-    x: tuple[float, ...]  # the points of the curve
-    error: tuple[float, ...]  # the points of the curve
-    slope: float  # slope by theory, on logarithmic axes
+    x: tuple[float, ...]
+    error: tuple[float, ...]
+    slope: float  # by theory, on logarithmic axes
 
     @property
     def fitted(self) -> float:
@@ -63,8 +63,8 @@ class Check:
     """Rows that share a theory."""
 
     group: str  # section of the report
-    # yields rows and curves; its argument is whether to use small grids. The first line of its docstring is
-    # the title of the check, the rest the derivation of the bounds
+    # Yields rows and curves; the argument asks for small grids. The first line of its docstring is the title
+    # of the check, the rest derives the bounds.
     find: Callable[[bool], Iterable[Row | Curve]]
     peer: str = ""  # optional module that the check needs
 
@@ -83,9 +83,7 @@ class Check:
 class Outcome:
     """Result of a check."""
 
-    # rows and curves in the order in which they were found, those before a failure included
-    rows: tuple[Row, ...] = ()
-    # rows and curves in the order in which they were found, those before a failure included
+    rows: tuple[Row, ...] = ()  # in the order of the check, also those before a failure
     curves: tuple[Curve, ...] = ()
     seconds: float = 0.0  # wall time
     failure: str = ""  # the error that ended the check, or empty
@@ -98,7 +96,7 @@ class Outcome:
 
 
 def carry_out(check: Check, quick: bool) -> Outcome:
-    """Carry out a check; an exception, or no row at all, is a failure of the check."""
+    """Carry out a check, with small grids if `quick`; an exception or no row is a failure of the check."""
     if check.peer and find_spec(check.peer) is None:
         return Outcome(missing=check.peer)
     begun, failure = time.perf_counter(), ""

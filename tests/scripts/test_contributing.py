@@ -58,7 +58,8 @@ def add(section: str, copy: Path) -> None:
     assert line is not None
     name, path = table[1] or table[4], copy / (table[2] or table[3])
     text = path.read_text(encoding="utf-8")
-    entry, count = re.subn(rf"^({name}\b.*[({{])$", rf"\1\n    {line[2]}", text, flags=re.MULTILINE)
+    table_of = rf"^({name}\b[^\n]*[({{][^\n]*\n.*?)^([)}}])"
+    entry, count = re.subn(table_of, rf"\1    {line[2]}\n\2", text, flags=re.MULTILINE | re.DOTALL)
     assert count == 1
     module, made = code[2].removesuffix(".py").replace("/", "."), re.search(r"^class (\w+)", code[1], re.M)
     assert made is not None

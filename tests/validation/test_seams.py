@@ -199,7 +199,7 @@ solver: {tolerance: 1.0e-9}
     (tmp_path / "case.yaml").write_text(flat + f"layer: {{thickness: .inf, material: {{{law}}}}}\n")
     (tmp_path / "bad.yaml").write_text(flat + f"layer: {{material: {{{law.replace('20.0', '1.0')}}}}}\n")
     said = newcomer(
-        *(tmp_path, "body/decades.py", DECADES, "body/materials.py", '"gfmdlayer.body.materials:Prony",'),
+        *(tmp_path, "body/decades.py", DECADES, "body/laws.py", '"gfmdlayer.body.materials:Prony",'),
         *("run case.yaml --out out", "check bad.yaml", "schema", "new"),
     )
     assert "\n0 2 0 0\n" in said

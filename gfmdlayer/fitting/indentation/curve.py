@@ -153,9 +153,9 @@ SHARP = 0.1  # of the largest rate: a larger jump of the rate is a breakpoint of
 class Drive:
     """A depth of straight pieces."""
 
-    time: FloatArray  # shape (corners,); the corners
-    depth: FloatArray  # shape (corners,); the corners
-    error: float  # standard deviation of the measured depth from it
+    time: FloatArray  # shape (corners,)
+    depth: FloatArray  # shape (corners,)
+    error: float  # standard deviation of the measured depth from the pieces
 
     @classmethod
     def of(cls, time: FloatArray, depth: FloatArray) -> Drive:
