@@ -33,7 +33,7 @@ from gfmdlayer.config import Config, load
 from gfmdlayer.execution.case_run import prepare
 from gfmdlayer.execution.progress import make_display
 from gfmdlayer.execution.run import run_sweep
-from gfmdlayer.execution.sweep import Case, cases, label
+from gfmdlayer.execution.sweep import SweepCase, cases, label
 from gfmdlayer.execution.workers import WorkerPool, assemble
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.plot_style import save, styled
@@ -150,7 +150,7 @@ def _config(name: str, method: str, options: argparse.Namespace) -> Config:
     return load(CONFIGS / f"{name}.yaml", given)
 
 
-def compare(case: Case, folders: dict[str, Path]) -> Comparison:
+def compare(case: SweepCase, folders: dict[str, Path]) -> Comparison:
     """Compare a case at the common times of the three methods."""
     rows: dict[str, dict[str, Any]] = {}
     for method, folder in folders.items():

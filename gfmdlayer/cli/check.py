@@ -20,7 +20,7 @@ from gfmdlayer.cli.terminal import (
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.execution.sweep import Case
+    from gfmdlayer.execution.sweep import SweepCase
 
 MOST_EXPLAINED = 8  # cases whose methods are listed
 
@@ -42,7 +42,7 @@ def check(options: argparse.Namespace) -> int:
 
     config = read_config(options)
     every = Cases(config)
-    some: Sequence[Case] = every.examined()
+    some: Sequence[SweepCase] = every.examined()
     part = len(some) / len(every)
     directory = results_folder(options, config)
     some, found = _in_folder(directory, config, some) if part == 1 else (some, [])
@@ -77,7 +77,9 @@ def _methods(configs: Sequence[Config]) -> list[str]:
     return list(dict.fromkeys(line for config in some for line in model_of(config).methods()))
 
 
-def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[Sequence[Case], list[str]]:
+def _in_folder(
+    directory: Path, config: Config, every: Sequence[SweepCase]
+) -> tuple[Sequence[SweepCase], list[str]]:
     """Return the cases with their numbers in the results folder, and lines about its contents."""
     from gfmdlayer.execution.folder import Folder
 
@@ -96,7 +98,7 @@ def _in_folder(directory: Path, config: Config, every: Sequence[Case]) -> tuple[
     return every, [f"cases      {first}", *(f"           {line}" for line in others)]
 
 
-def _time(directory: Path, every: Sequence[Case], part: float) -> str:
+def _time(directory: Path, every: Sequence[SweepCase], part: float) -> str:
     """Estimate the time of the cases that are not complete; `every` may be a sample of them."""
     from gfmdlayer.execution.cost import CostModel
     from gfmdlayer.execution.folder import Folder

@@ -103,7 +103,7 @@ def _pool(
     size = options.ranks_per_case
     if size == 1:
         return workers.assemble(options.jobs, prepare)
-    from gfmdlayer.execution.groups.pool import groups_of
+    from gfmdlayer.execution.groups import groups_of
 
     if size < 1:
         raise workers.LauncherError(f"--ranks-per-case {size}: must be 1 or more")

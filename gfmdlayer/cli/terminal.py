@@ -99,7 +99,7 @@ def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
     try:
         if ranks_per_case == 1:
             return folder.read_config(options.config, options.set)
-        from gfmdlayer.execution.groups.pool import input_errors_together
+        from gfmdlayer.execution.groups import input_errors_together
 
         inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
         return folder.read_config(options.config, options.set, inspect)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 import traceback
 import warnings
-from collections.abc import Sequence
-from contextlib import closing, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gfmdlayer.config import digest
 from gfmdlayer.config.model import stem
@@ -18,20 +20,18 @@ from gfmdlayer.execution import CHECKPOINT_EVERY
 from gfmdlayer.execution.checkpoints import Checkpoints
 from gfmdlayer.execution.cost import estimate, kind
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.groups.share import ending_together
 from gfmdlayer.execution.interrupts import Listener, Stopped
 from gfmdlayer.execution.schedule import Labelled, Outcome
 from gfmdlayer.execution.status import StatusFile
-from gfmdlayer.execution.sweep import Case, label
+from gfmdlayer.execution.sweep import SweepCase, label
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.notes import notes
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
-    from gfmdlayer.execution.groups.share import PartWriter
     from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.model import Model
-    from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.results.journal import Journal
 
 Wisdom = dict[tuple[int, ...], str]
 
@@ -41,7 +41,7 @@ def prepare() -> None:
 
 
 def run_case(
-    case: Case,
+    case: SweepCase,
     folder: Folder,
     wisdom: Wisdom | None = None,
     threads: int = 1,
@@ -51,27 +51,6 @@ def run_case(
     """Run one case into its file; an error becomes its outcome.
 
     Of several ranks that compute the case each calls this; the first one writes.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    folder : Folder
-        A claimed results folder.
-    wisdom : dict, optional
-        FFTW wisdom for each shape of the grid, the same in all processes.
-    threads : int
-        Threads that the transforms may use.
-    checkpoint_every : float
-        Seconds between two checkpoints.
-    ranks : Ranks, optional
-        The processes that compute the case together.
-
-    Returns
-    -------
-    Outcome
-        A failure is also recorded in cases/NNNN.failed, for the next run and for `gfmdlayer status`, and why
-        a complete case ended early in cases/NNNN.ended.
     """
     from gfmdlayer.grid.ranks import ALONE
 
@@ -91,19 +70,7 @@ def run_case(
 
 
 def record_failure(folder: Folder, case: Labelled, reason: str, trace: str = "") -> None:
-    """Record why a case failed, in cases/NNNN.failed.
-
-    Parameters
-    ----------
-    folder : Folder
-        A claimed results folder.
-    case : Labelled
-        The case.
-    reason : str
-        One line.
-    trace : str
-        Traceback; a record without one does not replace another record.
-    """
+    """Record why a case failed, in cases/NNNN.failed; a record without a traceback replaces no other."""
     if trace or not folder.case(case.index, "failed").exists():
         _record(folder, case, "failed", reason, traceback=trace)
         with suppress(OSError):
@@ -123,26 +90,26 @@ def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str)
 class _Run:
     """The run of a case on this process, alone or as one of its ranks."""
 
-    case: Case
+    case: SweepCase
     folder: Folder
     wisdom: str | None
     threads: int
     ranks: Ranks
 
     def simulate(self, checkpoint_every: float) -> str:
-        """Run the case; return the warnings of its observables."""
+        """Run the case into its file; return the warnings of its observables."""
         from gfmdlayer.model import ConvergenceError
         from gfmdlayer.results.checkpoint import CheckpointError
 
         case, folder, config = self.case, self.folder, self.case.config
-        hashed, kept = digest(config), stem(config) if config.output.keep_state else ""
+        kept = stem(config) if config.output.keep_state else ""
         with (
             self._status() as status,
             closing(
                 Checkpoints(
                     folder,
                     case.index,
-                    hashed,
+                    self._digest,
                     checkpoint_every,
                     status.advance,
                     kept,
@@ -156,19 +123,21 @@ class _Run:
                     folder.case(case.index, kind).unlink(missing_ok=True)
             try:
                 try:
-                    checkpoints.find()
-                    note = self._compute(checkpoints, hashed)
+                    note = self._compute(checkpoints)
                 except CheckpointError as error:
                     checkpoints.set_aside(str(error))
-                    note = self._compute(checkpoints, hashed)
+                    note = self._compute(checkpoints)
             except ConvergenceError as error:
                 if (kept_at := checkpoints.kept()) is None:
                     raise
                 message = f"{error}; state kept at t = {kept_at:.6g}"
                 raise ConvergenceError(message, error.problem, error.solution, error.time) from error
-            self.ranks.all_of(None)  # the case is complete
             checkpoints.remove()
         return note
+
+    @cached_property
+    def _digest(self) -> str:
+        return digest(self.case.config)
 
     def _status(self) -> StatusFile | Listener:
         if not self.ranks.first:
@@ -183,37 +152,39 @@ class _Run:
             together=self.ranks.count > 1,
         )
 
-    def _compute(self, checkpoints: Checkpoints, hashed: str) -> str:
+    def _compute(self, checkpoints: Checkpoints) -> str:
         from gfmdlayer.grid.wisdom import RankWisdom
         from gfmdlayer.model import model_of
+        from gfmdlayer.results.schema import ResultsError
 
-        plans = RankWisdom(self.ranks, self.case.config.grid.points, self.folder.wisdom, self.threads)
-        model = model_of(self.case.config, plans.read() or self.wisdom, self.threads, self.ranks)
-        with self._writer(model, checkpoints, hashed) as writer:
-            recorder = checkpoints.recorder(writer)
-            warnings = model.run(recorder, checkpoints.advance, checkpoints.resume)
-            if ended := str(writer.noted.get("ended", "")):
-                _record(self.folder, self.case, "ended", ended)
+        config, ranks = self.case.config, self.ranks
+        plans = RankWisdom(ranks, config.grid.points, self.folder.wisdom, self.threads)
+        model = model_of(config, plans.read() or self.wisdom, self.threads, ranks)
+        journal = checkpoints.journal((column.name for column in model.columns), model.grid)
+        warnings = model.run(journal, checkpoints.advance, checkpoints.resume)
+        with ranks.agreeing(ResultsError):
+            if ranks.first:
+                self._write(model, journal, checkpoints)
         plans.keep(model.wisdom)
         return "; ".join(warnings)
 
-    def _writer(self, model: Model, checkpoints: Checkpoints, hashed: str) -> CaseWriter | PartWriter:
-        from gfmdlayer.execution.groups.share import PartWriter
+    def _write(self, model: Model, journal: Journal, checkpoints: Checkpoints) -> None:
+        """Write the file of the case from its journal."""
         from gfmdlayer.results.writer import CaseWriter
 
-        case, config = self.case, self.case.config
-        if not self.ranks.first:
-            return PartWriter(model.grid, model.columns)
-        described = attributes(model, case.given, surfaces=self.ranks.count == 1) | {"digest": hashed}
-        return CaseWriter(
+        case = self.case
+        described = attributes(model, case.given, surfaces=self.ranks.count == 1)
+        with CaseWriter(
             self.folder.case(case.index),
             model.coordinates,
-            described | {"started": checkpoints.started},
+            described | {"digest": self._digest, "started": checkpoints.started},
             model.columns,
             elapsed=checkpoints.elapsed,
-            unit=config.unit,
-            grid=None if self.ranks.count == 1 else model.grid,
-        )
+            unit=case.config.unit,
+        ) as writer:
+            journal.replay(writer)
+            if ended := str(journal.noted.get("ended", "")):
+                _record(self.folder, case, "ended", ended)
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
@@ -236,27 +207,12 @@ def attributes(model: Model, given: Config | None = None, *, surfaces: bool = Tr
 
 
 def warm_up(
-    todo: Sequence[Case], threads: int = 1, results: Path | None = None, *, plan: bool = True
+    todo: Sequence[SweepCase], threads: int = 1, results: Path | None = None, *, plan: bool = True
 ) -> tuple[Wisdom, list[str]]:
     """Compile kernels and plan transforms before the workers start, once for each kind of case.
 
-    Parameters
-    ----------
-    todo : sequence of Case
-        The cases.
-    threads : int
-        Threads that the transforms may use.
-    results : Path, optional
-        Where the wisdom of the results is kept.
-    plan : bool
-        Whether to plan transforms of whole grids, which no process has that shares them.
-
-    Returns
-    -------
-    wisdom : dict
-        FFTW wisdom for each shape of the grid.
-    said : list of str
-        Where plans or kernels are not those of other runs.
+    Returns FFTW's wisdom for each shape of grid, and warnings where plans or kernels are not those of other
+    runs. No process plans transforms of whole grids (`plan`) where several ranks share them.
     """
     from gfmdlayer.model import model_of
 
@@ -269,3 +225,49 @@ def warm_up(
                 wisdom[config.grid.points] = model.warm_up(results=results, plan=plan)
     said = [str(each.message) for each in caught if each.category is UserWarning]
     return wisdom, list(dict.fromkeys(said))
+
+
+# Ranks of a case fail together: an error of one of them ends the case on all.
+
+PATIENCE = 8.0  # seconds in which the other ranks come to the same error, or to the end
+_POLL = 0.002  # seconds between two looks at the other ranks
+
+
+class RankError(RuntimeError):
+    """Another rank of the case failed; the message says how."""
+
+
+@contextmanager
+def ending_together(ranks: Ranks) -> Iterator[None]:
+    """End a block on all ranks, or raise on all of them.
+
+    Most errors are found by all ranks alike. One that a single rank meets, such as a lack of memory, leaves
+    the others waiting for it: then the job is aborted, and the next run resumes from the last checkpoint.
+    """
+    error: Exception | None = None
+    try:
+        yield
+    except Exception as caught:
+        error = caught
+    if ranks.count > 1:
+        said = "" if error is None else f"{type(error).__name__}: {error}"
+        other = _first_error(ranks, said, error)
+        if error is None and other:
+            error = RankError(f"another rank of the case failed: {other}")
+    if error is not None:
+        raise error
+
+
+def _first_error(ranks: Any, said: str, error: Exception | None) -> str:
+    """Return what the first rank with an error says, when all have come here."""
+    request, begun = ranks.control.Ibarrier(), time.monotonic()
+    while not request.Test():
+        if error is not None and time.monotonic() - begun > PATIENCE:
+            if isinstance(error, OSError | MemoryError):
+                sys.stderr.write(f"gfmdlayer: {type(error).__name__}: {error}; all ranks end\n")
+            else:
+                traceback.print_exception(error)
+            sys.stderr.flush()
+            ranks.control.Abort(1)
+        time.sleep(_POLL)
+    return next(filter(None, ranks.control.allgather(said)), "")

@@ -6,7 +6,7 @@
     DIR/cases/NNNN.failed  why a case failed (JSON)
     DIR/cases/NNNN.ended   why a complete case ended early (JSON)
     DIR/cases/NNNN.running progress of a case (JSON)
-    DIR/cases/NNNN.checkpoint, .journal0  state of an unfinished case
+    DIR/cases/NNNN.checkpoint, .journal  an unfinished case: its state, its rows and snapshots
     DIR/cases/NNNN.state   state of a case before its end, for one with a later end
     DIR/cases/NNNN.*.aside a damaged case or an unusable checkpoint, left to the user
     DIR/wisdom/            FFTW's plans, with which later cases agree in every bit
@@ -87,8 +87,13 @@ class Folder:
         own = "" if self.shard is None else f"-{self.shard.number}-of-{self.shard.count}"
         return self.cases / f"stop{own}"
 
+    @property
+    def turn(self) -> Path:
+        """The lock of the short work that runs of shards do one after the other."""
+        return self.cases / ".turn"
+
     def case(self, index: int, kind: str = "h5") -> Path:
-        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal0."""
+        """Return the file of a case; `kind` is h5, failed, ended, running, checkpoint or journal."""
         return self.cases / f"{index:04d}.{kind}"
 
     def numbers(self) -> Mapping[str, set[int]]:
@@ -117,13 +122,7 @@ class Folder:
             return False
 
     def stored_config(self) -> Config:
-        """Return the configuration of the results.
-
-        Raises
-        ------
-        FolderError
-            Where this is not a results folder, or its configuration cannot be read.
-        """
+        """Return the configuration of the results."""
         self.must_hold_results()
         try:
             return load(self.config)
@@ -132,13 +131,7 @@ class Folder:
             raise FolderError(f"{self.path}: its configuration cannot be read: {reasons}") from None
 
     def stored_sweep(self) -> dict[str, list[Any]]:
-        """Return the sweep of the results; works without the input files that their configuration names.
-
-        Raises
-        ------
-        FolderError
-            Where this is not a results folder, or its configuration cannot be read.
-        """
+        """Return the sweep of the results; works without the input files that their configuration names."""
         self.must_hold_results()
         document = text.read(self.config.read_text(encoding="utf-8", errors="replace"), str(self.config))
         if not isinstance(document.data, dict):
@@ -146,13 +139,7 @@ class Folder:
         return dict(document.data.get("sweep") or {})
 
     def case_numbers(self) -> Sequence[int]:
-        """Return the numbers of the cases in the order of the sweep, without reading the configuration.
-
-        Raises
-        ------
-        FolderError
-            Where this is not a results folder.
-        """
+        """Return the numbers of the cases in the order of the sweep, without reading the configuration."""
         self.must_hold_results()
         with self.config.open(encoding="utf-8", errors="replace") as file:
             _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
@@ -174,22 +161,8 @@ class Folder:
     def keep_input(self, path: Path, changed: bool) -> Path:
         """Copy a file that the configuration names; the cases read the copy, whatever becomes of the file.
 
-        Parameters
-        ----------
-        path : Path
-            The file.
-        changed : bool
-            Whether the configuration has changed, and the file may have too.
-
-        Returns
-        -------
-        Path
-            The copy, named by place and contents: NAME-PLACE-CONTENTS.SUFFIX.
-
-        Raises
-        ------
-        FolderError
-            Where the file has changed since the results were begun, or cannot be read or copied.
+        The copy is named by place and contents: NAME-PLACE-CONTENTS.SUFFIX. FolderError where the file has
+        changed since the results were begun, and the configuration has not.
         """
         try:
             content = path.read_bytes()
@@ -210,13 +183,7 @@ class Folder:
         return kept
 
     def must_hold_results(self) -> None:
-        """Refuse a folder that does not hold results.
-
-        Raises
-        ------
-        FolderError
-            Where it is not one.
-        """
+        """Refuse a folder that does not hold results."""
         if not self.path.is_dir():
             raise FolderError(f"{self.path}: no such folder")
         if not self.is_results():
@@ -252,20 +219,7 @@ def is_result(path: str | Path) -> bool:
 def read_config(
     path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
 ) -> Config:
-    """Read a configuration, or that of a case's result file, and check its numbers and input files.
-
-    Parameters
-    ----------
-    path : str or Path
-        YAML file, or the file of a case.
-    overrides, inspect
-        As `config.load` takes them.
-
-    Raises
-    ------
-    ConfigError
-        With every error in it.
-    """
+    """Read a configuration, or that of a case's result file, and check its numbers and input files."""
     return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
 
 
@@ -274,11 +228,7 @@ def stored_config(
 ) -> Config:
     """Return the configuration from which a case was computed, as `config.load` does.
 
-    Raises
-    ------
-    ConfigError
-        Where the file holds none, or a file that it names holds something else now: the case would not be
-        the same.
+    ConfigError where a file that it names holds something else now: the case would not be the same.
     """
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError

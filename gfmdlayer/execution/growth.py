@@ -23,10 +23,9 @@ from typing import IO, Any
 
 from gfmdlayer.config import Config, digest, sweeps
 from gfmdlayer.config.model import stem
-from gfmdlayer.execution import growth
 from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.status import running
-from gfmdlayer.execution.sweep import Case, Earlier, Shard, cases, with_files
+from gfmdlayer.execution.sweep import Earlier, Shard, SweepCase, cases, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_unfinished, unfinished_path
 from gfmdlayer.validation.sections import files_named
@@ -37,26 +36,15 @@ _LISTED = 8  # numbers of cases in a line
 
 @dataclass(frozen=True)
 class Growth:
-    """The cases of a configuration in a results folder.
+    """The cases of a configuration in a results folder."""
 
-    Attributes
-    ----------
-    numbers : sequence of int
-        Numbers of their files, in the order of the sweep.
-    changed : bool
-        Whether the configuration differs from that of the folder.
-    reasons : mapping
-        Number -> why a case of the same swept values, which the folder holds, is not this case.
-    left : list of int
-        Complete cases of the folder that the sweep does not have.
-    """
-
-    numbers: Sequence[int]
-    changed: bool = False
+    numbers: Sequence[int]  # numbers of their files, in the order of the sweep
+    changed: bool = False  # whether the configuration differs from that of the folder
+    # number -> why a case of the same swept values, which the folder holds, is not this case
     reasons: Mapping[int, str] = field(default_factory=dict)
-    left: Sequence[int] = ()
+    left: Sequence[int] = ()  # complete cases of the folder that the sweep does not have
 
-    def numbered(self, cases: Sequence[Case]) -> Sequence[Case]:
+    def numbered(self, cases: Sequence[SweepCase]) -> Sequence[SweepCase]:
         """Return cases, numbered by their places in the sweep, with the numbers of their files."""
         if isinstance(self.numbers, range):
             return cases
@@ -64,13 +52,7 @@ class Growth:
 
 
 def compare(folder: Folder, config: Config) -> Growth:
-    """Find the cases of a configuration in a results folder.
-
-    Raises
-    ------
-    FolderError
-        Where the folder holds results of another configuration, or its own cannot be read.
-    """
+    """Find the cases of a configuration in a results folder."""
     try:
         stored = folder.stored_config()
         numbers = folder.case_numbers()
@@ -104,13 +86,7 @@ def compare(folder: Folder, config: Config) -> Growth:
 
 
 def must_agree(folder: Folder, numbers: Sequence[int], count: int) -> None:
-    """Refuse a configuration of results that was changed: it names other cases than its sweep has.
-
-    Raises
-    ------
-    FolderError
-        Where there are not as many.
-    """
+    """Refuse a configuration of results that was changed: it names other cases than its sweep has."""
     if len(numbers) != count:
         raise FolderError(
             f"{folder.config}: names {len(numbers)} cases, and its sweep has {count}; "
@@ -130,31 +106,12 @@ def _digests_of_files(folder: Folder, numbers: Iterable[int]) -> dict[str, int]:
     return found
 
 
-def _values(case: Case) -> str:
+def _values(case: SweepCase) -> str:
     return json.dumps(case.values, sort_keys=True, default=str)
 
 
-def with_inputs(folder: Folder, every: Sequence[Case], changed: bool) -> Sequence[Case]:
-    """Let cases read the folder's copies of their input files, which no one changes while they run.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder, claimed.
-    every : sequence of Case
-        The cases.
-    changed : bool
-        Whether the configuration has changed, and files may have too.
-
-    Returns
-    -------
-    sequence of Case
-
-    Raises
-    ------
-    FolderError
-        Where a file has changed since the results were begun, or cannot be copied.
-    """
+def with_inputs(folder: Folder, every: Sequence[SweepCase], changed: bool) -> Sequence[SweepCase]:
+    """Let cases read the folder's copies of their input files, which no one changes while they run."""
     files = {path for case in every for path in files_named(case.config).values()}
     if not files:
         return every
@@ -162,20 +119,8 @@ def with_inputs(folder: Folder, every: Sequence[Case], changed: bool) -> Sequenc
     return [replace(case, config=with_files(case.config, kept), given=case.config) for case in every]
 
 
-def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
-    """Give cases that have not begun the complete ones from whose kept states they go on, if there are any.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    every : sequence of Case
-        The cases, numbered.
-
-    Returns
-    -------
-    sequence of Case
-    """
+def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCase]:
+    """Give cases that have not begun the complete cases from whose kept states they go on, if any."""
     files = folder.numbers()
     if not (states := files["state"] & files["h5"]):
         return every
@@ -203,24 +148,8 @@ def with_earlier(folder: Folder, every: Sequence[Case]) -> Sequence[Case]:
     return found
 
 
-def lines(folder: Folder, growth: Growth, every: Sequence[Case]) -> list[str]:
-    """Describe what a run of the cases finds in the folder and what it computes.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    growth : Growth
-        How its cases compare with those of the configuration.
-    every : sequence of Case
-        The cases, numbered, with the earlier ones from which they go on.
-
-    Returns
-    -------
-    list of str
-        A line on all cases, one on each reason for which cases are computed again, and one on the cases that
-        the sweep does not have.
-    """
+def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[str]:
+    """List in lines: the cases by state, why cases are computed again, and cases that the sweep has lost."""
     files = folder.numbers()
     undone = [case for case in every if case.index not in files["h5"]]
     begun = sum(case.index in files["checkpoint"] for case in undone)
@@ -254,18 +183,7 @@ def _listed(numbers: Sequence[int]) -> str:
 
 
 def changed_keys(before: Config, after: Config) -> list[str]:
-    """Compare two configurations.
-
-    Parameters
-    ----------
-    before, after : Config
-        The configurations.
-
-    Returns
-    -------
-    list of str
-        The keys that differ, but the name, as ``key: before -> after``.
-    """
+    """Return the keys that differ, other than the name, as ``key: before -> after``."""
     old, new = _flat(before.model_dump()), _flat(after.model_dump())
     absent = "(absent)"
     return [
@@ -289,18 +207,17 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 #
 # One run of all cases may write into a folder, or one run of each shard. Locks keep others out:
 #
-#     cases/.lock            exclusive for a run of all cases, shared by the runs of shards; it holds the
-# number
-#                            of shards
+#     cases/.lock            exclusive for a run of all cases, shared by runs of shards; holds their number
 #     cases/.lock-3-of-16    exclusive for the run of this shard
-#     cases/.admission       held while a run claims the folder, cases/.collection while sweep.h5 is written
+#     cases/.turn            held while a run claims the folder or writes sweep.h5
 #
 # Killed runs leave unfinished files, the status of cases, requests to stop, locks of shards, and
 # checkpoints of cases that have been completed since. Results, records of failures, files set aside for the
 # user and other programs' files are never removed.
 
 _PROBE = 1 << 16  # bytes; a full disk still accepts empty files
-_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d+|state)(\.aside)?")
+# Version 0.2 had a journal0, and a checkpoint1a or b and journal1 of a second rank.
+_RESULT = re.compile(r"(\d{4,})\.(h5|xdmf|failed|ended|checkpoint(\d+[ab])?|journal\d*|state)(\.aside)?")
 _INPUT = re.compile(r".+-[0-9a-f]{16}-[0-9a-f]{16}(\.\w+)?")
 _WISDOM = re.compile(r"fftw-.+-and-parts\.wisdom")
 # Files of dead runs; those of version 0.1 had a simpler unfinished name.
@@ -309,48 +226,29 @@ _IN_FOLDER = re.compile(rf"(config\.yaml|sweep\.h5){_PART}")
 _OF_A_CASE = re.compile(
     rf"(\d{{4,}})\.(running|(h5|xdmf|failed|ended|running|checkpoint(\d+[ab])?|state){_PART})"
 )
-_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d+)")
+_STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d*)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
 _FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant
-_LOCK = re.compile(r"\.lock-\d+-of-\d+|\.admission|\.collection")
+_LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the last two of version 0.2
 
 
 @contextmanager
 def claimed(
     folder: Folder, config: Config, restart: bool = False, own: Collection[int] | None = None
 ) -> Iterator[Growth]:
-    """Hold the folder, or a shard's part of it, for a run of `config`.
+    """Hold the folder, or a shard's part of it, for a run of `config`; make the folder if there is none.
 
-    Parameters
-    ----------
-    folder : Folder
-        The folder; made where there is none.
-    config : Config
-        The configuration of the run.
-    restart : bool
-        Remove earlier results of gfmdlayer in this folder first; nothing else is touched.
-    own : collection of int, optional
-        The places of the shard's cases in the sweep.
-
-    Yields
-    ------
-    Growth
-        How the folder's cases compare with those of the configuration.
-
-    Raises
-    ------
-    FolderError
-        Where the folder holds something else or results of another configuration, is in use, or cannot be
-        written.
+    `restart` removes earlier results of gfmdlayer, and nothing else. `own` are the places of the shard's
+    cases in the sweep.
     """
     with _as_folder_error(folder):
         refuse_foreign_folder(folder)
     if folder.is_results() and not restart:
-        growth.compare(folder, config)  # refuses another one before anything is made
+        compare(folder, config)  # refuses another one before anything is made
     with ExitStack() as claim:
         with _as_folder_error(folder):
             folder.cases.mkdir(parents=True, exist_ok=True)
-            with exclusive(folder.cases / ".admission"):
+            with exclusive(folder.turn):
                 alone = claim.enter_context(held(folder))
                 _probe(folder)
                 found = _prepare(folder, config, restart, None if alone else own)
@@ -363,18 +261,7 @@ def claimed(
 
 @contextmanager
 def held(folder: Folder) -> Iterator[bool]:
-    """Lock the folder, or the part of its shard.
-
-    Yields
-    ------
-    bool
-        Whether no other run uses the folder.
-
-    Raises
-    ------
-    FolderError
-        Where another run holds a lock that excludes this one.
-    """
+    """Lock the folder, or the part of its shard; yields whether no other run uses the folder."""
     shard = folder.shard
     with ExitStack() as stack:
         common = stack.enter_context(open(folder.cases / ".lock", "a+", opener=no_link))
@@ -402,13 +289,7 @@ def held(folder: Folder) -> Iterator[bool]:
 
 @contextmanager
 def leftovers(folder: Folder) -> Iterator[list[Path]]:
-    """Find the files that killed runs left; no run begins in the folder until the block ends.
-
-    Raises
-    ------
-    FolderError
-        Where this is not a results folder, a run uses it, or it cannot be written.
-    """
+    """Find the files that killed runs left; no run begins in the folder until the block ends."""
     folder.must_hold_results()
     if at_work := running(folder):  # also where a file system has no locks
         raise _in_use(folder, f"another run is writing here, on {at_work[0].host}")
@@ -451,7 +332,7 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
     if restart:
         remove_results(folder)
     is_new = not folder.is_results()
-    found = Growth(range(sweeps.count(config.sweep))) if is_new else growth.compare(folder, config)
+    found = Growth(range(sweeps.count(config.sweep))) if is_new else compare(folder, config)
     if found.changed and own is not None:
         raise _in_use(folder, "other runs are writing here, of another configuration")
     left = _leftovers(folder)
@@ -475,13 +356,7 @@ def remove_results(folder: Folder) -> None:
 
 
 def refuse_open_files(folder: Folder, todo: Iterable[int]) -> None:
-    """Refuse to run cases whose files, or the sweep file, would be replaced while they are open elsewhere.
-
-    Raises
-    ------
-    FolderError
-        Where one is.
-    """
+    """Refuse to run cases whose files, or the sweep file, would be replaced while they are open elsewhere."""
     for path in (folder.sweep, *map(folder.case, todo)):
         if path.exists() and open_for_writing(path):
             raise FolderError(f"{path}: is open for writing in another program; close it there first")
@@ -544,13 +419,7 @@ def _refuse_other_division(folder: Folder, common: IO[str], shard: Shard) -> Non
 
 
 def refuse_foreign_folder(folder: Folder) -> None:
-    """Refuse a folder that holds something else than results.
-
-    Raises
-    ------
-    FolderError
-        Where it does.
-    """
+    """Refuse a folder that holds something else than results."""
     if folder.path.exists() and not folder.path.is_dir():
         raise FolderError(f"{folder.path}: is a file, not a folder; choose another with --out")
     found = {entry.name for entry in folder.path.iterdir()} if folder.path.is_dir() else set()

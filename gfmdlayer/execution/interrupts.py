@@ -140,13 +140,7 @@ class Listener:
         """Do nothing."""
 
     def advance(self, _time: float) -> None:
-        """Look for a request to stop.
-
-        Raises
-        ------
-        Stopped
-            Where a signal to this process asked the run to stop.
-        """
+        """Look for a request to stop."""
         if stop_requested():
             raise Stopped
 

@@ -42,20 +42,7 @@ def cores() -> Cores:
 
 
 def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
-    """Warn of hosts on which more threads compute than there are cores.
-
-    Parameters
-    ----------
-    members : iterable of (str, frozenset of int)
-        Host and allowed cores of each process.
-    threads : int
-        Threads of each process.
-
-    Returns
-    -------
-    list of str
-        A warning that names the most crowded host, or nothing.
-    """
+    """Name the most crowded host on which more threads compute than there are cores."""
     processes: Counter[str] = Counter()
     usable: dict[str, Cores] = {}
     for host, allowed in members:
@@ -74,18 +61,7 @@ def crowding(members: Iterable[tuple[str, Cores]], threads: int) -> list[str]:
 
 
 def launched_size(environment: Mapping[str, str]) -> int | None:
-    """Return the number of processes that an MPI launcher started.
-
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Environment variables, such as `os.environ`.
-
-    Returns
-    -------
-    int or None
-        The number; 0 where a launcher does not tell it; None without a launcher.
-    """
+    """Return the number of processes of an MPI launcher: 0 if it sets no number, None without a launcher."""
     for variable in SIZE_VARIABLES:
         value = environment.get(variable, "")
         if value.isdecimal():
@@ -112,20 +88,7 @@ def _installed(package: str) -> str | None:
 
 
 def disk_warnings(directory: Path, needed: float) -> list[str]:
-    """Warn of a disk that is too small.
-
-    Parameters
-    ----------
-    directory : Path
-        Results folder, which may not exist yet.
-    needed : float
-        Bytes that will be written.
-
-    Returns
-    -------
-    list of str
-        A warning, or nothing.
-    """
+    """Warn of a disk that is too small for the bytes needed; its folder may not exist yet."""
     existing = next(path for path in (directory.absolute(), *directory.absolute().parents) if path.exists())
     free = shutil.disk_usage(existing).free
     if needed <= free:

@@ -76,13 +76,7 @@ class Log:
 
 
 class Screen:
-    """Moving lines on a terminal: one for each running case, one for all cases; failures above them.
-
-    Parameters
-    ----------
-    console : rich.console.Console, optional
-        The terminal; standard error by default.
-    """
+    """Moving lines on a terminal: one for each running case, one for all cases; failures above them."""
 
     lists_complete = False
 
@@ -132,20 +126,8 @@ class Screen:
 class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    own : collection of int
-        The cases of this run; others in the folder may belong to other runs.
-    complete : int
-        Number of those complete before the run.
-    display : callable
-        Makes the display.
-    seconds : mapping, optional
-        Expected seconds of each case that is to be run; by default all take the same.
-    workers : int
-        Number of cases that run at a time.
+    `own` are the cases of this run, `complete` the number of those that were complete before; `seconds` are
+    expected for each case to be run, of which `workers` run at a time.
     """
 
     def __init__(

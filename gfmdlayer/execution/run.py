@@ -1,12 +1,14 @@
 """Running the cases of a configuration that are not complete yet.
 
-Cases are independent: each writes its own file, and one that fails is recorded while the others go on. The
-results do not depend on the process that ran a case: all processes compute with the same FFTW wisdom.
+The run claims the folder and finds the complete cases (`growth`). It compiles kernels and plans transforms
+once; a pool of processes computes the other cases (`schedule`), each into its own file (`case_run`). At the
+end sweep.h5 collects all of them. A case that fails is recorded while the others go on. The results do not
+depend on the process that ran a case: all processes compute with the same FFTW wisdom.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,11 +21,11 @@ from gfmdlayer.execution import CHECKPOINT_EVERY, growth, interrupts, preflight
 from gfmdlayer.execution.case_run import Wisdom, record_failure, run_case, warm_up
 from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
-from gfmdlayer.execution.groups.pool import refuse_other_ranks, run_case_together
+from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
 from gfmdlayer.execution.progress import Display, Log, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
-from gfmdlayer.execution.sweep import Case, Cases, Shard, own_cases
+from gfmdlayer.execution.sweep import Cases, Shard, SweepCase, own_cases
 from gfmdlayer.execution.workers import WorkerPool
 from gfmdlayer.files.locks import exclusive, read_json
 from gfmdlayer.notes import notes
@@ -31,48 +33,26 @@ from gfmdlayer.notes import notes
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How cases are run.
+    """How cases are run."""
 
-    Attributes
-    ----------
-    restart : bool
-        Remove earlier results first.
-    only_failed : bool
-        Run the cases that are recorded as failed, and leave the others that are not complete.
-    shard : Shard, optional
-        Run these cases alone, while other runs may compute others; the last to end writes the sweep file.
-    threads : int
-        Threads that the transforms of a case may use.
-    checkpoint_every : float
-        Seconds between two checkpoints of a case.
-    ranks_per_case : int
-        Ranks that compute a case together.
-    """
-
-    restart: bool = False
+    restart: bool = False  # remove earlier results first
+    # run the cases that are recorded as failed, and leave the others that are not complete
     only_failed: bool = False
+    # run these cases alone, while other runs may compute others; the last to end writes the sweep file
     shard: Shard | None = None
-    threads: int = 1
-    checkpoint_every: float = CHECKPOINT_EVERY
-    ranks_per_case: int = 1
+    threads: int = 1  # threads that the transforms of a case may use
+    checkpoint_every: float = CHECKPOINT_EVERY  # seconds between two checkpoints of a case
+    ranks_per_case: int = 1  # ranks that compute a case together
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Outcomes of a run.
+    """Outcomes of a run."""
 
-    Attributes
-    ----------
-    outcomes : tuple of Outcome
-        Of all cases of the run or of its shard, in their order, those complete before included.
-    collected : bool
-        Whether the sweep file was written: no case waits any more, in any shard.
-    notes : tuple of str
-        Lines on the sweep file: columns that some cases lack, cases of different versions.
-    """
-
+    # of all cases of the run or of its shard, in their order, those complete before included
     outcomes: tuple[Outcome, ...]
-    collected: bool
+    collected: bool  # whether the sweep file was written: no case waits any more, in any shard
+    # lines on the sweep file: columns that some cases lack, cases of different versions
     notes: tuple[str, ...] = ()
 
     def count(self, state: str) -> int:
@@ -89,9 +69,9 @@ class Summary:
 class _Work:
     """The cases of a run: `own` by its shard, `undone` of these, `todo` of these now."""
 
-    own: Sequence[Case]
-    undone: Sequence[Case]
-    todo: Sequence[Case]
+    own: Sequence[SweepCase]
+    undone: Sequence[SweepCase]
+    todo: Sequence[SweepCase]
 
 
 def run_sweep(
@@ -103,78 +83,69 @@ def run_sweep(
 ) -> Summary:
     """Run the cases of a configuration that are not complete yet, and collect all of them.
 
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-    directory : path
-        Results folder; made where there is none.
-    pool : WorkerPool
-        The processes that compute.
-    options : RunOptions, optional
-        Which cases are run, and how.
-    display : callable, optional
-        Makes the display of progress; called once the folder is claimed. By default nothing is shown.
-
-    Returns
-    -------
-    Summary
-        Outcome of each case.
-
-    Raises
-    ------
-    ConfigError
-        Where a combination of swept values is not possible.
-    FolderError
-        Where the folder cannot be used for these results, or a file that would be replaced is open elsewhere.
-    ResultsError
-        Where the sweep file cannot be written.
+    `display` makes the display of progress once the folder is claimed; by default nothing is shown. Raises
+    ConfigError for impossible values, FolderError where the folder or a file in it cannot be used, and
+    ResultsError where the sweep file cannot be written.
     """
     options = options or RunOptions()
-    alone = options.ranks_per_case == 1
     folder = Folder(Path(directory), options.shard)
     made = Cases(config)
-    own: Sequence[Case] = own_cases(made, options.shard)
+    own: Sequence[SweepCase] = own_cases(made, options.shard)
     with claimed(folder, config, options.restart, [case.index for case in own]) as found:
         every = found.numbered(made)  # of a shard only its own are kept
         own = growth.with_inputs(folder, found.numbered(own), found.changed)
-        own = growth.with_earlier(folder, own) if alone else own
+        if options.ranks_per_case == 1:
+            own = growth.with_earlier(folder, own)
         work = _find_work(folder, own, options.only_failed)
         refuse_open_files(folder, [case.index for case in work.todo])
         _refuse_too_large(work.todo, pool, options)
         refuse_other_ranks(folder, work.todo, options.ranks_per_case)
+
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
-        indices = frozenset(outcomes)
-        seconds = _expected_seconds(work, folder)
-        complete = len(own) - len(work.undone)
-        with Reporter(folder, indices, complete, display or _nothing, seconds, pool.size) as reporter:
-            for line in (_opening(work, pool, options), *_warnings(work, pool, folder)):
-                reporter.note(line)
-            if found.changed:
-                for line in growth.lines(folder, found, own):
-                    reporter.note(line)
-            for line in set_damaged_aside(folder, [case.index for case in work.todo]):
-                reporter.note(line)
-            wisdom = _prepare(work.todo, options, folder, reporter)
-            run, threads = run_case if alone else run_case_together, options.threads
-            interval = options.checkpoint_every
-            task = partial(run, folder=folder, wisdom=wisdom, threads=threads, checkpoint_every=interval)
-            for outcome in Schedule(pool, task, folder, reporter.ended).run(
-                _ordered(work.todo, seconds, pool)
-            ):
-                outcomes[outcome.index] = outcome
-                if outcome.state == "failed":
-                    case = next(case for case in own if case.index == outcome.index)
-                    record_failure(folder, case, outcome.reason)
-        ended = all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values())
-        collected = _collect(config, folder, every, outcomes) if ended else None
+        lines = growth.lines(folder, found, own) if found.changed else []
+        for outcome in _computed(work, folder, pool, options, display or _nothing, lines):
+            outcomes[outcome.index] = outcome
+
+        collected = None
+        if all(outcome.state not in {"stopped", "waiting"} for outcome in outcomes.values()):
+            collected = _collect(config, folder, every, outcomes)
         notes, lost = collected or ([], [])
         outcomes |= {outcome.index: outcome for outcome in lost}
     return Summary(tuple(outcomes.values()), collected is not None, tuple(notes))
 
 
-def _prepare(todo: Sequence[Case], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
+def _computed(
+    work: _Work,
+    folder: Folder,
+    pool: WorkerPool,
+    options: RunOptions,
+    display: Callable[[], Display],
+    lines: Sequence[str],
+) -> Iterator[Outcome]:
+    """Compute the cases that are to be run; yield the outcome of each, which the display shows too."""
+    seconds, indices = _expected_seconds(work, folder), frozenset(case.index for case in work.own)
+    complete = len(work.own) - len(work.undone)
+    with Reporter(folder, indices, complete, display, seconds, pool.size) as reporter:
+        aside = set_damaged_aside(folder, [case.index for case in work.todo])
+        for line in (_opening(work, pool, options), *_warnings(work, pool, folder), *lines, *aside):
+            reporter.note(line)
+        task = partial(
+            run_case if options.ranks_per_case == 1 else run_case_together,
+            folder=folder,
+            wisdom=_prepare(work.todo, options, folder, reporter),
+            threads=options.threads,
+            checkpoint_every=options.checkpoint_every,
+        )
+        schedule = Schedule(pool, task, folder, reporter.ended)
+        for outcome in schedule.run(_ordered(work.todo, seconds, pool)):
+            if outcome.state == "failed":
+                case = next(case for case in work.own if case.index == outcome.index)
+                record_failure(folder, case, outcome.reason)
+            yield outcome
+
+
+def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, reporter: Reporter) -> Wisdom:
     """Compile and plan; a request to stop ends it at once, and then the cases before their first step."""
     configs = (case.config for case in todo)
     chosen = dict.fromkeys(each.contact_solver.method for each in configs if each.geometry.on_grid)
@@ -193,19 +164,19 @@ def _nothing() -> Display:
     return Log(StringIO())
 
 
-def _find_work(folder: Folder, own: Sequence[Case], only_failed: bool) -> _Work:
+def _find_work(folder: Folder, own: Sequence[SweepCase], only_failed: bool) -> _Work:
     found = folder.numbers()
     undone = [case for case in own if case.index not in found["h5"] or not _is_done(case, folder)]
     todo = [case for case in undone if not only_failed or case.index in found["failed"]]
     return _Work(own, undone, todo)
 
 
-def _done(work: _Work) -> list[Case]:
+def _done(work: _Work) -> list[SweepCase]:
     undone = {case.index for case in work.undone}
     return [case for case in work.own if case.index not in undone]
 
 
-def _is_done(case: Case, folder: Folder) -> bool:
+def _is_done(case: SweepCase, folder: Folder) -> bool:
     from gfmdlayer.results.reader import attributes, is_complete
 
     path = folder.case(case.index)
@@ -216,7 +187,7 @@ def _is_done(case: Case, folder: Folder) -> bool:
     return True
 
 
-def _refuse_too_large(todo: Sequence[Case], pool: WorkerPool, options: RunOptions) -> None:
+def _refuse_too_large(todo: Sequence[SweepCase], pool: WorkerPool, options: RunOptions) -> None:
     """Refuse cases that need more memory than this job may have."""
     largest = max((estimate(case.config).memory for case in todo), default=0.0) / options.ranks_per_case
     number = min(pool.size, len(todo)) if pool.kind == "processes" else 1
@@ -246,7 +217,9 @@ def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
     return {case.index: model.seconds(case.config) for case in work.todo}
 
 
-def _ordered(todo: Sequence[Case], seconds: Mapping[int, float], pool: WorkerPool) -> Sequence[Case]:
+def _ordered(
+    todo: Sequence[SweepCase], seconds: Mapping[int, float], pool: WorkerPool
+) -> Sequence[SweepCase]:
     """Put the longest cases first; a single process keeps their order."""
     if pool.alone:
         return todo
@@ -254,7 +227,7 @@ def _ordered(todo: Sequence[Case], seconds: Mapping[int, float], pool: WorkerPoo
 
 
 def _collect(
-    config: Config, folder: Folder, every: Sequence[Case], outcomes: dict[int, Outcome]
+    config: Config, folder: Folder, every: Sequence[SweepCase], outcomes: dict[int, Outcome]
 ) -> tuple[list[str], list[Outcome]] | None:
     """Write the sweep file; return None where cases of other shards are not complete.
 
@@ -266,7 +239,7 @@ def _collect(
     from gfmdlayer.results.sweep_file import collect
 
     try:
-        with exclusive(folder.cases / ".collection"):
+        with exclusive(folder.turn):
             reasons = {outcome.index: outcome.reason for outcome in outcomes.values()} | {
                 case.index: _failure_reason(folder, case) for case in every if case.index not in outcomes
             }
@@ -287,7 +260,7 @@ def _collect(
         raise ResultsError(f"{folder.sweep}: cannot be written: {error.strerror}") from error
 
 
-def _failure_reason(folder: Folder, case: Case) -> str | None:
+def _failure_reason(folder: Folder, case: SweepCase) -> str | None:
     """Return why another shard's case failed; empty where it is complete, None where it has not ended."""
     if folder.case(case.index).exists():
         return ""

@@ -29,51 +29,26 @@ AHEAD = 4  # cases a worker submitted ahead, where the submitting process only w
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a case.
+    """Outcome of a case."""
 
-    Attributes
-    ----------
-    index : int
-        The case.
-    state : str
-        complete; or failed, stopped or waiting, which the next run computes.
-    reason : str
-        Why it failed.
-    seconds : float
-        Its duration.
-    note : str
-        A remark on a complete case.
-    """
-
-    index: int
+    index: int  # the case
+    # complete; or failed, stopped or waiting, which the next run computes
     state: Literal["complete", "failed", "stopped", "waiting"]
-    reason: str = ""
-    seconds: float = 0.0
-    note: str = ""
+    reason: str = ""  # why it failed
+    seconds: float = 0.0  # its duration
+    note: str = ""  # a remark on a complete case
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a run.
+    """Progress of a run."""
 
-    Attributes
-    ----------
-    total, complete, failed : int
-        Numbers of cases; those complete before the run are counted.
-    at_work : tuple of Running
-        The running cases.
-    seconds_left : float or None
-        Time left at the pace so far; None before any progress.
-    slowest : Outcome or None
-        The case of this run that took longest so far.
-    """
-
-    total: int
+    total: int  # numbers of cases; those complete before the run are counted
     complete: int
     failed: int = 0
-    at_work: tuple[Running, ...] = ()
-    seconds_left: float | None = None
-    slowest: Outcome | None = None
+    at_work: tuple[Running, ...] = ()  # the running cases
+    seconds_left: float | None = None  # time left at the pace so far; None before any progress
+    slowest: Outcome | None = None  # the case of this run that took longest so far
 
     @property
     def done(self) -> float:
@@ -119,18 +94,8 @@ class Labelled(Numbered, Protocol):
 class Schedule:
     """Runs cases by a pool.
 
-    Parameters
-    ----------
-    pool : WorkerPool
-        The workers.
-    task : callable
-        Runs one case and returns its outcome; never raises, and returns at once after a request to stop.
-    folder : Folder
-        The results folder, for the stop file.
-    ended : callable
-        Called with each outcome at once, possibly from another thread.
-    outcomes : queue, optional
-        Outcomes on their way to the submitting thread; a simulated clock brings its own.
+    `task` runs one case; it never raises, and returns at once after a request to stop. `ended` gets each
+    outcome at once, possibly from another thread. A simulated clock brings its own queue of `outcomes`.
     """
 
     def __init__(

@@ -33,20 +33,8 @@ RECORDS_READ = 1000  # of failures, and of early ends, that an overview reads
 class StatusFile:
     """Status file of a case, and its requests to stop; a context manager around the simulation.
 
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    index : int
-        The case.
-    end : float
-        The simulated time at which the case will be complete.
-    label : str
-        The case's swept values, for people.
-    expected : int
-        Expected number of steps; 0 where it is not known.
-    together : bool
-        Whether other ranks compute the case too: they agree on a stop after each step, not before the first.
+    `expected` is the number of steps, 0 where it is not known. Several ranks that compute the case together
+    agree on a stop after each step, not before the first.
     """
 
     def __init__(
@@ -75,13 +63,7 @@ class StatusFile:
             self._path.unlink(missing_ok=True)
 
     def advance(self, simulated_time: float) -> None:
-        """Record the simulated time that has been reached.
-
-        Raises
-        ------
-        Stopped
-            Where the run was asked to stop, by a signal to this process or by the folder's stop file.
-        """
+        """Record the simulated time reached; raise `Stopped` after a signal, or if there is a stop file."""
         self._steps += 1
         if self._steps == 1:  # a resumed case begins late, and the first step takes longest
             self._fixed |= {"since": time.time(), "since_time": float(simulated_time)}
@@ -122,13 +104,7 @@ class Running:
 
     @classmethod
     def from_record(cls, index: int, record: Mapping[str, Any]) -> Self:
-        """Return the status that a file holds.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it holds something else.
-        """
+        """Return the status in a file; TypeError or ValueError if there is none in it."""
         case = cls(index=index, **record)
         texts, numbers = (case.host, case.label, case.born), (case.pid, case.steps, case.expected)
         if not all(isinstance(each, str) for each in texts):
@@ -172,19 +148,7 @@ class Running:
 
 
 def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]:
-    """Return the status of the running cases, in their order.
-
-    Parameters
-    ----------
-    folder : Folder
-        The results folder.
-    begun : iterable of int, optional
-        The cases with a status file, where they are known.
-
-    Returns
-    -------
-    list of Running
-    """
+    """Return the status of the running cases, in their order; `begun` are those with a status file."""
     found = []
     for index in sorted(folder.numbers()["running"] if begun is None else begun):
         content: dict[str, Any] = read_json(folder.case(index, "running")) or {}
@@ -206,24 +170,14 @@ class Record:
 
 @dataclass(frozen=True)
 class Overview:
-    """Numbers of cases of a sweep by their state.
+    """Numbers of cases of a sweep by their state."""
 
-    Attributes
-    ----------
-    total, complete, failed, waiting : int
-        Numbers of cases; running ones count in `total` alone.
-    running : list of Running
-        The running cases.
-    failures, ended : list of Record
-        The first `RECORDS_READ` failed cases, and complete ones that ended early.
-    """
-
-    total: int
+    total: int  # numbers of cases; running ones count in `total` alone
     complete: int
     failed: int
     waiting: int
-    running: list[Running]
-    failures: list[Record]
+    running: list[Running]  # the running cases
+    failures: list[Record]  # the first `RECORDS_READ` failed cases, and complete ones that ended early
     ended: list[Record]
 
     @property
@@ -233,13 +187,7 @@ class Overview:
 
 
 def overview(folder: Folder) -> Overview:
-    """Count the cases of a results folder by state; opens no result file.
-
-    Raises
-    ------
-    FolderError
-        Where this is not a results folder.
-    """
+    """Count the cases of a results folder by state; opens no result file."""
     numbers, found = folder.case_numbers(), folder.numbers()
     total, own = len(numbers), numbers if isinstance(numbers, range) else set(numbers)
     at_work = running(folder, found["running"])

@@ -36,58 +36,30 @@ _ROWS = 200  # of adaptive steps in a sweep, where no output times are asked for
 
 @dataclass(frozen=True)
 class Earlier:
-    """A complete case whose kept state a case with a later end goes on from.
+    """A complete case whose kept state a case with a later end goes on from."""
 
-    Attributes
-    ----------
-    index : int
-        Its number.
-    time : float
-        The time of the state.
-    made_by : mapping
-        Its digest, versions and processor.
-    """
-
-    index: int
-    time: float
-    made_by: Mapping[str, str]
+    index: int  # its number
+    time: float  # the time of the state
+    made_by: Mapping[str, str]  # its digest, versions and processor
 
 
 @dataclass(frozen=True)
-class Case:
-    """One simulation of a sweep.
+class SweepCase:
+    """One simulation of a sweep."""
 
-    Attributes
-    ----------
-    index : int
-        Its number, that of its file.
-    config : Config
-        Its configuration, without a sweep.
-    values : dict
-        The swept keys, dotted, and their values in this case.
-    earlier : Earlier, optional
-        A complete case from whose state this one goes on.
-    given : Config, optional
-        Its configuration as it is stored, where `config` names copies of the input files.
-    """
-
-    index: int
-    config: Config
-    values: dict[str, object]
-    earlier: Earlier | None = None
+    index: int  # its number, that of its file
+    config: Config  # its configuration, without a sweep
+    values: dict[str, object]  # the swept keys, dotted, and their values in this case
+    earlier: Earlier | None = None  # a complete case from whose state this one goes on
+    # its configuration as it is stored, where `config` names copies of the input files
     given: Config | None = None
 
 
-class Cases(Sequence[Case]):
+class Cases(Sequence[SweepCase]):
     """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
     end/200, so that their curves share a time axis. A case whose values are not possible raises ConfigError.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration.
     """
 
     def __init__(self, config: Config) -> None:
@@ -97,10 +69,10 @@ class Cases(Sequence[Case]):
         return math.prod(len(axis.rows) for axis in self._axes)
 
     @overload
-    def __getitem__(self, place: int) -> Case: ...
+    def __getitem__(self, place: int) -> SweepCase: ...
     @overload
-    def __getitem__(self, place: slice) -> list[Case]: ...
-    def __getitem__(self, place: int | slice) -> Case | list[Case]:
+    def __getitem__(self, place: slice) -> list[SweepCase]: ...
+    def __getitem__(self, place: int | slice) -> SweepCase | list[SweepCase]:
         if isinstance(place, slice):
             return [self[i] for i in range(*place.indices(len(self)))]
         if not 0 <= place < len(self):
@@ -113,9 +85,9 @@ class Cases(Sequence[Case]):
         case = self._config.with_values(values)
         if self._config.sweep and case.time.step == "adaptive" and case.output.times is None:
             case = case.with_values({"output.times": case.time.end / _ROWS})
-        return Case(place, case, values)
+        return SweepCase(place, case, values)
 
-    def examined(self) -> list[Case]:
+    def examined(self) -> list[SweepCase]:
         """Return all cases, or of more than `EXAMINED` the first, the last and others drawn at random."""
         if len(self) <= EXAMINED:
             return self[:]
@@ -123,24 +95,15 @@ class Cases(Sequence[Case]):
         return [self[place] for place in (0, *sorted(drawn), len(self) - 1)]
 
 
-def cases(config: Config) -> list[Case]:
-    """Return the cases of a configuration.
-
-    Raises
-    ------
-    ConfigError
-        Where a combination of values is not possible.
-    """
+def cases(config: Config) -> list[SweepCase]:
+    """Return the cases of a configuration; ConfigError if a combination of values is not possible."""
     return Cases(config)[:]
 
 
-def own_cases(every: Cases, shard: Shard | None) -> list[Case]:
+def own_cases(every: Cases, shard: Shard | None) -> list[SweepCase]:
     """Return the cases of a run or of its shard; a request to stop ends it at once.
 
-    Raises
-    ------
-    ConfigError
-        Where a combination of values is not possible, or memory does not hold as many cases.
+    ConfigError if a combination of values is not possible, or if memory does not suffice for so many cases.
     """
     number = len(every) if shard is None else -(-len(every) // shard.count)
     needed, instead = PROGRAM + CASE_BYTES * number, "fewer values, or more parts (--shard I/N)"
@@ -154,13 +117,6 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
     """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files.
 
     Of very many cases some are checked, and the others when they are run.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-    ranks : Ranks, optional
-        The processes that check it together.
     """
     doubtful = [case.config for case in Cases(config).examined() if not case.config.plainly_possible]
     if not doubtful:
@@ -222,20 +178,14 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> Shard:
-        """Read a shard as it is written on the command line, ``3/16``.
-
-        Raises
-        ------
-        ValueError
-            For anything else; the message says what is allowed.
-        """
+        """Read a shard in the form of the command line, ``3/16``; ValueError says the form."""
         number, slash, count = text.partition("/")
         digits = all(part.isascii() and part.isdigit() for part in (number, count))
         if not (slash and digits and 1 <= int(number) <= int(count)):
             raise ValueError(f"got {text!r}; must be I/N, two whole numbers with 1 <= I <= N")
         return cls(int(number), int(count))
 
-    def share(self, cases: Sequence[Case]) -> list[Case]:
+    def share(self, cases: Sequence[SweepCase]) -> list[SweepCase]:
         """Return this shard's cases, in their order.
 
         The cases are dealt out from the longest to the shortest, each to the shard with the least estimated

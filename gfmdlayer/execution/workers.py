@@ -35,33 +35,15 @@ class LauncherError(Exception):
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """A pool of workers.
+    """A pool of workers."""
 
-    Attributes
-    ----------
-    executor : concurrent.futures.Executor
-        Computes submitted cases.
-    size : int
-        Number of cases that run at a time.
-    kind : str
-        Kind of the workers, for the log.
-    joins : bool
-        Whether the submitting thread computes pending cases too.
-    starting : callable
-        Context in which cases are submitted.
-    warnings : tuple of str
-        Warnings on the way in which the workers were started.
-    check : callable
-        Raises the error that has ended the pool, if any.
-    """
-
-    executor: Executor
-    size: int
-    kind: str
-    joins: bool
-    starting: Callable[[], AbstractContextManager[None]] = nullcontext
-    warnings: tuple[str, ...] = ()
-    check: Callable[[], None] = lambda: None
+    executor: Executor  # computes submitted cases
+    size: int  # number of cases that run at a time
+    kind: str  # kind of the workers, for the log
+    joins: bool  # whether the submitting thread computes pending cases too
+    starting: Callable[[], AbstractContextManager[None]] = nullcontext  # context in which cases are submitted
+    warnings: tuple[str, ...] = ()  # warnings on the way in which the workers were started
+    check: Callable[[], None] = lambda: None  # raises the error that has ended the pool, if any
 
     @property
     def alone(self) -> bool:
@@ -77,24 +59,9 @@ class _NoWorkers(Executor):
 
 
 def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
-    """Set the threads of the numerical libraries, one a process by default; to be called before their import.
+    """Set the threads of the numerical libraries before their import, one a process by default.
 
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Environment variables, such as `os.environ`; changed.
-    asked : int, optional
-        Threads for the transforms of a process; by default OMP_NUM_THREADS.
-
-    Returns
-    -------
-    int
-        Threads for the transforms of a process.
-
-    Raises
-    ------
-    LauncherError
-        Where fewer than one is asked for.
+    Returns the threads for the transforms of a process: `asked`, or OMP_NUM_THREADS.
     """
     if asked is not None:
         if not 1 <= asked <= MOST:
@@ -108,24 +75,10 @@ def threads_each(environment: MutableMapping[str, str], asked: int | None = None
 
 @contextmanager
 def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
-    """Assemble the pool: MPI's ranks under a launcher, else `jobs` processes, else this process alone.
+    """Assemble the pool: MPI's ranks under a launcher, else `jobs` processes, else this process.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes, where there is no MPI.
-    prepare : callable, optional
-        Called on MPI's other ranks while rank 0 prepares, such as for imports.
-
-    Yields
-    ------
-    WorkerPool or None
-        None on MPI's other ranks, after the run.
-
-    Raises
-    ------
-    LauncherError
-        Where `jobs` is below 1 or asked for under MPI, or launcher and MPI library do not belong together.
+    Other ranks than the first call `prepare`, such as for imports, while that one prepares; they get None
+    after the run. LauncherError where launcher, MPI library and `jobs` do not belong together.
     """
     if not 1 <= jobs <= MOST:
         raise LauncherError(f"--jobs {jobs}: must be from 1 to {MOST}")

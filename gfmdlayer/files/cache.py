@@ -49,15 +49,7 @@ def _own_temporary() -> Path:
 
 
 class MemoryFile(type(Path())):  # type: ignore[misc]
-    """The contents of a file under a name, which is not on the disk.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file; equal names stand for equal contents.
-    contents : bytes
-        Its contents.
-    """
+    """The contents of a file that is not on the disk, under a name; equal names mean equal contents."""
 
     contents: bytes
 

@@ -12,20 +12,7 @@ if TYPE_CHECKING:
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:
-    """Refuse a group with links to other files, or data that are stored in them.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
-    group : h5py.Group
-        The group; those in it are not looked into.
-
-    Raises
-    ------
-    TableError
-        If there are any.
-    """
+    """Refuse a group with links to other files, or data that are stored in them; not the groups in it."""
     import h5py
 
     for name in group:
@@ -38,22 +25,7 @@ def refuse_other_files(path: Path, group: h5py.Group) -> None:
 
 
 def open_group(path: Path, file: h5py.File, name: str) -> h5py.Group:
-    """Return a group of a file, refusing other files on the way to it and in it.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
-    file : h5py.File
-        The open file.
-    name : str
-        Name of the group, empty for the root.
-
-    Raises
-    ------
-    TableError
-        If there are links to other files, or no such group.
-    """
+    """Return a group of a file, refusing other files on the way to it and in it."""
     import h5py
 
     group: h5py.Group = file

@@ -21,13 +21,7 @@ _LARGEST = 1 << 22  # bytes of a small file
 
 
 def no_link(path: str, flags: int) -> int:
-    """Open a file that is no symbolic link, as the `opener` of Python's open does.
-
-    Raises
-    ------
-    OSError
-        If it is one, or cannot be opened.
-    """
+    """Open a file that is no symbolic link, as the `opener` of Python's open does."""
     try:
         return os.open(path, flags | os.O_NOFOLLOW, 0o666)
     except OSError as error:
@@ -37,26 +31,14 @@ def no_link(path: str, flags: int) -> int:
 
 
 def write_new(path: Path, contents: bytes) -> None:
-    """Write a file that must not exist, not even as a symbolic link.
-
-    Raises
-    ------
-    OSError
-        If there is one, or it cannot be written.
-    """
+    """Write a file that must not exist, not even as a symbolic link."""
     with open(path, "xb", opener=no_link) as file:
         file.write(contents)
 
 
 def read_small(path: Path) -> bytes:
-    """Read a small regular file; any other, such as a pipe, is not waited for.
-
-    Raises
-    ------
-    OSError
-        If it is none, or larger than some megabytes.
-    """
-    with open(path, "rb", opener=_regular_and_no_link) as file:
+    """Read a small regular file; any other, such as a pipe, is not waited for."""
+    with open(path, "rb", opener=regular_and_no_link) as file:
         contents = file.read(_LARGEST + 1)
     if len(contents) > _LARGEST:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
@@ -73,17 +55,12 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def regular(path: str, flags: int) -> int:
-    """Open a regular file, also by a link, as the `opener` of Python's open does: a pipe is not waited for.
-
-    Raises
-    ------
-    OSError
-        If it is none, or cannot be opened.
-    """
+    """Open a regular file, also by a link, as `opener` of Python's open: a pipe is not waited for."""
     return _if_regular(os.open(path, flags | os.O_NONBLOCK), path)
 
 
-def _regular_and_no_link(path: str, flags: int) -> int:
+def regular_and_no_link(path: str, flags: int) -> int:
+    """Open a regular file that is no symbolic link, as `opener` of Python's open."""
     return _if_regular(no_link(path, flags | os.O_NONBLOCK), path)
 
 
@@ -104,19 +81,9 @@ def printable(text: str) -> str:
 
 
 def try_lock(file: IO[str], shared: bool = False) -> bool | None:
-    """Lock an open file without waiting; a lock that this process holds on it is changed.
+    """Lock a file that is open for writing, without waiting; a lock of this process on it is changed.
 
-    Parameters
-    ----------
-    file : file
-        Open for writing.
-    shared : bool
-        Let other shared locks coexist.
-
-    Returns
-    -------
-    bool or None
-        Whether the lock was granted; None on a file system without locks.
+    Returns whether the lock was granted; None on a file system without locks.
     """
     try:
         fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
@@ -155,11 +122,6 @@ def born(process: int | None = None) -> str:
 
     Empty where that is unknown, and of a process that has ended and is still listed, because the one that
     started it has not asked how: in a container that may be for ever.
-
-    Parameters
-    ----------
-    process : int, optional
-        Its number; by default this process.
     """
     with suppress(OSError, IndexError):  # not on every system
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

@@ -36,28 +36,8 @@ def read_columns(
     """Read columns of numbers separated by commas, semicolons or white space.
 
     Lines that are empty or start with ``#`` are passed over, and so are lines of words before the numbers.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    names : tuple of str
-        The columns that the file must hold, for the messages.
-    increasing : bool
-        Whether the first column must grow from row to row.
-    at_least : int
-        The fewest rows allowed.
-    row_error : callable, optional
-        From the numbers of a row to the reason why they cannot be used, if any.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-
-    Raises
-    ------
-    TableError
-        Naming file and line.
+    `names` are the columns for the messages; `increasing` asks for a first column that grows from row to row;
+    `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
     """
     table = _read_at_once(path)
     if table is not None and row_error is None and table.shape[1] == len(names) and len(table) >= at_least:
@@ -87,13 +67,7 @@ def read_columns(
 
 
 def read_matrix(path: Path) -> FloatArray:
-    """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan.
-
-    Raises
-    ------
-    TableError
-        Naming file and line.
-    """
+    """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan."""
     if (found := _read_at_once(path)) is not None:
         return found
     rows: list[list[float]] = []
@@ -138,13 +112,7 @@ def _rows(path: Path, lines: Sequence[Line], wanted: str) -> Iterator[tuple[str,
 
 
 def read_lines(path: Path) -> list[Line]:
-    """Return number, text and words of the lines of a file that hold more than a comment.
-
-    Raises
-    ------
-    TableError
-        If the file cannot be read as text.
-    """
+    """Return number, text and words of the lines of a file that hold more than a comment."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -202,18 +170,7 @@ class NumberList:
 
 
 def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
-    """Replace long lists of numbers by words.
-
-    Parameters
-    ----------
-    content : str
-        YAML.
-
-    Returns
-    -------
-    str, dict
-        The text with as many lines, and the list that each of its words means.
-    """
+    """Replace long lists of numbers in YAML by words; return the text, and the list of each word."""
     lists: dict[str, NumberList] = {}
     if _MARK in content:
         return content, lists

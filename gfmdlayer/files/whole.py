@@ -26,19 +26,7 @@ _UNFINISHED_NAME = re.compile(rf".+-\d+-[0-9a-f]{{8}}{re.escape(UNFINISHED)}(\.\
 
 
 def unfinished_path(path: Path, suffix: str = "") -> Path:
-    """Return a name for the unfinished file of `path` that no other process uses.
-
-    Parameters
-    ----------
-    path : Path
-        The final name.
-    suffix : str
-        Added at the end, for programs that choose the format by it.
-
-    Returns
-    -------
-    Path
-    """
+    """Return a name for the unfinished file of `path` that no other process uses."""
     writer = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
     return path.with_name(f"{path.name}.{writer}{UNFINISHED}{suffix}")
 
@@ -49,23 +37,10 @@ def is_unfinished(name: str) -> bool:
 
 
 def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) -> None:
-    """Give a closed unfinished file its final name.
+    """Give a closed unfinished file its final name, in the same folder.
 
-    Parameters
-    ----------
-    part, path : Path
-        The unfinished file and its final name, in the same folder.
-    durable : bool
-        Bring the contents to the disk before and the name after.
-    replace : bool
-        Replace an earlier file; otherwise the first one stays.
-
-    Raises
-    ------
-    FileExistsError
-        If there is an earlier file and `replace` is false.
-    OSError
-        If the disk refuses; an earlier file is still there.
+    `durable` brings the contents to the disk before, and the name after. Without `replace` an earlier file
+    stays, and FileExistsError says so. OSError if the disk refuses; an earlier file is still there.
     """
     if durable:
         _synchronise(part)
@@ -80,27 +55,7 @@ def publish(part: Path, path: Path, durable: bool = True, replace: bool = True) 
 
 @contextmanager
 def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool = True) -> Iterator[Path]:
-    """Give the name of an unfinished file to write; it is published if the block ends well, else removed.
-
-    Parameters
-    ----------
-    path : Path
-        The final name.
-    suffix : str
-        See `unfinished_path`.
-    durable, replace : bool
-        See `publish`.
-
-    Yields
-    ------
-    Path
-        Name of the file to create, write and close in the block.
-
-    Raises
-    ------
-    OSError
-        See `publish`.
-    """
+    """Give the name of an unfinished file to write; it is published if the block ends well, else removed."""
     part = unfinished_path(path, suffix)
     try:
         yield part
@@ -112,22 +67,7 @@ def unfinished(path: Path, suffix: str = "", durable: bool = True, replace: bool
 
 
 def write_text(path: Path, text: str, durable: bool = True, replace: bool = True) -> None:
-    """Write a small text file whole.
-
-    Parameters
-    ----------
-    path : Path
-        The final name.
-    text : str
-        The contents, written in UTF-8.
-    durable, replace : bool
-        See `publish`.
-
-    Raises
-    ------
-    OSError
-        See `publish`.
-    """
+    """Write a small text file whole."""
     with unfinished(path, durable=durable, replace=replace) as part:
         write_new(part, text.encode())
 
@@ -183,25 +123,7 @@ def seal(file: BinaryIO) -> None:
 
 
 def is_intact(path: Path, most: float = float("inf")) -> bool | None:
-    """Whether the bytes of a file are those that were sealed.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    most : float
-        Bytes up to which a file is read.
-
-    Returns
-    -------
-    bool or None
-        None where the file has no seal, or is larger.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or is no regular one.
-    """
+    """Whether the bytes of a file are those that were sealed; None without a seal, or above `most` bytes."""
     with open(path, "rb", opener=regular) as file:
         contents = file.seek(0, 2) - _LENGTH
         if not 0 <= contents <= most:
@@ -212,34 +134,13 @@ def is_intact(path: Path, most: float = float("inf")) -> bool | None:
 
 
 def write_sealed(path: Path, contents: bytes, replace: bool = True) -> None:
-    """Write a small file whole, with its seal.
-
-    Parameters
-    ----------
-    path : Path
-        The final name.
-    contents : bytes
-        The contents.
-    replace : bool
-        See `gfmdlayer.files.whole.publish`.
-
-    Raises
-    ------
-    OSError
-        See `gfmdlayer.files.whole.publish`.
-    """
+    """Write a small file whole, with its seal."""
     with unfinished(path, replace=replace) as part:
         write_new(part, contents + _FORM % zlib.crc32(contents))
 
 
 def read_sealed(path: Path) -> bytes | None:
-    """Return the contents of a small file without the seal; None where they are not those that were sealed.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Return the contents of a small file without the seal; None if other contents were sealed."""
     written = read_small(path)
     contents = written[:-_LENGTH]
     return contents if written == contents + _FORM % zlib.crc32(contents) else None

@@ -7,8 +7,9 @@ One process holds the whole grid (`ALONE`), or the ranks of an MPI job hold the 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -76,6 +77,14 @@ class Ranks:
     def gathered(self, rows: NDArray[Any]) -> NDArray[Any]:
         """Return the rows of all ranks, one after the other, on the first; none on the others."""
         return rows
+
+    def brought(self, arrays: Sequence[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+        """Yield the arrays of all ranks, one after the other, on the first; send them there on the others."""
+        yield from arrays
+
+    def handed_out(self, arrays: Iterator[NDArray[Any]], numbers: Sequence[int]) -> list[NDArray[Any]]:
+        """Return this rank's part of the arrays that the first rank has: so many of them for each rank."""
+        return list(islice(arrays, numbers[0]))
 
 
 def wait(request: Any) -> None:
@@ -153,6 +162,28 @@ class MpiRanks(Ranks):
         """Return the rows of all ranks, one after the other, on the first; none on the others."""
         parts = self.communicator.gather(rows)
         return np.concatenate(parts) if self.first else rows[:0]
+
+    def brought(self, arrays: Sequence[NDArray[Any]]) -> Iterator[NDArray[Any]]:
+        """Yield the arrays of all ranks, one after the other, on the first; send them there on the others."""
+        numbers = self.all_of(len(arrays))
+        if not self.first:
+            for values in arrays:
+                self.communicator.send(values, 0)
+            return
+        yield from arrays
+        for rank, number in enumerate(numbers[1:], start=1):
+            for _ in range(number):
+                yield self.communicator.recv(source=rank)
+
+    def handed_out(self, arrays: Iterator[NDArray[Any]], numbers: Sequence[int]) -> list[NDArray[Any]]:
+        """Return this rank's part of the arrays that the first rank has: so many of them for each rank."""
+        if not self.first:
+            return [self.communicator.recv(source=0) for _ in range(numbers[self.number])]
+        own = list(islice(arrays, numbers[0]))
+        for rank, number in enumerate(numbers[1:], start=1):
+            for values in islice(arrays, number):
+                self.communicator.send(values, rank)
+        return own
 
 
 def _of_kind(partial: Partial, found: NDArray[Any]) -> Partial:

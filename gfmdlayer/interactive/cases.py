@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gfmdlayer.config import digest
 from gfmdlayer.execution import case_run, interrupts, workers
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import Case as SweptCase
-from gfmdlayer.execution.sweep import label
+from gfmdlayer.execution.sweep import SweepCase, label
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.progress import Watch
@@ -39,7 +38,7 @@ class Result(NamedTuple):
 
 
 def compute(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
+    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
 ) -> tuple[xarray.Dataset, Sequence[str]]:
     """Run a case in memory; return its data and the warnings of its observables."""
     config = case.config
@@ -55,7 +54,7 @@ def compute(
 
 
 def _attempt(
-    case: SweptCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
+    case: SweepCase, wisdom: str | None, threads: int, advance: Callable[[float], None] | None = None
 ) -> Result:
     """Run a case of a sweep; an error becomes its result."""
     try:
@@ -67,7 +66,7 @@ def _attempt(
     return Result(data, said=said)
 
 
-def here(every: Sequence[SweptCase], threads: int, watch: Watch) -> Iterator[tuple[SweptCase, Result]]:
+def here(every: Sequence[SweepCase], threads: int, watch: Watch) -> Iterator[tuple[SweepCase, Result]]:
     """Run the cases one after the other."""
     for case in every:
         wisdom = planned(case.config.grid.points, user_cache(), threads)
@@ -78,7 +77,7 @@ def here(every: Sequence[SweptCase], threads: int, watch: Watch) -> Iterator[tup
 
 
 def in_processes(
-    every: Sequence[SweptCase], jobs: int, threads: int, watch: Watch
+    every: Sequence[SweepCase], jobs: int, threads: int, watch: Watch
 ) -> Iterator[tuple[int, Result]]:
     """Run the cases in several processes."""
     wisdom, said = case_run.warm_up(every, threads)
@@ -117,7 +116,7 @@ def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
         yield pool
 
 
-def _attempt_in_process(case: SweptCase, wisdom: str | None, threads: int) -> Result:
+def _attempt_in_process(case: SweepCase, wisdom: str | None, threads: int) -> Result:
     """Run a case of a sweep, unless this process is asked to stop."""
     result = _attempt(case, wisdom, threads, _stop_where_asked)
     if result.error is None or isinstance(result.error, ConvergenceError):

@@ -23,8 +23,7 @@ from gfmdlayer.execution.folder import Folder, read_config
 from gfmdlayer.execution.growth import refuse_foreign_folder
 from gfmdlayer.execution.run import RunOptions, run_sweep
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import Case as SweptCase
-from gfmdlayer.execution.sweep import cases, input_errors
+from gfmdlayer.execution.sweep import SweepCase, cases, input_errors
 from gfmdlayer.files.cache import user_cache
 from gfmdlayer.grid.wisdom import planned
 from gfmdlayer.interactive.arrays import History, on_disk, with_history, with_punch, with_voltages
@@ -162,7 +161,7 @@ def _configuration(
     return found if punch is None else from_python(found, with_punch(found, punch), input_errors)
 
 
-def _gathered(config: Config, every: Sequence[SweptCase], results: Sequence[Result]) -> xarray.Dataset:
+def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Result]) -> xarray.Dataset:
     """Return the cases of a sweep as one dataset."""
     failures = {case.index: result for case, result in zip(every, results, strict=True) if result.error}
     if len(failures) == len(every):

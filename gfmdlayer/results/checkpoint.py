@@ -1,114 +1,148 @@
-"""The checkpoint of an unfinished case: its state, a position in its journal, and its provenance.
+"""The checkpoint of an unfinished case: one file, renamed once, when the states of all ranks are in it.
 
-An uncompressed .npz, written whole (`files.whole`): under its name there is always one whole state, the last
-or the one before. A digest over all of it shows whether it is the one that was written.
+    a line of JSON    what the bits depend on; simulated time; place in the journal; names of the arrays
+    arrays            of the first rank, then of the next ones, each as in a .npy file
+    seal              checksum of the whole file (`files.whole`)
+
+Under its name there is always one whole state: the last one, or the one before. The first rank alone reads
+and writes; the others send it their arrays, one at a time, so that no process needs the memory of two ranks.
+The rows and snapshots so far are in the journal, which only grows: so a checkpoint costs as much after a week
+as after a minute.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from gfmdlayer.files.locks import no_link, regular
-from gfmdlayer.files.whole import unfinished
+from gfmdlayer.files.whole import is_intact, seal, unfinished
+from gfmdlayer.grid.ranks import ALONE, Ranks
 
-_ABOUT = "about"
+_LONGEST = 1 << 22  # bytes of the line of JSON
+_ZIP = b"PK"  # begins a checkpoint of version 0.2
 
 
 class CheckpointError(Exception):
-    """A checkpoint from which a case cannot be resumed; the message says why."""
+    """A case cannot go on from its checkpoint; the message says why."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The state of a case at the end of a step.
+    """The state of one rank, and `about`: plain data on the run so far."""
 
-    Attributes
-    ----------
-    made_by : mapping
-        All else on which the bits of later results depend: input, versions, processor.
-    about : mapping
-        Plain data, as JSON has it, about the run so far: its time, the position in the journal.
-    state : mapping of arrays
-        The resumable state of the simulation.
-    """
-
-    made_by: Mapping[str, str]
     about: Mapping[str, Any]
     state: Mapping[str, NDArray[Any]]
 
-    def write(self, path: Path) -> None:
-        """Write the checkpoint as a whole or not at all.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written; the checkpoint before is then still there.
-        """
-        state = {name: np.asarray(values) for name, values in self.state.items()}
-        plain = {**self.about, "made_by": dict(self.made_by)}
-        about = json.dumps({**plain, "digest": _digest(plain, state)})
-        with unfinished(path) as part, open(part, "xb", opener=no_link) as file:
-            np.savez(file, **{_ABOUT: np.array(about)}, **state)  # type: ignore[arg-type]
+def write_checkpoint(
+    path: Path,
+    made_by: Mapping[str, str],
+    about: Mapping[str, Any],
+    state: Mapping[str, Any],
+    ranks: Ranks = ALONE,
+) -> None:
+    """Write the states of all ranks; each rank calls this with its own.
 
+    `made_by` says all else on which the bits of later results depend: input, versions, processor.
 
-def read_about(path: Path) -> dict[str, Any] | None:
-    """Return the plain data of a checkpoint, and `made_by`; None where they cannot be read."""
+    Raises
+    ------
+    OSError
+        On the first rank, if the file cannot be written; the checkpoint before is then still there.
+    """
+    arrays = {name: np.asarray(values) for name, values in state.items()}
+    names = ranks.all_of(list(arrays))
+    every = ranks.brought(list(arrays.values()))
     try:
-        with open(path, "rb", opener=regular) as stream, np.load(stream, allow_pickle=False) as file:
-            about: dict[str, Any] = json.loads(str(file[_ABOUT]))
-            return about if isinstance(about["made_by"], dict) else None
-    except Exception:  # a damaged file can fail anywhere, with any exception
-        return None
+        if ranks.first:
+            with unfinished(path) as part, open(part, "x+b", opener=no_link) as file:
+                file.write(json.dumps({"made_by": dict(made_by), **about, "arrays": names}).encode() + b"\n")
+                for values in every:
+                    npy.write_array(file, values, allow_pickle=False)
+                seal(file)
+    finally:
+        for _ in every:  # also after a failure the other ranks must get rid of theirs
+            pass
 
 
-def read_checkpoint(path: Path, made_by: Mapping[str, str]) -> Checkpoint:
-    """Read a checkpoint.
-
-    Parameters
-    ----------
-    path : Path
-        Its file.
-    made_by : mapping
-        Input, versions and processor of this run, to which those of the checkpoint must be equal.
+def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE) -> Checkpoint:
+    """Read a checkpoint; each rank calls this and gets its own state.
 
     Raises
     ------
     CheckpointError
-        If it is damaged, or was made from another input, by other versions or on another processor.
+        On all ranks, if the file is damaged, or if other input, versions, ranks or another processor made it.
     """
+    with ExitStack() as stack:
+        file: BinaryIO | None = None
+        about: dict[str, Any] = {}
+        with ranks.agreeing(CheckpointError):
+            if ranks.first:
+                file, about = _opened(path, stack)
+                _refuse_other_origin(about["made_by"], made_by)
+        about = ranks.shared(about)
+        names: list[list[str]] = about.pop("arrays")
+        own = ranks.handed_out(_arrays(file, path), [len(each) for each in names])
+        del about["made_by"]
+        return Checkpoint(about, dict(zip(names[ranks.number], own, strict=True)))
+
+
+def read_about(path: Path) -> dict[str, Any] | None:
+    """Return the plain data of a checkpoint and `made_by`, unverified; None where there are none."""
     try:
-        with open(path, "rb", opener=regular) as stream, np.load(stream, allow_pickle=False) as file:
-            state = dict(file)
-        about = json.loads(str(state.pop(_ABOUT)))
-        digest = about.pop("digest", "")
-        others: dict[str, str] = dict(about["made_by"])
-    except Exception as error:  # a damaged file can fail anywhere, with any exception
-        raise CheckpointError(f"it cannot be read: {type(error).__name__}: {error}") from None
+        with open(path, "rb", opener=regular) as file:
+            return _parsed(file.readline(_LONGEST))
+    except OSError:
+        return None
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    try:
+        about: dict[str, Any] = json.loads(line)
+        return about if isinstance(about["made_by"], dict) else None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _opened(path: Path, stack: ExitStack) -> tuple[BinaryIO, dict[str, Any]]:
+    """Open a checkpoint of this form whose bytes are those that were written, behind its line of JSON."""
+    try:
+        intact = is_intact(path)
+        file = stack.enter_context(open(path, "rb", opener=regular))  # noqa: SIM115 - the stack closes it
+        line = file.readline(_LONGEST)
+    except OSError as error:
+        raise CheckpointError(f"it cannot be read: {error.strerror or error}") from None
+    if intact is None and line.startswith(_ZIP):
+        raise CheckpointError("an earlier version of gfmdlayer wrote it")
+    about = _parsed(line)
+    if not intact or about is None or not isinstance(about.get("arrays"), list):
+        raise CheckpointError("it is damaged")
+    return file, about
+
+
+def _refuse_other_origin(found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
     changed = [
-        f"{key} {others.get(key, '(none)')} -> {made_by.get(key, '(none)')}"
-        for key in sorted({*others, *made_by})
-        if others.get(key) != made_by.get(key)
+        f"{key} {found.get(key, '(none)')} -> {wanted.get(key, '(none)')}"
+        for key in sorted({*found, *wanted})
+        if found.get(key) != wanted.get(key)
     ]
     if changed:
         raise CheckpointError(f"it would not give the same bits: {'; '.join(changed)}")
-    if digest != _digest(about, state):
-        raise CheckpointError("it cannot be read: other arrays are in it than were written")
-    del about["made_by"]
-    return Checkpoint(made_by, about, state)
 
 
-def _digest(about: Mapping[str, Any], state: Mapping[str, NDArray[Any]]) -> str:
-    """Return a hash of all that a checkpoint holds."""
-    found = hashlib.blake2b(json.dumps(about, sort_keys=True).encode(), digest_size=16)
-    for name, values in sorted(state.items()):
-        found.update(json.dumps([name, values.dtype.str, values.shape]).encode())
-        found.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
-    return found.hexdigest()
+def _arrays(file: BinaryIO | None, path: Path) -> Iterator[NDArray[Any]]:
+    """Yield the arrays of an open checkpoint; none on the ranks that have not opened it."""
+    while file is not None:
+        try:
+            yield npy.read_array(file, allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise CheckpointError(f"{path.name} cannot be read: {error}") from None

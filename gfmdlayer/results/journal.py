@@ -1,12 +1,13 @@
-"""The journal of a case: its rows and snapshots so far, in a file that survives a killed process.
+"""The rows and snapshots of a case before they become its file: on the disk, or in memory.
 
-The unfinished HDF5 file does not. So a journal passes rows and snapshots on to the writer of that file and
-appends them to a file of its own, in blocks of numpy arrays:
+An HDF5 file does not survive a killed process; a file of .npy arrays that only grows does. So a run records
+into a journal, and its HDF5 file is written from the journal at the end. The journal is a sequence of blocks:
 
-    numbers of columns and of fields, each column of some rows, times of some snapshots, their fields
+    (columns, 0), the columns of some rows
+    (0, fields), the time of a snapshot, its fields
 
-Blocks are not changed once appended: up to a position, the file stays good whatever follows it. A resumed
-case goes on at the position of its checkpoint.
+A block never changes. A checkpoint holds the position behind the last one; a resumed case goes on there, over
+whatever follows.
 """
 
 from __future__ import annotations
@@ -15,25 +16,28 @@ import io
 import os
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute, FloatArray
-from gfmdlayer.files.locks import no_link
+from gfmdlayer.files.locks import regular_and_no_link
 from gfmdlayer.observables import Column
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
+from gfmdlayer.results.schema import FIELDS, VARIABLES, ResultsError, Variable
 
 if TYPE_CHECKING:
     import xarray
 
+    from gfmdlayer.grid.grid import Grid
 
-HELD = 1 << 24  # bytes held in memory at most, before they are appended
+HELD = 1 << 24  # bytes in memory at most, before they are written
+_BLOCK = 1 << 20  # points of a field that the first rank gets from the others at a time
 
 
 class Recorder(Protocol):
@@ -61,17 +65,7 @@ class Recorder(Protocol):
 
 
 class Position(NamedTuple):
-    """Position up to which a journal is good.
-
-    Attributes
-    ----------
-    columns : sequence of str
-        Columns of the rows.
-    size : int
-        Bytes up to the position.
-    checksum : int
-        CRC-32 of these bytes.
-    """
+    """A place in a journal: the columns of its rows, the bytes before the place and their CRC-32."""
 
     columns: Sequence[str] = ()
     size: int = 0
@@ -79,31 +73,34 @@ class Position(NamedTuple):
 
 
 class Journal:
-    """A recorder that writes a journal and passes everything on to another recorder.
+    """A recorder that keeps rows and snapshots in memory, and in a file where they become many.
 
     Parameters
     ----------
     path : Path
-        File of the journal. Without `replay` it is created, in place of an earlier one, when the first
-        block is appended.
-    recorder : Recorder
-        The other recorder.
+        The file; made, in place of an earlier one, when it is first written.
+    grid : Grid, optional
+        The grid of the snapshots, where several ranks share it; the first rank alone writes.
+    held : int
+        Bytes in memory, at most.
     """
 
-    def __init__(self, path: Path, recorder: Recorder) -> None:
-        self._path, self._recorder = path, recorder
-        self._file: BinaryIO | None = None
-        self._columns: Sequence[str] = ()
+    def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
+        self._path, self._held = path, held
+        self._shared = grid if grid is not None and grid.ranks.count > 1 else None
+        self._writes = grid is None or grid.ranks.first
+        self._file: io.FileIO | None = None
         self._good = Position()
+        self._columns: Sequence[str] = ()
         self._clear()
-        self._failure: OSError | None = None
+        self.noted: dict[str, Attribute] = {}
 
     def row(self, **values: float | FloatArray) -> None:
-        """Record the observables of an accepted step: numbers, and histograms."""
-        self._recorder.row(**values)
-        self._columns = self._columns or list(values)
-        self._rows.append(tuple(values[name] for name in self._columns))
-        self._count(sum(map(np.size, values.values())) * 8)
+        """Record the columns of an accepted step: numbers, and histograms."""
+        if self._writes:
+            self._columns = self._columns or list(values)
+            self._rows.append(tuple(values[name] for name in self._columns))
+            self._count(sum(map(np.size, values.values())) * 8)
 
     def snapshot(
         self,
@@ -116,17 +113,19 @@ class Journal:
     ) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
         fields = displacement, pressure, gap, *([] if traction is None else [traction])
-        self._recorder.snapshot(time, *fields)
-        self._times.append(time)
-        self._fields += fields
-        self._count(len(fields) * gap.nbytes)
+        if self._shared is not None:
+            self._gather(self._shared, time, fields)
+        else:
+            self._snapshots.append((time, fields))
+            self._count(len(fields) * gap.nbytes)
 
     def note(self, **attributes: Attribute) -> None:
-        """Pass on results of the run as a whole; they come at the end, after the last checkpoint."""
-        self._recorder.note(**attributes)
+        """Record attributes of the run; they come at its end, after the last checkpoint."""
+        if self._writes:
+            self.noted |= attributes
 
-    def accept(self, position: Position) -> None:
-        """Go on behind a position in the file.
+    def go_on(self, position: Position) -> None:
+        """Go on behind a position of the file.
 
         Raises
         ------
@@ -136,49 +135,41 @@ class Journal:
         if position.size == 0:  # an empty journal has no file
             return
         try:
-            file = open(self._path, "r+b", opener=no_link)  # noqa: SIM115 - it stays open
+            self._file = _opened(self._path, "r+b")
         except OSError as error:
             raise ValueError(f"{self._path.name}, which belongs to it, cannot be read ({error})") from None
-        self._file = file
-        left, checksum = position.size, 0
-        while left and (part := file.read(min(left, 1 << 20))):
-            left, checksum = left - len(part), zlib.crc32(part, checksum)
-        if left or checksum != position.checksum:
-            raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
         self._good, self._columns = position, position.columns
+        if not self._is_intact(self._file):
+            raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
 
-    def replay(self, position: Position) -> None:
-        """Pass on the contents of the file up to a position, behind which later records are appended.
+    def replay(self, recorder: Recorder) -> None:
+        """Pass everything on to another recorder; of the file, one block at a time is in memory.
 
         Raises
         ------
-        ValueError
-            If the file is damaged before the position; then nothing is passed on.
+        ResultsError
+            If the file is damaged.
         """
-        if self._file is None:
-            self.accept(position)
-        if self._file is None:
-            return
-        file = self._file
-        file.seek(0)
-        while file.tell() < position.size:
-            columns, fields = np.load(file).tolist()
-            values = [np.load(file) for _ in range(columns)]
-            for row in zip(*values, strict=True):
-                self._recorder.row(**dict(zip(position.columns, row, strict=True)))
-            for instant in np.load(file).tolist():
-                self._recorder.snapshot(instant, *(np.load(file) for _ in range(fields)))
+        if self._file is not None:
+            if not self._is_intact(self._file):
+                raise ResultsError(f"{self._path}: is damaged")
+            self._file.seek(0)
+            while self._file.tell() < self._good.size:
+                self._replay_block(self._file, recorder)
+        for row in self._rows:
+            recorder.row(**dict(zip(self._columns, row, strict=True)))
+        for instant, fields in self._snapshots:
+            recorder.snapshot(instant, *fields)
+        recorder.note(**self.noted)
 
     def kept(self) -> Position:
-        """Bring all records to the disk and return the position behind them.
+        """Bring everything to the disk; return the position behind it.
 
         Raises
         ------
         OSError
-            If they cannot be written.
+            If it cannot be written; it stays in memory.
         """
-        if self._failure is not None:
-            raise self._failure
         self._append()
         if self._file is not None:
             os.fsync(self._file.fileno())
@@ -192,43 +183,105 @@ class Journal:
 
     def _count(self, size: int) -> None:
         self._size += size
-        if self._size > HELD:
+        if self._size > self._held:
             try:
                 self._append()
-            except OSError as error:  # the case goes on, but no later position is good without these
-                self._failure = error
-        if self._failure is not None:
-            self._clear()
+            except OSError as error:
+                raise self._unwritten(error) from error
 
     def _clear(self) -> None:
         self._rows: list[tuple[float | FloatArray, ...]] = []
-        self._times: list[float] = []
-        self._fields: list[FloatArray] = []
+        self._snapshots: list[tuple[float, tuple[FloatArray, ...]]] = []
         self._size = 0
 
     def _append(self) -> None:
-        if self._size == 0:
-            return
+        """Write what is in memory."""
+        arrays = []
+        if self._rows:
+            columns = [np.array(values) for values in zip(*self._rows, strict=True)]
+            arrays += [np.array([len(columns), 0]), *columns]
+        for instant, fields in self._snapshots:
+            arrays += [np.array([0, len(fields)]), np.array(instant), *fields]
+        if arrays:
+            self._write(part for array in arrays for part in (_head(array.dtype, array.shape), array))
+            self._clear()
+
+    def _gather(self, grid: Grid, time: float, fields: tuple[FloatArray, ...]) -> None:
+        """Write a snapshot of which each rank holds a part."""
+        rows = max(1, _BLOCK // grid.points[1])
+
+        def parts() -> Iterator[Any]:
+            for array in (np.array([0, len(fields)]), np.array(time)):
+                yield from (_head(array.dtype, array.shape), array)
+            for field in fields:
+                yield _head(field.dtype, grid.points)
+                yield from (block for _, block in grid.blocks(field, rows))
+
+        every = parts()
+        try:
+            if self._writes:
+                self._append()
+                self._write(every)
+        except OSError as error:
+            raise self._unwritten(error) from error
+        finally:
+            for _ in every:  # also after a failure the other ranks must get rid of theirs
+                pass
+
+    def _write(self, parts: Iterator[Any]) -> None:
+        """Write bytes and arrays behind what is good; if that fails, they are not good."""
         if self._file is None:
             self._path.unlink(missing_ok=True)  # a dying process may still be writing to it
-            self._file = self._path.open("xb")
-        self._file.seek(self._good.size)  # overwrites what a failed attempt may have left
-        columns = [np.array(values) for values in zip(*self._rows, strict=True)]
+            self._file = _opened(self._path, "x+b")
         size, checksum = self._good.size, self._good.checksum
-        head = np.array([len(columns), len(self._fields) // max(len(self._times), 1)])
-        for array in (head, *columns, np.array(self._times), *self._fields):
-            for part in _npy(array):
-                size, checksum = size + self._file.write(part), zlib.crc32(part, checksum)
-        self._file.flush()
+        self._file.seek(size)
+        for part in parts:
+            left = np.ascontiguousarray(part).reshape(-1).view(np.uint8).data
+            size, checksum = size + len(left), zlib.crc32(left, checksum)
+            while left:
+                left = left[self._file.write(left) :]
         self._good = Position(self._columns, size, checksum)
-        self._clear()
+
+    def _unwritten(self, error: OSError) -> ResultsError:
+        return ResultsError(f"{self._path}: cannot be written: {error.strerror or error}")
+
+    def _is_intact(self, file: io.FileIO) -> bool:
+        file.seek(0)
+        left, checksum = self._good.size, 0
+        while left and (part := file.read(min(left, 1 << 20))):
+            left, checksum = left - len(part), zlib.crc32(part, checksum)
+        return not left and checksum == self._good.checksum
+
+    def _replay_block(self, file: io.FileIO, recorder: Recorder) -> None:
+        columns, fields = npy.read_array(file).tolist()
+        values = [npy.read_array(file) for _ in range(columns)]
+        for row in zip(*values, strict=True):
+            recorder.row(**dict(zip(self._columns, row, strict=True)))
+        if fields:
+            instant = float(npy.read_array(file))
+            recorder.snapshot(instant, *(_mapped(file) for _ in range(fields)))
 
 
-def _npy(array: NDArray[Any]) -> tuple[Any, Any]:
-    """Return the head and the contents of a .npy file of an array, without a copy of a field."""
-    whole, head = np.ascontiguousarray(array), io.BytesIO()
-    np.lib.format.write_array_header_1_0(head, np.lib.format.header_data_from_array_1_0(whole))
-    return head.getbuffer(), whole.reshape(-1).view(np.uint8).data
+def _opened(path: Path, mode: str) -> io.FileIO:
+    file: io.FileIO = open(path, mode, buffering=0, opener=regular_and_no_link)  # type: ignore[assignment] # noqa: SIM115
+    return file
+
+
+def _head(dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return the head of a .npy file; it ends at a multiple of 64 bytes."""
+    head = io.BytesIO()
+    described = {"descr": npy.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+    npy.write_array_header_1_0(head, described)
+    return np.frombuffer(head.getvalue(), np.uint8)
+
+
+def _mapped(file: io.FileIO) -> FloatArray:
+    """Return the array at the place in a file, of which HDF5 reads a part at a time."""
+    npy.read_magic(file)
+    shape, _, dtype = npy.read_array_header_1_0(file)
+    field = np.memmap(file, dtype, "r", file.tell(), shape)
+    file.seek(field.offset + field.nbytes)
+    return field
 
 
 # The results of one case in memory: the dataset that opening its file would give.

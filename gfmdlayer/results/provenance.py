@@ -11,7 +11,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-CHECKPOINT_FORMAT = "4"  # of checkpoint and journal
+CHECKPOINT_FORMAT = "5"  # of checkpoint and journal
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
 _DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
 

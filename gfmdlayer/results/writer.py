@@ -25,7 +25,6 @@ from h5py import h5d
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
-from gfmdlayer.grid.grid import Grid
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.results.netcdf import (
     NewFile,
@@ -34,7 +33,6 @@ from gfmdlayer.results.netcdf import (
     contents,
     new_file,
     set_attributes,
-    write_at,
 )
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
@@ -112,15 +110,10 @@ def _growing(*places: int) -> dict[str, Any]:
     return {**shapes, "fletcher32": True}
 
 
-def rows_of_block(shape: tuple[int, ...]) -> int:
-    """Return the rows of a field that are stored together, in a block."""
-    return -(-shape[0] // -(-math.prod(shape) // BLOCK))
-
-
 def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) -> h5py.Dataset:
     """Add a variable of the snapshots, in blocks of at most BLOCK points."""
     shape = tuple(len(h5[axis]) for axis in axes)
-    rows = rows_of_block(shape)
+    rows = -(-shape[0] // -(-math.prod(shape) // BLOCK))
     return add_variable(
         h5,
         name,
@@ -162,8 +155,6 @@ class CaseWriter:
         Seconds spent on the case by earlier runs, added to `wall_seconds`.
     unit
         Label of a unit, from the words in which it is declared; by default the words themselves.
-    grid
-        The grid, where several ranks hold the snapshots.
 
     Raises
     ------
@@ -180,7 +171,6 @@ class CaseWriter:
         flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
-        grid: Grid | None = None,
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
@@ -188,7 +178,6 @@ class CaseWriter:
         self._attributes = dict(attributes or {})
         declared = known_columns().values() if columns is None else columns
         self._declared = {column.name: column.in_units(unit) for column in declared}
-        self._grid = grid
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
         self.noted: dict[str, Attribute] = {}  # at the end of the run
         self._flush_interval, self._elapsed = flush_interval, elapsed
@@ -217,11 +206,6 @@ class CaseWriter:
             return
         with self._stack:
             self._finish()
-
-    @property
-    def declared(self) -> frozenset[str]:
-        """Columns that rows may have."""
-        return frozenset(self._declared)
 
     @property
     def elapsed(self) -> float:
@@ -296,23 +280,13 @@ class CaseWriter:
         for name in FIELDS:
             if (name in fields) != (name in self._growing):
                 raise ValueError(f"{self.path}: some snapshots have a {name} and others have none")
-        shape = self._shape if self._grid is None else self._grid.shape
         for name, field in fields.items():
-            if np.shape(field) != shape:
-                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {shape}")
+            if np.shape(field) != self._shape:
+                raise ValueError(f"{self.path}: {name} of shape {np.shape(field)} on a grid of {self._shape}")
         append(self._growing["snapshot"], [time])
         for name, field in fields.items():
-            self._append_field(self._growing[name], field)
+            append(self._growing[name], np.asarray(field)[np.newaxis])
         self._file.check()
-
-    def _append_field(self, dataset: h5d.DatasetID, field: NDArray[np.float64]) -> None:
-        if self._grid is None:
-            append(dataset, np.asarray(field)[np.newaxis])
-            return
-        held, *rest = dataset.shape
-        dataset.set_extent((held + 1, *rest))
-        for first, rows in self._grid.blocks(field, rows_of_block(self._shape)):
-            write_at(dataset, (held, first, 0), rows[np.newaxis])
 
     def note(self, **attributes: Attribute) -> None:
         """Add attributes of the file that are known at the end of the run."""

@@ -21,7 +21,7 @@ from gfmdlayer.execution.case_run import prepare, run_case, warm_up
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.schedule import Schedule
-from gfmdlayer.execution.sweep import Case, cases
+from gfmdlayer.execution.sweep import SweepCase, cases
 from gfmdlayer.execution.workers import WorkerPool, assemble
 
 EFFORT = Effort(points=(1 << 14,), repetitions=1)
@@ -30,11 +30,11 @@ FIGURES = ("figure2", "figure3", "figure4")
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
-def figures(quick: bool) -> list[Case]:
+def figures(quick: bool) -> list[SweepCase]:
     """Return the cases of the three figures with consecutive numbers."""
     names = [f"{figure}{'-quick' if quick else ''}.yaml" for figure in FIGURES]
     every = [case for name in names for case in cases(load(CONFIGS / name))]
-    return [Case(index, case.config, case.values) for index, case in enumerate(every)]
+    return [SweepCase(index, case.config, case.values) for index, case in enumerate(every)]
 
 
 def measure(effort: Effort) -> list[Table]:
@@ -62,7 +62,7 @@ def _timed(number: int, quick: bool) -> dict[str, list[float]]:
     return dict(json.loads(answer))
 
 
-def _run(pool: WorkerPool, every: list[Case]) -> dict[str, object]:
+def _run(pool: WorkerPool, every: list[SweepCase]) -> dict[str, object]:
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()

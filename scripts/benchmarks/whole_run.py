@@ -12,7 +12,7 @@ from benchmarks.tables import Cell, Effort, Table
 from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import warm_up
 
@@ -65,7 +65,7 @@ def effort_of_run(config: Config, wisdom: str) -> tuple[int, int]:
     with TemporaryDirectory() as name:
         folder = Folder(Path(name))
         folder.cases.mkdir()
-        outcome = run_case(Case(0, config, {}), folder, {config.grid.points: wisdom})
+        outcome = run_case(SweepCase(0, config, {}), folder, {config.grid.points: wisdom})
         if outcome.state != "complete":
             raise RuntimeError(f"the run with {config.solver.method} failed: {outcome.reason}")
         with h5py.File(folder.case(0)) as file:

@@ -290,7 +290,7 @@ def test_a_signal_stops_a_run_that_the_same_command_resumes(
     assert process.returncode == 75, process.stderr
     assert "Traceback" not in process.stderr
     left = {path.name for path in Path("out/cases").iterdir()}
-    assert left == {".lock", "0000.h5", "0001.checkpoint", "0001.journal0"}
+    assert left == {".lock", "0000.h5", "0001.checkpoint", "0001.journal"}
     assert "1 complete, 0 running, 0 failed, 1 waiting" in gfmdlayer("status", "out").stdout
     before = Path("out/cases/0000.h5").read_bytes()
     # In another process: a checkpoint of another commit is set aside, and this process keeps the old one.

@@ -14,7 +14,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 
 SMALL: dict[str, object] = {"grid.points": 64, "time.end": 1.6, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS: dict[str, dict[str, object]] = {
@@ -40,7 +40,7 @@ def folder_at(path: Path) -> Folder:
 def test_the_next_run_goes_on_from_the_last_accepted_step_with_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: str, every: float
 ) -> None:
-    case = Case(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
+    case = SweepCase(0, Config(name="fails").with_values(SMALL | STEPS[steps]), {})
     whole, folder = folder_at(tmp_path / "whole"), folder_at(tmp_path / "out")
     solve = ActiveSet.solve
     depths: list[float] = []
@@ -73,7 +73,7 @@ def test_a_first_step_that_fails_leaves_no_state(tmp_path: Path, monkeypatch: py
     solve = ActiveSet.solve
     monkeypatch.setattr(ActiveSet, "solve", lambda *given: replace(solve(*given), converged=False))
     folder = folder_at(tmp_path / "out")
-    outcome = run_case(Case(0, Config(name="fails").with_values(SMALL | STEPS["fixed"]), {}), folder)
+    outcome = run_case(SweepCase(0, Config(name="fails").with_values(SMALL | STEPS["fixed"]), {}), folder)
     assert outcome.state == "failed"
     assert "state kept" not in outcome.reason
     assert sorted(path.name for path in folder.cases.iterdir()) == ["0000.failed"]

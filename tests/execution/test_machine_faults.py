@@ -6,10 +6,8 @@ import errno
 import multiprocessing.queues
 import multiprocessing.synchronize
 import os
-import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from concurrent.futures import process
 from pathlib import Path
@@ -21,7 +19,6 @@ import pytest
 
 from gfmdlayer.cli import main
 from gfmdlayer.execution.preflight import machine_problem
-from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.files.whole import cannot_be_written
 from gfmdlayer.fitting.indentation.curve_files import entries
@@ -184,24 +181,6 @@ def test_an_error_of_the_program_keeps_its_traceback(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("gfmdlayer.cli.check.read_config", fail)
     with pytest.raises(ZeroDivisionError):
         main(["check", "tiny.yaml"])
-
-
-def test_a_folder_that_is_removed_while_a_run_uses_it_ends_the_run_in_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    advance = StatusFile.advance
-
-    def removing(self: StatusFile, time: float) -> None:
-        advance(self, time)
-        if time > 0.15:
-            shutil.rmtree("out", ignore_errors=True)
-
-    monkeypatch.setattr(StatusFile, "advance", removing)
-    monkeypatch.setattr(threading, "excepthook", lambda found: pytest.fail(str(found)))
-    assert main(["run", "tiny.yaml", "--out", "out"]) == 1
-    shown = capsys.readouterr()
-    assert "cannot be written: No such file or directory" in shown.out + shown.err
-    assert "Traceback" not in shown.out + shown.err
 
 
 def flipped(content: bytes, rng: np.random.Generator) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 import threading
@@ -10,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ from gfmdlayer.cli import main
 from gfmdlayer.config import Config
 from gfmdlayer.execution import run as running
 from gfmdlayer.execution.case_run import warm_up
-from gfmdlayer.execution.folder import Folder, FolderError
+from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.periodic import Case
@@ -41,20 +39,6 @@ def small(sweep: dict[str, Any] | None = None, **values: object) -> Config:
     return Config.model_validate(given.model_dump(exclude_unset=True) | {"sweep": sweep or {}})
 
 
-@pytest.mark.parametrize("error", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS])
-def test_a_file_system_whose_locks_fail_changes_nothing(
-    error: int, run_here: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def flock(*_: object) -> None:
-        raise OSError(error, os.strerror(error))
-
-    monkeypatch.setattr(fcntl, "flock", flock)
-    run_here(small(SWEEP))
-    summary, log = run_here(small(SWEEP))
-    assert summary.count("complete") == 3
-    assert "damaged" not in log
-
-
 def test_reading_does_not_depend_on_locks(run_here: Run) -> None:
     """HDF5 calls flock in C: files that another program has locked show whether it does."""
     run_here(small(SWEEP))
@@ -73,43 +57,6 @@ def test_reading_does_not_depend_on_locks(run_here: Run) -> None:
     finally:
         for file in files:
             file.close()
-
-
-@pytest.mark.parametrize("how", ["vanishes", "is truncated"])
-def test_a_case_that_is_lost_before_collection_fails_by_name(
-    how: str, monkeypatch: pytest.MonkeyPatch, run_here: Run
-) -> None:
-    collect = running._collect
-
-    def losing(config: Config, folder: Folder, *rest: Any) -> Any:
-        if how == "vanishes":
-            folder.case(1).unlink()
-        else:
-            os.truncate(folder.case(1), 1000)
-        return collect(config, folder, *rest)
-
-    with monkeypatch.context() as losses:
-        losses.setattr(running, "_collect", losing)
-        summary, _ = run_here(small(SWEEP))
-    (failure,) = summary.failures
-    assert (failure.index, failure.reason) == (1, "no complete result file")
-    assert run_here(small(SWEEP))[0].count("complete") == 3
-
-
-def test_a_flipped_bit_in_a_snapshot_sets_the_case_aside(
-    run_here: Run, bits: Callable[[str], dict[str, bytes]]
-) -> None:
-    run_here(small(SWEEP))
-    whole, path = bits("out"), Path("out/cases/0001.h5")
-    with h5py.File(path) as h5:
-        place = h5["pressure"].id.get_chunk_info(0).byte_offset
-    content = bytearray(path.read_bytes())
-    content[place + 9] ^= 1
-    path.write_bytes(content)
-    _, log = run_here(small(SWEEP))
-    assert "case 0001 is damaged: set aside as 0001.h5.aside, computed again" in log
-    assert Path("out/cases/0001.h5.aside").read_bytes() == content
-    assert bits("out") == whole
 
 
 def test_wisdom_is_kept_with_the_results(

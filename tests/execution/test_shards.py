@@ -23,8 +23,9 @@ from gfmdlayer.execution.cost import estimate
 from gfmdlayer.execution.folder import Folder, FolderError
 from gfmdlayer.execution.growth import claimed, held
 from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
-from gfmdlayer.execution.sweep import Case, Shard, cases
+from gfmdlayer.execution.sweep import Shard, SweepCase, cases
 from gfmdlayer.execution.workers import assemble
+from gfmdlayer.files.locks import read_json
 from gfmdlayer.results.reader import open_results
 
 TINY = """\
@@ -59,9 +60,8 @@ def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subproce
     arguments = ["run", "tiny.yaml", "--out", out, *(["--shard", shard] if shard else [])]
     command = [sys.executable, "-m", "gfmdlayer", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 120
-        unfinished = f"{case:04d}.h5.*-{process.pid}-*.part"
-        while not list(Path(f"{out}/cases").glob(unfinished)):
+        deadline, status = time.monotonic() + 120, Path(f"{out}/cases/{case:04d}.running")
+        while (read_json(status) or {}).get("pid") != process.pid:
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.01)
@@ -71,10 +71,10 @@ def at_work(shard: str | None, case: int, out: str = "out") -> Iterator[subproce
             process.kill()
 
 
-def of_length(*steps: int) -> list[Case]:
+def of_length(*steps: int) -> list[SweepCase]:
     """Return cases with these numbers of steps, hence of work."""
     return [
-        Case(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
+        SweepCase(index, Config(name="x").with_values({"time.end": number * 0.01, "time.step": 0.01}), {})
         for index, number in enumerate(steps)
     ]
 
@@ -132,7 +132,7 @@ def test_a_case_that_failed_in_one_shard_is_named_in_what_another_collects() -> 
         assert "0000: ConvergenceError" in results.attrs["failed"]
 
 
-def share(number: int, count: int) -> list[Case]:
+def share(number: int, count: int) -> list[SweepCase]:
     return Shard(number, count).share(cases(load(Path("tiny.yaml"))))
 
 
@@ -171,14 +171,11 @@ def test_a_shard_is_stopped_or_killed_alone_and_let_in_again_at_once() -> None:
         with at_work("1/2", own) as process:
             process.kill()
             process.wait()
-        (left,) = Path("out/cases").glob(f"{own:04d}.h5.*.part")
         with at_work("1/2", own) as process:
-            assert not left.exists()
             process.send_signal(signal.SIGTERM)
             _, errors = process.communicate(timeout=300)
         assert process.returncode == 75, errors
         assert alive.poll() is None
-        assert list(Path("out/cases").glob(f"{other:04d}.h5.*.part"))
         assert json.loads(Path(f"out/cases/{other:04d}.running").read_text())["pid"] == alive.pid
         assert not list(Path("out/cases").glob("stop*"))
 

@@ -23,7 +23,7 @@ from gfmdlayer.execution.status import Running, running
 from gfmdlayer.execution.workers import alone
 from gfmdlayer.files.locks import born, no_link, printable
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.results.journal import Journal, Position, Recording
+from gfmdlayer.results.journal import Journal, Position
 from gfmdlayer.results.reader import is_complete
 
 Run = Callable[..., tuple[Any, str]]
@@ -37,7 +37,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("precious").write_text("precious")
 
 
-@pytest.mark.parametrize("name", [".lock", ".admission", ".collection"])
+@pytest.mark.parametrize("name", [".lock", ".turn"])
 def test_locks_are_not_taken_through_links(name: str, run_here: Run) -> None:
     Path("out/cases").mkdir(parents=True)
     Path(f"out/cases/{name}").symlink_to(Path("precious").absolute())
@@ -64,7 +64,7 @@ def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch: pytest.Monk
     folder = Folder(Path("out"))
     folder.cases.mkdir(parents=True)
     folder.stop.symlink_to(Path("made").absolute())
-    journal = folder.case(0, "journal0")
+    journal = folder.case(0, "journal")
     journal.symlink_to(Path("precious").absolute())
     monkeypatch.setattr("gfmdlayer.execution.schedule.stop_requested", lambda: True)
     monkeypatch.setattr("gfmdlayer.execution.schedule.request_stop", lambda: None)
@@ -73,7 +73,7 @@ def test_a_request_to_stop_and_a_journal_follow_no_link(monkeypatch: pytest.Monk
         assert list(schedule.run([Outcome(0, "waiting")])) == [Outcome(0, "stopped")]
     assert not Path("made").exists()
     with pytest.raises(ValueError, match="is a symbolic link"):
-        Journal(journal, Recording()).replay(Position(("time",), 8, 0))
+        Journal(journal).go_on(Position(("time",), 8, 0))
     with pytest.raises(OSError, match="is a symbolic link"), open(journal, "w", opener=no_link):
         pass
     assert Path("precious").read_text() == "precious"

@@ -10,7 +10,7 @@ import pytest
 from gfmdlayer.config import Config
 from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
-from gfmdlayer.execution.sweep import Case
+from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.model import simulate
 from gfmdlayer.results.gathering import CaseRecord
 from gfmdlayer.results.reader import open_case, open_results
@@ -62,7 +62,7 @@ def test_files_of_cases_and_sweeps_name_units_and_modulus(tmp_path: Path) -> Non
     )
     for index, force in enumerate((0.5, 1.0)):
         values = {"trajectory": {"control": "force", "force": force}}
-        assert run_case(Case(index, config.with_values(values), {}), folder).state == "complete"
+        assert run_case(SweepCase(index, config.with_values(values), {}), folder).state == "complete"
         records.append(CaseRecord(index, folder.case(index), {"trajectory.force": force}))
     collect(tmp_path, records, ["trajectory.force"], unit=config.unit)
     expected = {

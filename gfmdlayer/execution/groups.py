@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.execution.case_run import run_case
+from gfmdlayer.execution.case_run import ending_together, run_case
 from gfmdlayer.execution.folder import Folder, FolderError
-from gfmdlayer.execution.groups.share import ending_together
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.schedule import Outcome
-from gfmdlayer.execution.sweep import Case, cases, input_errors
+from gfmdlayer.execution.sweep import SweepCase, cases, input_errors
 from gfmdlayer.execution.workers import LauncherError, WorkerPool, alone, guarded, ranks, world
 
 if TYPE_CHECKING:
@@ -35,13 +34,7 @@ _POLL = 0.005  # seconds between two looks of a waiting rank
 
 
 class _Group:
-    """The ranks that compute a case together with this one.
-
-    Parameters
-    ----------
-    communicator : mpi4py.MPI.Comm
-        The ranks.
-    """
+    """The ranks that compute a case together with this one."""
 
     def __init__(self, communicator: Any) -> None:
         from gfmdlayer.grid.ranks import MpiRanks
@@ -90,35 +83,20 @@ def together(task: Callable[..., Result], *arguments: Any) -> Result:
     return _Member.group.run(task, *arguments)
 
 
-def run_case_together(case: Case, **options: Any) -> Outcome:
+def run_case_together(case: SweepCase, **options: Any) -> Outcome:
     """Run a case on the group of this process, see `run_case`."""
     return together(_run_case, case, options)
 
 
-def _run_case(ranks: Ranks, case: Case, options: dict[str, Any]) -> Outcome:
+def _run_case(ranks: Ranks, case: SweepCase, options: dict[str, Any]) -> Outcome:
     return run_case(case, **options, ranks=ranks)
 
 
 @contextmanager
 def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
-    """Assemble a pool of groups of ranks.
+    """Assemble a pool of groups of `size` ranks; all but the first rank get None, after the run.
 
-    Parameters
-    ----------
-    size : int
-        Ranks of a group.
-    prepare : callable, optional
-        Called on all but the first rank while that prepares, such as for imports.
-
-    Yields
-    ------
-    WorkerPool or None
-        None on all but the first rank, after the run.
-
-    Raises
-    ------
-    LauncherError
-        Where there is no launcher, or its number of processes is no multiple of the size.
+    LauncherError without a launcher, or where its number of processes is no multiple of the size.
     """
     launched = launched_size(os.environ)
     if launched is None:
@@ -150,32 +128,13 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
 
 
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
-    """Check the cases for several ranks, and by these ranks their numbers and input files.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-    ranks_per_case : int
-        Ranks of a case.
-
-    Returns
-    -------
-    iterable of (str, str)
-        Keys, and why they are refused, for `config.load`.
-    """
+    """Check the cases for several ranks, and by these ranks their numbers and input files."""
     found = [error for case in cases(config) for error in _errors(case.config, ranks_per_case)]
     return list(dict.fromkeys(found)) or together(_input_errors, config)
 
 
-def refuse_other_ranks(folder: Folder, todo: Sequence[Case], ranks_per_case: int) -> None:
-    """Refuse to go on with a case that another number of ranks has begun.
-
-    Raises
-    ------
-    FolderError
-        If there is one; it names the number.
-    """
+def refuse_other_ranks(folder: Folder, todo: Sequence[SweepCase], ranks_per_case: int) -> None:
+    """Refuse to go on with a case that another number of ranks has begun."""
     from gfmdlayer.results.checkpoint import read_about
 
     for case in todo:
