@@ -36,7 +36,7 @@ from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.model import ConvergenceError, simulate, warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)

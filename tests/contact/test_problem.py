@@ -22,8 +22,8 @@ from gfmdlayer.contact.problem import (
     solve_finer,
     why_not_converged,
 )
-from gfmdlayer.periodic import Case
 from gfmdlayer.resumable import Stateless
+from gfmdlayer.simulation import Case
 
 EPS = np.finfo(float).eps
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
-from gfmdlayer.indentation import isolated
+from gfmdlayer.indentation import model as isolated
 from gfmdlayer.model import simulate
 from gfmdlayer.periodic import smallest_equivalent_case
 from gfmdlayer.results.journal import Recording
@@ -19,7 +19,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.config import Config
 from gfmdlayer.model import warm_up
 from gfmdlayer.model import ConvergenceError, simulate
