@@ -442,7 +442,7 @@ class Case(Model):
             change = self.changes.over(prescribed, problem, solution, lost=lost)
             if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
                 if lost:
-                    if not loading.lose(instant.time, self.config.time.end):
+                    if not loading.detach(instant.time, self.config.time.end):
                         at = f"PULLED OFF at t = {instant.time:.6g}"
                         ended = f"{at}: nothing holds the load of {prescribed:.6g}"
                         recorder.note(ended=ended, pull_off_time=instant.time)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 _HEAD = """\
 # Published values beside ours
 
-Tables in print are a good test, and some of them have digits that are wrong. The columns "here" are
-computed by `gfmdlayer.indent` and by the stiffness K(q) while this page is built. A difference beyond the
-last printed digit is in **bold**.
+Printed tables are a good test, and some of them have wrong digits. The build of this page computes the
+columns "here" with `gfmdlayer.indent` and the stiffness K(q). A difference beyond the last printed digit
+is in **bold**.
 
 """
 # Hayes, Keer, Herrmann & Mockros, J. Biomech. 5 (1972) 541, Table 1, Poisson's ratio 0.5: a/h and kappa.
@@ -76,7 +76,7 @@ def _flat_punch() -> Iterator[str]:
 
 κ = F (1 − ν)/(4 G a δ) for a cylinder of radius a on a layer of thickness h, ν = 0.5, on a rigid base. In
 print: Hayes, Keer, Herrmann & Mockros, *J. Biomech.* 5 (1972) 541, a table in use for cartilage to this day.
-Its error grows with a/h, and is that of each modulus found by it.
+Its error grows with a/h; moduli from this table have the same error.
 """
     rows = (
         (f"{a:g}", *_beside(printed, _force(gfmdlayer.FlatPunch(radius=a), 0.1) * 0.5 / (0.4 * a)))
@@ -90,8 +90,8 @@ def _sphere() -> Iterator[str]:
 ## Sphere on a bonded incompressible layer
 
 Force over that of Hertz, a function of χ = √(Rδ)/h, by two polynomials in χ: Dimitriadis et al.,
-*Biophys. J.* 82 (2002) 2798, and Garcia & Garcia, *Biophys. J.* 114 (2018) 2923. What these errors do to fits
-is told in [Force curves of indenters](../theory/indentation.md).
+*Biophys. J.* 82 (2002) 2798, and Garcia & Garcia, *Biophys. J.* 114 (2018) 2923. [Force curves of
+indenters](../theory/indentation.md) has the effect of these errors on fits.
 """
     rows = []
     for root in (0.1, 0.25, 0.5, 1.0, 1.5):
@@ -122,7 +122,7 @@ def _slips() -> Iterator[str]:
     yield """\
 ## The paper's equations
 
-Slips of the print of Petrenko et al. (2024), found when the code was compared with it:
+The comparison of the code with Petrenko et al. (2024) found these misprints:
 
 - ptilde is printed as pbar(2G0): it is pbar/(2 G0).
 - Eq. (20), first line: the terms r² lack their squares; the second line is right.

@@ -29,22 +29,22 @@ _KINDS = "oneOf", "anyOf"
 _KEYS = """\
 # Configuration keys
 
-Every key but `name` has a default. Keys are written dotted where they are named outside their section, as
-`layer.thickness` in `--set`, in a sweep and in messages; an entry of a list has its place, from 0:
-`layers.0.thickness`. Most keys can be swept.
+Every key except `name` has a default. Outside its section a key has a dotted name, such as
+`layer.thickness` in `--set`, in a sweep and in messages. Entries of a list are numbered from 0:
+`layers.0.thickness`. You can sweep most keys.
 
-Numbers are in any units that are used throughout, see [units](../guides/si-units.md). The column "unit" has
-the dimension, 1 of a pure number, and – where the value is a word, a file or a section; "drive" is what
-`trajectory.control` prescribes: a length, a pressure or a force. The default "none" is a key that is left
-out; where a default rests on other keys, the meaning says it.
+Use any units, but the same everywhere; see [units](../guides/si-units.md). The column "unit" has the
+dimension: 1 for a pure number, – for a word, a file or a section. "drive" is the dimension of
+`trajectory.control`: a length, a pressure or a force. The default "none" means that the key is absent. If
+a default depends on other keys, the meaning explains it.
 """
 _WORD = "–"  # in place of a unit
 _COLUMNS = """\
 # Output columns
 
 A case file has a row for each accepted step; row 0 is at t = 0. Snapshots are fields at the times of
-`output.snapshots`. Units are dimensions here, and in the files those of the configuration's `units` where it
-has them; 1 is a pure number.
+`output.snapshots`. This page has dimensions; the files have the `units` of the configuration, if it has them.
+1 is a pure number.
 """
 _HISTOGRAMS = {"pressure": {"max": 1.0}, "gap": {"max": 1.0}}
 

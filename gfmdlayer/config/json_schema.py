@@ -23,7 +23,7 @@ from gfmdlayer.validation.fields import meanings, sequence, two
 from gfmdlayer.validation.sections import Section
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_PLACE, _OWN = "@", "~"  # in dotted keys: the place in a list, and keys of a user's own body
+_PLACE, _OWN = "@", "%"  # in dotted keys: the place in a list, and keys of a user's own body
 _IN_CELL = {"minItems": 1, "maxItems": 2}  # one for each direction
 
 

@@ -27,6 +27,16 @@ VALIDATOR = Draft202012Validator(SCHEMA)
 LINE = "name: line\ngrid: {points: 64, period: 2.0}\n"
 AXISYMMETRIC = "name: tip\ngrid:\n  geometry: axisymmetric\n  points: 64\n"
 SURFACE = "name: surface\ngrid: {points: [64, 32], period: [2.0, 1.0]}\n"
+BED = """\
+from gfmdlayer import Solid
+
+class Bed(Solid):
+    k: float = 1.0
+
+    def stiffness(self, waves, s): ...
+
+    def spectrum(self, waves): ...
+"""
 # Sound configurations that have every key between them.
 SOUND = [
     LINE
@@ -89,6 +99,8 @@ sweep:
   layers.1.material: [{Ginf: 3}, {model: elastic, G: 2}]
 """,
     LINE + "layer: {material: {file: fitted.yaml}}\n",
+    LINE + "body: {kind: layers}\n",
+    LINE + "body: {file: bed.py}\n",
     LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
     LINE
@@ -164,6 +176,7 @@ def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
     Path("heights.txt").write_text("0 0\n1 1\n")
     Path("degrees.txt").write_text("0 20\n8 30\n")
+    Path("bed.py").write_text(BED)
     Path("fitted.yaml").write_text("layer: {material: {model: prony, branches: [{G: 1.0, tau: 2.0}]}}\n")
 
 
@@ -222,6 +235,11 @@ def test_both_take_what_is_sound(content: str) -> None:
     assert not list(VALIDATOR.iter_errors(plain(content)))
 
 
+def test_keys_of_a_body_of_ones_own_may_have_any_name_and_be_swept() -> None:
+    content = LINE + "body: {file: bed.py, k: 2.0}\nsweep: {body.k: [1, 2.5]}\n"
+    test_both_take_what_is_sound(content)
+
+
 def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
     used = {
         ".".join(key for key in place if isinstance(key, str))
@@ -234,7 +252,7 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
     assert known <= used
     for section in (SCHEMA, *SCHEMA["$defs"].values()):
         for key, value in section["properties"].items():
-            assert "." in key or key in {"punch", "interface"} or value.get("description"), key
+            assert "." in key or key in {"body", "punch", "interface"} or value.get("description"), key
 
 
 @pytest.mark.parametrize("content", SOUND)
@@ -257,7 +275,8 @@ def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(
     for section in sections:
         mutated = changed(data, (*section, "colour"), 1)
         assert is_refused(mutated)
-        assert not VALIDATOR.is_valid(mutated)
+        of_a_file = section == ("body",) and "file" in data["body"]  # whose keys only the loader knows
+        assert VALIDATOR.is_valid(mutated) == of_a_file
     assert not VALIDATOR.is_valid({key: value for key, value in data.items() if key != "name"})
 
 

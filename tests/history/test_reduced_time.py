@@ -68,7 +68,7 @@ def test_times_do_not_change_at_the_reference_and_are_longer_below_it(shift: Shi
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_history_in_reduced_time_is_that_of_shifted_relaxation_times(scheme: str) -> None:
+def test_modes_in_reduced_time_equal_modes_of_shifted_times(scheme: str) -> None:
     # Stresses, energies and heat of all modes, over steps of different lengths: to rounding.
     rng = np.random.default_rng(1)
     weights, times = rng.random((3, 5)) + 0.1, rng.random((3, 5)) + 0.1
@@ -109,7 +109,7 @@ def recorded(**values: Any) -> Recording:
         {"step": "adaptive", "tolerance": 1e-3},
     ],
 )
-def test_run_at_a_temperature_is_the_run_at_shifted_times(time: dict[str, object]) -> None:
+def test_a_run_at_a_temperature_equals_a_run_at_shifted_times(time: dict[str, object]) -> None:
     shift = WLF(**SHIFT)
     warm = recorded(layer__material=Zener(shift=SHIFT), temperature={"value": 22.0}, time=time)
     shifted = recorded(layer__material=Zener(tau=shift.factor(22.0)), time=time)
@@ -119,7 +119,7 @@ def test_run_at_a_temperature_is_the_run_at_shifted_times(time: dict[str, object
     assert warm["shift_factor"][-1] == shift.factor(22.0)
 
 
-def test_moving_punch_at_a_temperature_meets_the_friction_at_shifted_times() -> None:
+def test_friction_at_a_temperature_equals_friction_at_shifted_times() -> None:
     sliding = {"trajectory__velocity": 0.1, "time": {"step": "adaptive", "tolerance": 1e-3, "end": 2.0}}
     warm = recorded(layer__material=Zener(shift=SHIFT), temperature={"value": 22.0}, **sliding)
     shifted = recorded(layer__material=Zener(tau=WLF(**SHIFT).factor(22.0)), **sliding)
@@ -133,7 +133,7 @@ FLAT = {
 }
 
 
-def test_pressure_after_a_jump_of_temperature_is_boltzmanns_integral(tmp_path: Path) -> None:
+def test_pressure_after_a_jump_of_temperature_follows_boltzmanns_integral(tmp_path: Path) -> None:
     """p(t) = p_0 int G(xi(t) - xi(s)) dh(s)/G0, under a flat punch on the material alone.
 
     The contact does not change, so that the displacement is linear in the depth and over each step, for which

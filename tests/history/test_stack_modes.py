@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from gfmdlayer import Config
+from gfmdlayer.body.body import halfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
@@ -59,14 +60,12 @@ def shifted(stack: LayerStack, factors: tuple[float, ...]) -> LayerStack:
     )
 
 
-def stack_modes(
-    stack: LayerStack, reduced_times: list[ReducedTime], scheme: str, q: Floats = Q
-) -> StackModes:
+def stack_modes(stack: LayerStack, times: list[ReducedTime], scheme: str, q: Floats = Q) -> StackModes:
     internal = stack.internal_variables(q)
-    return StackModes(internal, SCHEMES[scheme], Sums(np.ones(q.size)), reduced_times=reduced_times)
+    return StackModes(internal, SCHEMES[scheme], Sums(np.ones(q.size)), reduced_times=times)
 
 
-def clocks(temperature: Constant | Table, stack: LayerStack = STACK) -> list[ReducedTime]:
+def reduced_times(temperature: Constant | Table, stack: LayerStack = STACK) -> list[ReducedTime]:
     return [ReducedTime(shift, temperature) for shift in SHIFTS[: len(stack.layers)]]
 
 
@@ -86,19 +85,19 @@ def assert_same_history(found: Any, expected: Any, steps: list[tuple[float, floa
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("stack", [STACK, RIGID], ids=["halfspace", "rigid"])
-def test_constant_temperature_is_the_stack_of_shifted_times(stack: LayerStack, scheme: str) -> None:
-    found = stack_modes(stack, clocks(Constant(26.0), stack), scheme)
+def test_constant_temperature_gives_the_stack_of_shifted_times(stack: LayerStack, scheme: str) -> None:
+    found = stack_modes(stack, reduced_times(Constant(26.0), stack), scheme)
     factors = tuple(shift.factor(26.0) for shift in SHIFTS)
     expected = Modes(shifted(stack, factors).spectrum(Q), SCHEMES[scheme], SUMS)
     assert_same_history(found, expected, [(dt, dt) for dt in (0.0, 0.1, 0.1, 3.0, 1e-4, 100.0)])
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_equal_shifts_are_the_reduced_time_of_the_body(scheme: str) -> None:
-    clock = ReducedTime(SHIFTS[0], Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0])))
-    found = stack_modes(STACK, [clock] * 3, scheme)
+def test_equal_shifts_give_the_modes_in_reduced_time(scheme: str) -> None:
+    reduced = ReducedTime(SHIFTS[0], Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0])))
+    found = stack_modes(STACK, [reduced] * 3, scheme)
     times = np.array([0.0, 0.0, 0.2, 0.7, 1.0, 1.4, 3.0])
-    steps = [(b - a, clock.step(a, b - a)) for a, b in itertools.pairwise(times)]
+    steps = [(b - a, reduced.step(a, b - a)) for a, b in itertools.pairwise(times)]
     assert_same_history(found, Modes(STACK.spectrum(Q), SCHEMES[scheme], SUMS), steps)
 
 
@@ -127,7 +126,7 @@ def direct(q: float, end: float) -> tuple[float, float, float]:
         return np.concatenate((xi_rate, du - stretch / own, [heat]))
 
     y, u = np.zeros(m + times.size + 1), displacement(end)
-    for part in ((0.0, 1.0), (1.0, end)):  # up to the kink of the temperature, and from there
+    for part in ((0.0, 1.0), (1.0, end)):  # up to the breakpoint of the temperature, and from there
         y = solve_ivp(rates, part, y, method="LSODA", rtol=1e-9, atol=1e-11).y[:, -1]
     elongation, stretch = g * u - B @ y[:m], y[m:-1]
     stress = free * (top.relaxed * u + moduli @ stretch) + g @ elongation
@@ -136,7 +135,7 @@ def direct(q: float, end: float) -> tuple[float, float, float]:
 
 
 def by_steps(q: float, end: float, dt: float) -> tuple[float, float, float]:
-    modes = stack_modes(STACK, clocks(HEATING), "exponential", np.array([q]))
+    modes = stack_modes(STACK, reduced_times(HEATING), "exponential", np.array([q]))
     for k in range(round(end / dt)):
         kappa, b = modes.terms(dt)
         modes.advance(np.array([displacement((k + 1) * dt) + 0j]))
@@ -207,7 +206,7 @@ def test_runs_under_a_ramp_of_temperature_are_of_second_order_and_balance(heated
         assert each[2] < each[1] / 3
 
 
-def test_adaptive_steps_hold_the_tolerance_in_a_ramp_of_temperature(heated: dict[str, Any]) -> None:
+def test_adaptive_steps_meet_the_tolerance_in_a_ramp_of_temperature(heated: dict[str, Any]) -> None:
     times = np.arange(1, 26) * 0.1
     landing = heated | {"output": {"times": times.tolist()}}
     exact = run(landing, {"step": "adaptive", "tolerance": 1e-5}).at("mean_pressure", times)
@@ -241,7 +240,13 @@ def test_a_run_that_is_resumed_in_the_ramp_has_the_same_bits(
         assert [*first[column], *rest[column]] == [*whole[column]]
 
 
-def test_an_elastic_skin_needs_no_shift_and_keeps_time(heated: dict[str, Any]) -> None:
+def test_a_body_of_one_reduced_time_is_refused_where_shifts_differ(heated: dict[str, Any]) -> None:
+    config = Config(name="a").with_values(heated | {"time.end": 2.5})
+    with pytest.raises(TypeError, match="a ViscoelasticLayer has one reduced time; must be a body with"):
+        Case(config, body=halfspace(1.0)).integrator  # noqa: B018
+
+
+def test_an_elastic_skin_needs_no_shift(heated: dict[str, Any]) -> None:
     """Two relaxing layers of different shifts below it, at constant temperature, against shifted times."""
     factors = [shift.factor(26.0) for shift in SHIFTS]
     skin = {"thickness": 0.01, "material": {"model": "elastic", "G": 5.0}}
@@ -257,10 +262,6 @@ def test_an_elastic_skin_needs_no_shift_and_keeps_time(heated: dict[str, Any]) -
     for time in ({"step": 0.25}, {"step": 0.25, "integrator": "backward_euler"}):
         warm = run(heated | {"temperature": {"value": 26.0}, "layers": shifts}, time)
         expected = run(without | {"layers": times}, time)
-        for column in (
-            "mean_pressure",
-            "stored",
-            "dissipated",
-        ):
+        for column in ("mean_pressure", "stored", "dissipated"):
             np.testing.assert_allclose(warm[column], expected[column], rtol=1e-7, atol=1e-12)
         assert warm["shift_factor"][0] == factors[0]

@@ -37,7 +37,7 @@ def pulled() -> xarray.Dataset:
     return gfmdlayer.run(PULL | {"output": {"snapshots": [1.2, 1.6]}})
 
 
-def test_energy_tension_and_attractive_area_are_those_of_the_surface(pulled: xarray.Dataset) -> None:
+def test_energy_tension_and_attractive_area_follow_from_the_surface(pulled: xarray.Dataset) -> None:
     law = gfmdlayer.Exponential(work=1e-3, range=4e-3)
     for time in (1.2, 1.6):
         row, surface = pulled.sel(time=time, method="nearest"), pulled.sel(snapshot=time)
@@ -49,7 +49,7 @@ def test_energy_tension_and_attractive_area_are_those_of_the_surface(pulled: xar
         assert float(row.largest_tension) == -float(surface.pressure.min()) > 0
 
 
-def test_pull_off_and_work_of_separation_are_those_of_the_curve(pulled: xarray.Dataset) -> None:
+def test_pull_off_and_work_of_separation_follow_from_the_curve(pulled: xarray.Dataset) -> None:
     force, depth = pulled.force.to_numpy(), pulled.depth.to_numpy()
     back = np.append(False, np.diff(depth) <= 0)
     assert pulled.attrs["pull_off_force"] == -force[back].min() > 0.01
@@ -77,13 +77,13 @@ def test_a_sweep_holds_the_numbers_of_its_cases(tmp_path: Path) -> None:
     assert case.attrs["pull_off_force"] == float(folder.pull_off_force[1, 1])
 
 
-def test_the_hard_wall_has_none_of_them() -> None:
+def test_the_hard_wall_has_no_columns_of_adhesion() -> None:
     names = {column.name for column in columns(Config(name="a", interface={"law": "hard_wall"}))}
     assert names.isdisjoint(column.name for column in Adhesion.COLUMNS)
     assert names == {column.name for column in columns(Config(name="a"))}
 
 
-def test_the_work_counts_the_pull_in_retraction_alone() -> None:
+def test_the_work_counts_only_the_pull_in_retraction() -> None:
     def step(depth: float, pressure: float) -> Any:
         solution = SimpleNamespace(mean_pressure=pressure)
         return depth, solution.mean_pressure, 2 * pressure

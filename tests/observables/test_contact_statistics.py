@@ -53,7 +53,7 @@ def flooded(touching: NDArray[np.bool_]) -> int:
 @given(
     hnp.arrays(np.bool_, st.one_of(st.tuples(st.integers(8, 20)), st.tuples(st.just(8), st.integers(8, 9))))
 )
-def test_patches_are_those_that_a_walk_around_the_cell_finds(touching: NDArray[np.bool_]) -> None:
+def test_a_walk_around_the_cell_finds_the_same_patches(touching: NDArray[np.bool_]) -> None:
     assert count_patches(touching) == flooded(touching)
 
 
@@ -103,7 +103,7 @@ def test_each_wave_of_the_punch_makes_a_patch(run: Run, points: object, waves: i
     assert found["patches"].tolist() == [0, *[waves] * 4]
 
 
-def test_mean_gap_is_what_the_punch_leaves_above_a_surface_of_zero_mean(run: Run) -> None:
+def test_the_mean_gap_is_the_mean_height_of_the_punch_less_its_depth(run: Run) -> None:
     found = run(BUMPS | {"grid.points": 512})
     # The mean height of A (1 - cos) is A = 0.01; an incompressible layer keeps its mean height.
     np.testing.assert_allclose(found["mean_gap"], 0.01 - found["depth"], atol=1e-15)

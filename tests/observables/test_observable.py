@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -93,6 +95,12 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
         np.testing.assert_array_equal(sweep["largest_rms"], np.maximum.accumulate(rows))
 
 
+def test_columns_are_known_without_compiled_code() -> None:
+    program = "import sys, gfmdlayer.observables; print({'numba', 'numpy'} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
@@ -103,7 +111,7 @@ def test_a_new_column_is_in_the_files_the_sweep_a_resumed_run_and_the_estimate(
     ],
     ids=["plain", "velocity", "patches", "histogram"],
 )
-def test_a_configuration_has_the_columns_that_it_asks_for(
+def test_a_configuration_has_the_columns_of_its_options(
     values: dict[str, object], expected: set[str]
 ) -> None:
     always = {column.name for column in columns(CONFIG)}

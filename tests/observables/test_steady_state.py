@@ -43,9 +43,9 @@ def steady_time(friction: Callable[[float], float], since: float = 0.0) -> float
         (lambda t: 0.1 * (1 + 0.01 * math.sin(t)), 0.0, math.inf),
         (lambda t: math.nan if t < 7 else 0.1, 0.0, 9.0),
     ],
-    ids=["constant", "after a kink", "decaying", "oscillating", "without contact at first"],
+    ids=["constant", "after a breakpoint", "decaying", "oscillating", "without contact at first"],
 )
-def test_it_is_reached_when_nothing_has_changed_over_a_window(
+def test_it_is_reached_after_a_window_without_change(
     friction: Callable[[float], float], since: float, expected: float
 ) -> None:
     assert steady_time(friction, since) == expected

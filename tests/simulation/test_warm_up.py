@@ -41,7 +41,7 @@ def compiled():
     return {name(kernel): len(kernel.overloads) for kernel in kernels()}
 
 RARE = tuple("gfmdlayer.contact." + name for name in (
-    "conjugate_gradient.", "active_set.safeguard.", "active_set.loop.set_guess",
+    "bounded.", "active_set.loop.set_guess",
     "pressure_form.satisfies_kkt",
 ))
 SHORT = {"grid.points": 512, "time": {"end": 0.2, "step": 0.05}, "trajectory.depth": 0.003}
