@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
     from gfmdlayer.interface.electrostatic import Electrostatic
     from gfmdlayer.model import ConvergenceError, simulate
-    from gfmdlayer.periodic import Case
     from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
     from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
     from gfmdlayer.results.reader import open_case, open_results
+    from gfmdlayer.simulation import Case
 
 __all__ = [
     "WLF",
@@ -92,7 +92,7 @@ _MODULES = {
     "gfmdlayer.results.reader": ("open_case", "open_results"),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.model": ("ConvergenceError", "simulate"),
-    "gfmdlayer.periodic": ("Case",),
+    "gfmdlayer.simulation": ("Case",),
     "gfmdlayer.interactive.solve": ("solve",),
     "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
     "gfmdlayer.interface.electrostatic": ("Electrostatic",),

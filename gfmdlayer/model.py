@@ -14,25 +14,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
-from gfmdlayer.body.body import Body
-from gfmdlayer.body.solid import fault
-from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config
 from gfmdlayer.config.bodies import place_of
 from gfmdlayer.config.layers import Layers
-from gfmdlayer.files.tables import TableError
-from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.programme import Programme
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.grid.ranks import Ranks
     from gfmdlayer.observables.observable import Column
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.resumable import CompositeState
@@ -116,7 +111,7 @@ class Model(ABC):
         FFTW wisdom, where the bits of another run are to be reproduced.
     threads : int
         Threads that the transforms of a large grid may use.
-    ranks : Ranks
+    ranks : Ranks, optional
         The processes that compute the case together.
     """
 
@@ -125,7 +120,7 @@ class Model(ABC):
         config: Config,
         wisdom: str | None = None,  # noqa: ARG002
         threads: int = 1,  # noqa: ARG002
-        ranks: Ranks = ALONE,  # noqa: ARG002
+        ranks: Ranks | None = None,  # noqa: ARG002
     ) -> None:
         self.config = config
 
@@ -207,7 +202,9 @@ class Model(ABC):
         """Compute the case into a recorder; arguments and result are those of `gfmdlayer.simulate`."""
 
 
-def model_of(config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks = ALONE) -> Model:
+def model_of(
+    config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks | None = None
+) -> Model:
     """Return the model of a case.
 
     Parameters
@@ -218,7 +215,7 @@ def model_of(config: Config, wisdom: str | None = None, threads: int = 1, ranks:
         FFTW wisdom, where the bits of another run are to be reproduced.
     threads : int
         Threads that the transforms of a large grid may use.
-    ranks : Ranks
+    ranks : Ranks, optional
         The processes that compute the case together.
     """
     module, _, name = config.geometry.model.partition(":")
@@ -231,8 +228,21 @@ def warm_up(config: Config, folder: Path | None = None, threads: int = 1) -> str
     return model_of(config, threads=threads).warm_up(folder)
 
 
+class Runs(Protocol):
+    """A `Model`, or the parts of a periodic contact (`gfmdlayer.Case`)."""
+
+    def run(
+        self,
+        recorder: Recorder,
+        progress: Callable[[float], None] | None = None,
+        resume: Callable[[CompositeState], None] | None = None,
+    ) -> list[str]:
+        """Compute the case into a recorder."""
+        ...
+
+
 def simulate(
-    config: Config | Model,
+    config: Config | Runs,
     recorder: Recorder,
     progress: Callable[[float], None] | None = None,
     wisdom: str | None = None,
@@ -312,6 +322,12 @@ def fault_of_the_body(model: Model, grid: Grid) -> str:
     body = model.config.body
     if body is None or isinstance(body, Layers):
         return ""
+    import numpy as np
+
+    from gfmdlayer.body.solid import fault
+    from gfmdlayer.body.wavevectors import Wavevectors
+    from gfmdlayer.files.tables import TableError
+
     every = (np.ravel(axis) for axis in grid.wavevectors)
     axes = [q[np.argsort(np.abs(q))][:: max(1, q.size // FEW_WAVES)] for q in every]  # q = 0 first
     waves = Wavevectors.of_components(*(np.ravel(q) for q in np.meshgrid(*axes, indexing="ij")))

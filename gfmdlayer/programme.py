@@ -12,19 +12,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from gfmdlayer.body.materials import Material
 from gfmdlayer.body.shifts import Shift
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config
-from gfmdlayer.files.tables import TableError
 from gfmdlayer.history import time_points
-from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.time_points import Instant
-from gfmdlayer.interface.law import InterfaceLaw, total
 from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
+
+if TYPE_CHECKING:
+    from gfmdlayer.history.reduced_time import ReducedTime
+    from gfmdlayer.interface.law import InterfaceLaw
 
 
 class Programme:
@@ -65,6 +65,8 @@ class Programme:
             return Table(table.times, table.values / unit)
         if given.ramp_time is not None:
             return RampHold(getattr(given, given.control) / unit, given.ramp_time)
+        import numpy as np
+
         times, values = np.array(given.corners).T
         return Table(times, values / unit)
 
@@ -93,12 +95,16 @@ class Programme:
             return Constant(given.value)
         found = _table(given.file, "temperature", tuple(filter(None, shifts(self.config).values())))
         if (last := float(found.times[-1])) < end:
+            from gfmdlayer.files.tables import TableError
+
             raise TableError(f"{given.file}: ends at time {last:g}; must reach time.end = {end:g}")
         return found
 
     @cached_property
     def interface(self) -> InterfaceLaw:
         """Interaction of surface and punch across the gap beside the hard wall, voltages included."""
+        from gfmdlayer.interface.law import total
+
         return total(law.interaction(self.config.units) for law in self.config.interfaces)
 
     @cached_property
@@ -119,6 +125,8 @@ class Programme:
         temperature, laws = self.temperature, self.config.laws
         if temperature is None:
             return (None,) * len(laws)
+        from gfmdlayer.history.reduced_time import ReducedTime
+
         felt = (None if isinstance(law, Material) and law.elastic else law.shift for law in laws)
         return tuple(None if shift is None else ReducedTime(shift, temperature) for shift in felt)
 
@@ -132,7 +140,10 @@ class Programme:
     def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which the slope of an imposed quantity jumps; not sorted."""
         thermal = next((each.temperature for each in self.reduced_times if each is not None), None)
-        every = self.drive, self.velocity, self.interface, thermal
+        attracts = self.config.interfaces or "interface" in vars(
+            self
+        )  # the law of a hard wall needs no import
+        every = self.drive, self.velocity, self.interface if attracts else None, thermal
         return tuple(time for each in every if each is not None for time in each.breakpoints)
 
     @property
@@ -170,6 +181,8 @@ class Programme:
         pressure by no more than that. A moving punch also drives the shortest wave of the grid along x, with
         `wavenumber` [1/length]. With a temperature these are reduced times, at any time of the run.
         """
+        import numpy as np
+
         time = self.config.time
         if isinstance(time.step, str):
             inner = sorted(each for each in set(self.breakpoints) if 0 < each < time.end)

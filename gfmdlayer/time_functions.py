@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from gfmdlayer.files.tables import RowError, TableError, read_columns
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.files.tables import RowError
 
 
 class Trajectory(Protocol):
@@ -62,8 +61,8 @@ class Constant:
 class Table:
     """Linear between the rows of a table, constant after the last."""
 
-    times: npt.NDArray[np.float64]
-    values: npt.NDArray[np.float64]
+    times: FloatArray
+    values: FloatArray
 
     @classmethod
     def read(cls, file: Path, quantity: str, row_error: RowError | None = None) -> Table:
@@ -83,6 +82,8 @@ class Table:
         TableError
             Naming file and line.
         """
+        from gfmdlayer.files.tables import TableError, read_columns
+
         times, values = read_columns(file, ("time", quantity), increasing=True, row_error=row_error).T
         if times[0] != 0:
             raise TableError(
@@ -101,6 +102,8 @@ class Table:
 
     def __call__(self, time: float) -> float:
         """Value at a time."""
+        import numpy as np
+
         return float(np.interp(time, self.times, self.values))
 
 
@@ -108,5 +111,7 @@ def distance(velocity: Constant | Table, time: float) -> float:
     """Integral of a velocity from 0 to a time."""
     if isinstance(velocity, Constant):
         return velocity.value * time
+    import numpy as np
+
     times = np.append(velocity.times[velocity.times < time], time)
     return float(np.trapezoid([velocity(t) for t in times], times))

@@ -13,8 +13,8 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
-    "interface", "contact", "history", "config", "programme", "notes", "observables",
-    "results", "figures", "model", "footprint", "indentation", "periodic", "execution", "fitting",
+    "interface", "contact", "history", "config", "programme", "notes", "observables", "results",
+    "figures", "model", "footprint", "indentation", "simulation", "periodic", "execution", "fitting",
     "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
@@ -74,4 +74,4 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 def test_only_the_case_knows_all_of_the_numerics() -> None:
     numerics = {"body", "grid", "contact", "history", "observables"}
-    assert [path.name for path in FILES if rooms_imported(path) >= numerics] == ["periodic.py"]
+    assert [path.name for path in FILES if rooms_imported(path) >= numerics] == ["simulation.py"]

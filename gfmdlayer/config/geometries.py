@@ -142,10 +142,10 @@ def _plainly_possible_of_revolution(config: Any) -> bool:
 
 GEOMETRIES: Mapping[str, Geometry] = {  # the first is the default
     "periodic": Geometry(
-        "gfmdlayer.periodic:Case", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
+        "gfmdlayer.periodic:PeriodicContact", 16384, True, _problems_in_a_cell, _plainly_possible_in_a_cell
     ),
     "axisymmetric": Geometry(
-        "gfmdlayer.indentation.isolated:IsolatedContact",
+        "gfmdlayer.indentation.model:IsolatedContact",
         problems=_problems_of_revolution,
         plainly_possible=_plainly_possible_of_revolution,
     ),

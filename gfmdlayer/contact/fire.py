@@ -40,9 +40,8 @@ from gfmdlayer.interface.forms import Terms, interact
 from gfmdlayer.kernels import FASTMATH, kernel
 from gfmdlayer.resumable import Stateless
 
-# The compiled loop of FIRE: three passes over the points around each FFT pair; see `fire` for the method.
-#
-# The passes count in floating point and choose without branches, so that the vector units take them.
+# Three passes over the points around each FFT pair. They count in floating point and choose without branches,
+# so that the vector units take them.
 
 
 class Constants(NamedTuple):
@@ -56,7 +55,7 @@ class Constants(NamedTuple):
     decay: float
 
 
-class Fields(NamedTuple):
+class FireFields(NamedTuple):
     """Work arrays; ``acceleration`` is ``stress`` itself where all masses are equal."""
 
     u: FloatArray
@@ -86,7 +85,7 @@ class Inertia(NamedTuple):
     mass_weighted: bool
 
 
-class State(NamedTuple):
+class Motion(NamedTuple):
     """What one call of the loop hands to the next."""
 
     step: float
@@ -99,16 +98,15 @@ class State(NamedTuple):
 def iterate(
     plans: Plans,
     system: Minimisation,
-    fields: Fields,
+    fields: FireFields,
     inertia: Inertia,
     constants: Constants,
-    state: State,
+    state: Motion,
     tolerance: float,
     limit: int,
-) -> tuple[State, bool, int, int]:
-    """Iterate to the tolerance or the limit.
+) -> tuple[Motion, bool, int, int]:
+    """Iterate to the tolerance or the limit; return state, whether it is within it, iterations and FFT pairs.
 
-    Returns the state, whether it is within the tolerance, the iterations and the FFT pairs.
     The scales of the residual are those of the first iteration: the caller accepts only what passes there.
     On return within the tolerance, ``stress``, the traction of the interface in it, belongs to ``u``.
     """
@@ -139,7 +137,7 @@ def iterate(
             stress, multiplier, u, h, v, force, mass_weighted, per_pressure, per_gap, tolerance
         )
         if off == 0.0:
-            return State(step, mixing, multiplier, drift), True, iteration, pairs
+            return Motion(step, mixing, multiplier, drift), True, iteration, pairs
         if mass_weighted:
             forward(plans, force, work)
             pull = 0.0
@@ -169,7 +167,7 @@ def iterate(
             multiplier = next_multiplier
         else:
             drift = 0.0
-    return State(step, mixing, multiplier, drift), False, limit, pairs
+    return Motion(step, mixing, multiplier, drift), False, limit, pairs
 
 
 @nb.njit(nogil=True, fastmath=FASTMATH)
@@ -198,12 +196,12 @@ def _forces(  # inlined: groups would gain nothing
     per_gap: float,
     tolerance: float,
 ) -> tuple[float, float, float, float, float]:
-    """Sums over the forces on the points, and the forces themselves where they are wanted.
+    """Sum over the forces on the points, and write the forces themselves where they are wanted.
 
     A point that is pressed against the punch feels none, and its velocity does not count.
 
     Returns the number of points whose `violation` is not within the tolerance (NaN is not), the power (force
-    times velocity), and the squared norms of velocity and force.
+    times velocity), the squared norms of velocity and force, and the next multiplier.
     """
     off, power, speed, pull, total, free = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(u.size):
@@ -264,17 +262,7 @@ UNIFORM = Constants(first_step=0.5, longest_step=1.0, mixing=0.1, growth=1.1, cu
 
 
 class Fire(Stateless):
-    """FIRE for the steps of one run.
-
-    Parameters
-    ----------
-    transforms : Transforms
-        Plans for the grid's shape.
-    mass_weighted : bool
-        Inertia by mode, or one for all.
-    starts_from : {"displacement", "gap"}
-        The field that a first guess is of: the gap keeps the contact where an interface attracts.
-    """
+    """FIRE for the steps of one run; from the gap, a start keeps the contact where an interface attracts."""
 
     def __init__(
         self,
@@ -288,7 +276,7 @@ class Fire(Stateless):
         self._mass_weighted = mass_weighted
         u, v, stress, force = (transforms.empty_field() for _ in range(4))
         acceleration = transforms.empty_field() if mass_weighted else stress
-        self._fields = Fields(u, v, stress, force, acceleration, transforms.empty_spectrum())
+        self._fields = FireFields(u, v, stress, force, acceleration, transforms.empty_spectrum())
 
     def solve(
         self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
@@ -301,7 +289,7 @@ class Fire(Stateless):
         fields.v[:] = 0.0
         project(fields.u, problem.obstacle, problem.mean_is_fixed)
         constants = MASS_WEIGHTED if self._mass_weighted else UNIFORM
-        state = State(constants.first_step, constants.mixing, problem.applied_pressure, 0.0)
+        state = Motion(constants.first_step, constants.mixing, problem.applied_pressure, 0.0)
         chunk = max(16, _CHUNK // fields.u.size)
         iterations = pairs = 0
         accepted, projected = False, True
@@ -338,8 +326,8 @@ class Fire(Stateless):
         """Do nothing: an ordinary step calls every kernel."""
 
     def _iterate(
-        self, problem: Problem, constants: Constants, state: State, tolerance: float, limit: int
-    ) -> tuple[State, bool, int, int]:
+        self, problem: Problem, constants: Constants, state: Motion, tolerance: float, limit: int
+    ) -> tuple[Motion, bool, int, int]:
         system = Minimisation(
             problem.stiffness,
             problem.intercept,
@@ -349,7 +337,7 @@ class Fire(Stateless):
             problem.interface.terms,
         )
         inertia = self._inertia(problem)
-        outcome: tuple[State, bool, int, int] = iterate(
+        outcome: tuple[Motion, bool, int, int] = iterate(
             self._transforms.plans, system, self._fields, inertia, constants, state, tolerance, limit
         )
         return outcome
@@ -357,7 +345,7 @@ class Fire(Stateless):
     def _inertia(self, problem: Problem) -> Inertia:
         if not self._mass_weighted:
             return Inertia(problem.stiffness, 1.0 / float(problem.stiffness.max()), False)
-        inverse = 1.0 / ((problem.stiffness + problem.softest) * self._fields.u.size)
+        inverse = 1.0 / ((problem.stiffness + problem.kappa_1) * self._fields.u.size)
         if problem.mean_is_fixed:
             inverse[0] = 0.0
         return Inertia(inverse, 1.0, True)

@@ -6,9 +6,9 @@ a rigid base. There kappa_0 u_0 = b_0/n - p, and
 
     u = w - mean(w) + u_0,        depth = mean(w) - u_0.
 
-A load that pulls more than the interface holds has no equilibrium, and the punch is lost (`pulled_off`).
-Until the load presses again it then lies out of reach: the surface is free of stress, and the depth of the
-punch counts as that at which it would just touch.
+A load that pulls more than the interface holds has no equilibrium, and the punch detaches (`pulled_off`).
+Until the load presses again it lies out of reach. The surface is free of stress, and the depth of the punch
+counts as the depth at which it would just touch.
 """
 
 from __future__ import annotations
@@ -72,36 +72,27 @@ class Loading(Resumable, Protocol):
     def problem(
         self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
     ) -> Problem:
-        """Return the contact problem of a step.
-
-        Parameters
-        ----------
-        kappa, b : ndarray
-            Slopes and intercepts of the stress.
-        time : float
-            At the end of the step.
-        loss_stiffness : ndarray, optional
-            Imaginary part of the slopes, under a moving punch.
-        """
+        """Return the contact problem at the end of a step, from slopes, intercepts and loss stiffness."""
         ...
 
     def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
         """Surface and depth that belong to a solution."""
         ...
 
-    def lose(self, time: float, end: float) -> bool:
-        """Let go of a punch that is pulled off at a time; return whether it comes back before the end."""
+    def detach(self, time: float, end: float) -> bool:
+        """Detach a punch that is pulled off at a time; return whether it comes back before the end."""
         ...
 
 
 @dataclass
-class _Flight:
-    """Times between which the punch is away."""
+class DetachedInterval:
+    """Times between which the punch is out of reach."""
 
     begin: float = math.inf
     end: float = math.inf
 
     def covers(self, time: float) -> bool:
+        """Whether the punch is away at a time."""
         return self.begin <= time < self.end
 
 
@@ -125,30 +116,30 @@ class _Prescribed:
         return self.ranks.minimum(float(self.punch.min()))
 
     @cached_property
-    def flight(self) -> _Flight:
+    def detached(self) -> DetachedInterval:
         """Times between which a load has pulled the punch off."""
-        return _Flight()
+        return DetachedInterval()
 
-    def lose(self, time: float, end: float) -> bool:
-        """Let go of the punch; return whether it comes back before the end."""
+    def detach(self, time: float, end: float) -> bool:
+        """Detach the punch; return whether it comes back before the end."""
         corners = [time, *(point for point in self.trajectory.breakpoints if time < point < end), end]
         for before, after in pairwise(corners):
             if self.trajectory(after) > 0:
                 load = self.trajectory(before), self.trajectory(after)
                 back = before + (after - before) * load[0] / (load[0] - load[1])
-                self.flight.begin, self.flight.end = time, back
+                self.detached.begin, self.detached.end = time, back
                 return True
         return False
 
     def state(self) -> State:
-        """Return the flight of the punch, where it has been pulled off."""
-        flight = self.flight
-        return {"begin": flight.begin, "end": flight.end} if math.isfinite(flight.begin) else {}
+        """Return the interval in which the punch is detached, if it is."""
+        detached = self.detached
+        return {"begin": detached.begin, "end": detached.end} if math.isfinite(detached.begin) else {}
 
     def restore(self, state: State) -> None:
         """Continue from there."""
         if "begin" in state:
-            self.flight.begin, self.flight.end = float(state["begin"]), float(state["end"])
+            self.detached.begin, self.detached.end = float(state["begin"]), float(state["end"])
 
     @cached_property
     def size(self) -> int:
@@ -184,7 +175,7 @@ class LoadControl(_Prescribed):
     ) -> Problem:
         """Contact problem of a step, without the mean."""
         kappa, b = self._without_mean(kappa), self._without_mean(b)
-        interface = HARD_WALL if self.flight.covers(time) else self.interface.at(time)
+        interface = HARD_WALL if self.detached.covers(time) else self.interface.at(time)
         others = self.height, interface, self.ranks
         return Problem(kappa, b, self.obstacle, self._load(time), loss_stiffness, *others)
 
@@ -205,7 +196,7 @@ class LoadControl(_Prescribed):
         return Surface(solution.displacement, spectrum, depth, depth, shift)
 
     def _load(self, time: float) -> float:
-        return 0.0 if self.flight.covers(time) else self.trajectory(time)
+        return 0.0 if self.detached.covers(time) else self.trajectory(time)
 
     def _without_mean(self, values: Values) -> Values:
         rest = values.copy()
@@ -216,14 +207,8 @@ class LoadControl(_Prescribed):
 def pulled_off(problem: Problem, solution: Solution) -> bool:
     """Whether the given load pulls the punch away: it is out of range, and no traction is as large any more.
 
-    Further away the traction is less still, so that there is no equilibrium left to find.
-
-    Parameters
-    ----------
-    problem : Problem
-        The contact problem.
-    solution : Solution
-        The last state of the solver, which need not have converged.
+    Further away the traction is less still, so that there is no equilibrium left to find. The state is the
+    last one of the solver, which need not have converged.
     """
     load, gap = problem.mean_pressure, solution.gap
     if load is None or load >= 0 or not problem.interface.attracts:

@@ -11,8 +11,8 @@ In the norm of s the solution of each problem is a contraction of its right-hand
 sin delta of s, the least that a real s gives. So the distance to the solution falls by a factor sin delta at
 least, which is of the order of dt/tau for short steps. For longer ones the surfaces are mixed (D. G.
 Anderson, J. ACM 12 (1965) 547-560). Whenever that brings them no nearer, the plain iteration continues from
-the best of them, so that the bound holds. Where sin delta is close to 1, `pivoting` starts from the contact
-found so far.
+the best of them, so that the bound holds. Where sin delta is close to 1, `Pivoting` starts from the last
+contact.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from gfmdlayer.contact.problem import Problem, Solution, Solver, make_solution, 
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.resumable import State
 
-# Contact with a large loss stiffness, by guessing the contact set; see `loss_stiffness`.
+# Contact with a large loss stiffness, by guesses of the contact set
 #
 # With the compliance C = 1/(kappa + i mu) of each mode, the gap of a pressure p is g = h - u_free + C p,
 # less a rise of the surface where the mean pressure is given. In contact g = 0: linear equations for p
@@ -241,21 +241,13 @@ class Pivoting:
 SHARE = 0.3  # of the tolerance is left to a problem without loss, so that the iteration's error shows
 _MOST_PROBLEMS = 12
 _MOST_ATTRACTED = 100  # where no other method takes over
-_SHARES = (1.0, 0.02, 0.04, 0.08, 0.16, 0.32, 0.5, 0.7, 0.85, 1.0)
 _MIXED = 6  # surfaces at most
 
 
 class LossStiffnessSolver:
-    """Solves problems with a loss stiffness by a solver for problems without.
+    """Solves problems with a loss stiffness by a solver for problems without, to `SHARE` of the tolerance.
 
-    Parameters
-    ----------
-    solver : Solver
-        For problems without.
-    transforms : Transforms
-        Of the grid.
-    weights : ndarray, one value a mode
-        Weight of each mode in the mean over the surface.
+    `weights` are those of each mode in the mean over the surface.
     """
 
     def __init__(self, solver: Solver, transforms: Transforms, weights: FloatArray) -> None:
@@ -323,35 +315,18 @@ class LossStiffnessSolver:
     def _by_pivoting(
         self, problem: Problem, so_far: Solution, contact: BoolArray, tolerance: float
     ) -> tuple[Solution, BoolArray]:
+        """Solve from the last contact set, then from one that is followed from first touch."""
         state = so_far
-        for share in _SHARES:  # at once, or by way of the contacts with a part of the loss
-            part = replace(
-                problem,
-                loss_stiffness=None if problem.loss_stiffness is None else share * problem.loss_stiffness,
-            )
-            state, contact = self._attempt(problem, part, state, contact, tolerance)
-            if share == 1 and state.converged:
-                return state, contact
-        return self._attempt(problem, problem, state, None, tolerance)
-
-    def _attempt(
-        self,
-        problem: Problem,
-        part: Problem,
-        so_far: Solution,
-        contact: BoolArray | None,
-        tolerance: float,
-    ) -> tuple[Solution, BoolArray]:
-        """State of a problem with a part of the loss, from a contact, or followed from first touch."""
-        pivoting = Pivoting(part, self._transforms, tolerance)
-        if contact is None:
-            contact = pivoting.pressed_in() if pivoting.follows else so_far.pressure > 0
-        found = pivoting.solve(contact)
-        spent = so_far.transforms + pivoting.transforms, so_far.iterations + pivoting.rounds
-        for u, spectrum, pressure, contact in found:  # noqa: B007
-            state = make_solution(problem, u, pressure, spectrum, spent=spent, within=tolerance)
-            if state.converged:
-                break
+        for followed in (False, True):
+            pivoting = Pivoting(problem, self._transforms, tolerance)
+            if followed:
+                contact = pivoting.pressed_in() if pivoting.follows else state.pressure > 0
+            found = pivoting.solve(contact)
+            spent = state.transforms + pivoting.transforms, state.iterations + pivoting.rounds
+            for u, spectrum, pressure, contact in found:
+                state = make_solution(problem, u, pressure, spectrum, spent=spent, within=tolerance)
+                if state.converged:
+                    return state, contact
         return state, contact
 
     def _guess(self, problem: Problem, start: FloatArray) -> ComplexArray:

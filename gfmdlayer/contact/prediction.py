@@ -26,18 +26,13 @@ _REACH = 32  # part of the surface, at least, on either side of the contact wher
 _BLOCK = 256  # points that are passed over together where nothing is in contact
 
 Weights = tuple[float, float, float]
-Fields = tuple[FloatArray, FloatArray, FloatArray]
+LastThree = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class DisplacementPrediction:
     """The parabola in time through the last three accepted displacements (fewer where there are fewer).
 
-    Parameters
-    ----------
-    size : int
-        Number of points of this process; before the first step the guess is zero.
-    ranks : Ranks
-        The processes that hold the points.
+    `size` is the number of points of this process; before the first step the guess is zero.
     """
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
@@ -47,17 +42,7 @@ class DisplacementPrediction:
         self._size = size
 
     def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
-        """Add an accepted step.
-
-        Parameters
-        ----------
-        time : float
-            Its time.
-        displacement : ndarray, one value a point
-            The field that is extrapolated.
-        kink : bool
-            Whether the slope of the trajectory jumps there: earlier steps are then forgotten.
-        """
+        """Add an accepted step; after a kink in the trajectory earlier steps are forgotten."""
         if kink:
             self._times.clear()
             self._fields.clear()
@@ -81,13 +66,7 @@ class DisplacementPrediction:
 
 
 class PressurePrediction(DisplacementPrediction):
-    """The extrapolation of pressures across moving edges of the contact, from the last three accepted steps.
-
-    Parameters
-    ----------
-    size, ranks
-        See the base class.
-    """
+    """Pressures extrapolated across moving edges of the contact, from the last three accepted steps."""
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:
         super().__init__(size, ranks)
@@ -150,31 +129,19 @@ def _lagrange(times: Sequence[float], time: float) -> Weights:
     )
 
 
-def _last_three(fields: Sequence[FloatArray]) -> Fields:
+def _last_three(fields: Sequence[FloatArray]) -> LastThree:
     """The last three fields; missing ones are repeated and have no weight."""
     return fields[0], fields[-2] if len(fields) > 1 else fields[0], fields[-1]
 
 
 @kernel(reorder=True)
 def _learn(
-    w: Weights, gaps: Fields, last: FloatArray, now: FloatArray, contact: tuple[int, int]
+    w: Weights, gaps: LastThree, last: FloatArray, now: FloatArray, contact: tuple[int, int]
 ) -> tuple[float, float, float, int, int]:
     """Compare points that came into contact with their prediction.
 
-    Parameters
-    ----------
-    w : tuple of float
-        Weights of the last three steps at the new time.
-    gaps : tuple of ndarray
-        Their gaps.
-    last, now : ndarray, one value a point
-        Pressures of the last and the new step.
-    contact : tuple of int
-        Points, multiples of a block apart, between which the last contact is.
-
-    Returns
-    -------
-    Sums over them, whose ratio is mu; how many points changed; and the points between which contact is now.
+    `contact` are the points, multiples of a block apart, between which the last contact is. Returns two sums
+    over the points, whose ratio is mu; how many changed; and the points between which contact is now.
     """
     squares, predicted, moved, before, after = 0.0, 0.0, 0.0, now.size, 0
     for first in range(0, now.size, _BLOCK):
@@ -203,7 +170,7 @@ def _learn(
 
 @kernel(reorder=True)
 def _extrapolate(
-    w: Weights, p: Fields, gaps: Fields, mu: float, moving: bool, near: tuple[int, int]
+    w: Weights, p: LastThree, gaps: LastThree, mu: float, moving: bool, near: tuple[int, int]
 ) -> FloatArray:
     """Extrapolate point by point near the contact; most points are far from it."""
     guess = np.zeros(p[0].size)
@@ -235,7 +202,7 @@ def _guess(w: Weights, p: Weights, gap: Weights, mu: float, moving: bool) -> flo
 
 
 @kernel
-def _combined(w: Weights, fields: Fields) -> FloatArray:
+def _combined(w: Weights, fields: LastThree) -> FloatArray:
     field = np.empty(fields[0].size)
     for i in range(field.size):
         field[i] = w[0] * fields[0][i] + w[1] * fields[1][i] + w[2] * fields[2][i]
@@ -251,13 +218,6 @@ class LastGap(DisplacementPrediction):
     """The gap of the last accepted step, infinite before the first.
 
     An interface that attracts has instabilities, which no extrapolation may run past.
-
-    Parameters
-    ----------
-    size : int
-        Number of grid points.
-    ranks : Ranks, optional
-        That share the grid.
     """
 
     def __init__(self, size: int, ranks: Ranks = ALONE) -> None:

@@ -1,4 +1,4 @@
-"""The contact problem in pressures: how a solver that works in them begins, and what it returns.
+"""The contact problem in pressures: how a solver that works in them begins and ends.
 
 With A = 1/kappa mode by mode (0 where kappa is), the displacement is u = u0 - A p, with u0 that without
 pressure, and the gap is gap0 + A p. Find p >= 0 with gap >= 0 and p gap = 0; see `active_set.solver`.
@@ -20,7 +20,7 @@ from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import LANES, kernel
 
 _ROUNDING = 1e-12  # part of the height of the punch
-# Heights, as part of the depth at which the softest mode carries the load, that no tolerance above 1e-8 tells
+# Heights, as part of the depth at which the lowest mode carries the load, that no tolerance above 1e-8 tells
 # from the rounding of the gap, 1e-16 of that depth.
 _FLAT = 1e-8
 CLAMPED = 1e-14  # overlap, as part of the depth, that is rounding and may be cut off
@@ -51,7 +51,7 @@ class Iterate(NamedTuple):
     spectrum: ComplexArray  # transform of the pressure
 
 
-class State(NamedTuple):
+class SurfaceState(NamedTuple):
     """A state of the surface: what `Solution` has in arrays."""
 
     u: FloatArray
@@ -81,17 +81,7 @@ def in_pressures(problem: Problem, transforms: Transforms) -> tuple[System, Comp
 
 
 def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArray) -> None:
-    """Make the first guess of the pressure admissible: not negative, and of the given mean.
-
-    Parameters
-    ----------
-    at : Iterate
-        Its pressure is set.
-    system, problem : System, Problem
-        The problem.
-    start : ndarray, one value a point
-        Any guess; NaN and negative values count as zero.
-    """
+    """Make a first guess of the pressure admissible: not negative (nor NaN), and of the given mean."""
     np.fmax(start, 0.0, out=at.p)
     if system.load_given:
         mean, guessed = problem.applied_pressure, float(at.p.mean())
@@ -105,19 +95,7 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
 
 
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
-    """Return the solution where it needs no solver: no load, a load on a flat punch, or no room in the cell.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    transforms : Transforms
-        Of the grid.
-
-    Returns
-    -------
-    Solution or None
-        None where a solver is needed.
+    """Return the solution for no load, a flat punch, or no room in the cell; None elsewhere.
 
     Raises
     ------
@@ -128,7 +106,7 @@ def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | Non
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:
         return _free_surface(problem, transforms)
     load = problem.applied_pressure
-    if load > 0.0 and problem.height * problem.softest < _FLAT * load and not problem.interface.attracts:
+    if load > 0.0 and problem.height * problem.kappa_1 < _FLAT * load and not problem.interface.attracts:
         return _full_contact(problem, transforms)
     if not problem.mean_is_fixed or _has_room(h, problem.ranks):
         return None
@@ -190,23 +168,8 @@ def feasible_solution(
 ) -> Solution:
     """Raise the pressure until the surface overlaps the punch nowhere, and assess that state.
 
-    Parameters
-    ----------
-    problem, system : Problem, System
-        The problem, in displacements and in pressures.
-    free : ndarray of complex
-        Transform of u0, per point.
-    at : Iterate
-        Pressure and gap, an exact pair.
-    tolerance : float
-        Residual at which the state is a solution.
-    transforms, iterations : int
-        FFT pairs and iterations spent.
-
-    Returns
-    -------
-    Solution
-        Not converged where overlap remains.
+    Pressure and gap of `at` are an exact pair; `free` is the transform of u0, per point. Not converged where
+    overlap remains.
     """
     n = at.p.size
     u, pressure, spectrum = np.empty(n), np.empty(n), np.empty_like(free)

@@ -1,4 +1,4 @@
-"""The contact problem of one time step: what every solver is given, and what it returns.
+"""The contact problem of one time step, and its solution.
 
 Find the displacement u of the surface (positive upward, under the punch's surface h) that minimises the
 elastic energy, whose force is f = IFFT(-kappa FFT(u) + b), plus the energy of the interface, with u <= h and
@@ -86,7 +86,7 @@ class Problem:
         return self.mean_pressure or 0.0
 
     @cached_property
-    def softest(self) -> float:
+    def kappa_1(self) -> float:
         """kappa_1, the smallest stiffness of a mode that is not the mean."""
         return self.ranks.minimum(float(self.stiffness[1 if self.ranks.first else 0 :].min()))
 
@@ -99,8 +99,8 @@ class Problem:
     def residual_floor(self) -> ResidualFloor:
         """Bounds of the residual's scales."""
         if not self.interface.attracts:
-            return ResidualFloor(self.softest, self.least_depth)
-        return ResidualFloor(self.softest, self.least_depth, self.interface.strength, self.interface.range)
+            return ResidualFloor(self.kappa_1, self.least_depth)
+        return ResidualFloor(self.kappa_1, self.least_depth, self.interface.strength, self.interface.range)
 
     def wall_pressure(self, pressure: FloatArray, gap: FloatArray) -> FloatArray:
         """Pressure p_c = p + tau(g) of the wall, from the compressive stress p of the surface."""
@@ -274,17 +274,7 @@ def make_solution(
 
 
 def why_not_converged(problem: Problem, solution: Solution, method: str, tolerance: float) -> str:
-    """Return why a state is no solution: by its residual, by what overlaps, or for want of a minimum.
-
-    Parameters
-    ----------
-    problem, solution : Problem, Solution
-        The problem, and the state at which its solver ended.
-    method : str
-        The solver.
-    tolerance : float
-        Residual at which it accepts.
-    """
+    """Return why a state is no solution: by its residual, by its overlap, or for want of a minimum."""
     spent = f"after {solution.iterations} iterations of {method}"
     found = f"residual {solution.residual:.2e} {spent}; the tolerance is {tolerance:.2e}"
     if not solution.residual <= tolerance:
@@ -311,15 +301,6 @@ _ROUNDING = 2.3e-16
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
     """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
 
-    Parameters
-    ----------
-    u, h : ndarray, one value a point
-        Displacement and surface of the punch.
-    mean_is_fixed : bool
-        Whether the mean of u is zero.
-    ranks : Ranks
-        The processes that hold the points.
-
     Raises
     ------
     ValueError
@@ -333,18 +314,13 @@ def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = AL
 
 
 def _zero_mean(u: FloatArray, h: FloatArray, ranks: Ranks) -> bool:
-    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero.
+    """Shift the points below h by the one distance m that gives min(u + m, h) a mean of zero, if any.
 
     Points at h stay there, so that a solver that tells contact by u = h does not lose it over a rounding
     error of the mean; where every point is at h they all move. The sum of min(u + m, h) is concave and
     piecewise linear in m and lies below the sum of u + m, so Newton's iteration started from the latter's
-    root comes from the left and ends after finitely many rounds. Each round moves u itself, so that its
-    rounding is seen by the next.
-
-    Returns
-    -------
-    bool
-        False if there is no such m.
+    root comes from the left and ends after finitely many rounds. Each round moves u itself, so that the
+    next one sees its rounding.
     """
     begun = False
     while True:

@@ -17,7 +17,7 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.grid.ranks import Ranks
 from gfmdlayer.kernels import LANES, kernel
 
-# Pressures count against at least this part of what the softest mode carries at the depth of the surface.
+# Pressures count against at least this part of what the lowest mode carries at the depth of the surface.
 # Without it a surface out of contact would compare rounding errors with rounding errors: those reach
 # 1e-16 n/2 of that pressure, 1e-10 at n = 2^20, which a tolerance of 1e-6 still tells from contact.
 _PRESSURE_FLOOR = 1e-3
@@ -26,7 +26,7 @@ _PRESSURE_FLOOR = 1e-3
 class ResidualFloor(NamedTuple):
     """Bounds of the residual's scales.
 
-    The pressure scale is at least that of the softest mode (stiffness kappa_1) and `pressure`, the largest
+    The pressure scale is at least that of the lowest mode (stiffness kappa_1) and `pressure`, the largest
     traction of the interface; the depth scale is at least `depth` and at most `range`, that of the interface.
     """
 
@@ -136,20 +136,10 @@ def _violations(
 def assess(
     pressure: FloatArray, u: FloatArray, h: FloatArray, floor: ResidualFloor
 ) -> tuple[float, float, float, float]:
-    """Assess a state.
+    """Residual, contact area, mean pressure and mean gap of a state, one value a point each.
 
-    Parameters
-    ----------
-    pressure, u, h : ndarray, one value a point
-        Pressure of the wall, displacement, and surface of the punch.
-    floor : ResidualFloor
-        Bounds of the scales.
-
-    Returns
-    -------
-    residual, contact_area, mean_pressure, mean_gap : float
-        As in `Assessment`. The residual is NaN if anything is; a point is in contact where the pressure, and
-        not the gap, is the larger of the two in the residual's scales.
+    The residual is NaN if anything is; a point is in contact where the pressure, and not the gap, is the
+    larger of the two in the residual's scales.
     """
     pressure_scale, depth = residual_scales(pressure, u, floor)
     worst, touching, total, gaps = _violations(pressure, u, h, 1.0 / pressure_scale, 1.0 / depth)

@@ -1,4 +1,4 @@
-"""The solvers of the contact problem of a step: which there are, what each can do, and what it costs.
+"""The solvers of the contact problem of a step: their abilities, their cost, and the choice of one.
 
 The table is plain data that imports no solver: configurations, cost estimates and refusals read it.
 """
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What a solver can do, and what it costs.
+    """The abilities of a solver, and its cost.
 
     Attributes
     ----------
     place : str
         Module and class, "package.module:Class"; made with transforms.
     starts_from : {"displacement", "pressure", "gap"}
-        Of what the first guess is.
+        Field of the first guess.
     pairs, power : float
         FFT pairs a step at 4096 points and a residual of 1e-6, and as a power of the points.
     rough : float
@@ -52,19 +52,7 @@ class Declaration:
     pairs_with: Mapping[tuple[str, object], tuple[float, float]] = field(default_factory=dict)
 
     def pairs_per_step(self, points: int, options: Mapping[str, object]) -> float:
-        """Estimate the FFT pairs of a time step.
-
-        Parameters
-        ----------
-        points : int
-            Points of the grid.
-        options : mapping
-            The solver's section of the configuration.
-
-        Returns
-        -------
-        float
-        """
+        """Estimate the FFT pairs of a time step; `options` is the solver's section of the configuration."""
         found = (self.pairs_with[item] for item in options.items() if item in self.pairs_with)
         pairs, power = next(found, (self.pairs, self.power))
         return float(pairs * (points / 4096) ** power)
@@ -85,7 +73,7 @@ SOLVERS: Mapping[str, Declaration] = {
         "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=30, distributed=True
     ),
     "conjugate_gradient": Declaration(
-        "gfmdlayer.contact.conjugate_gradient:ConjugateGradient", "pressure", 34, 0.2, fields=22
+        "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
     ),
     "fire": Declaration(
         "gfmdlayer.contact.fire:Fire",
@@ -100,10 +88,8 @@ SOLVERS: Mapping[str, Declaration] = {
 }
 
 
-# The solver that `solver.method: auto` takes: the one rule, by the configuration alone.
-#
-# It is known before a run and the same in all of its steps, so that a run is resumed by the solver that began
-# it. Results carry the digest of the solver that is taken, not of the word `auto`.
+# The solver that `solver.method: auto` takes, by the configuration alone: a run is resumed by the solver that
+# began it. Results carry the digest of the solver that is taken, not of the word `auto`.
 #
 # Measured (docs/theory/ablation.md): on a rough surface in two directions, where no window holds the contact,
 # nested gradients take a quarter to a third of the active set's FFT pairs in time steps, and a fifth to an
@@ -126,23 +112,7 @@ class Choice(NamedTuple):
 
 
 def choose(method: str, *, axes: int, rough: bool, attracts: bool) -> Choice:
-    """Return the solver of a case.
-
-    Parameters
-    ----------
-    method : str
-        As configured.
-    axes : int
-        Directions of the surface, 1 or 2.
-    rough : bool
-        Whether the punch touches in many patches.
-    attracts : bool
-        Whether the interface does.
-
-    Returns
-    -------
-    Choice
-    """
+    """Return the solver for a surface of one or two axes, with a rough punch or not, attracting or not."""
     if attracts and (method == AUTO or not SOLVERS[method].adhesive):
         return Choice("newton", "the interface attracts")
     if method != AUTO:
@@ -158,20 +128,10 @@ def contrast(materials: Iterable[Relaxation]) -> float:
 
 
 def finer(tolerance: float, of_steps: float | None, stiffened: float, *, attracts: bool) -> float:
-    """Return the tolerance to which contact is solved: a finer one where adaptive steps need it.
+    """Return the tolerance that contact is solved to: a finer one where adaptive steps need it.
 
-    Parameters
-    ----------
-    tolerance, of_steps : float
-        As configured; the latter None where steps are fixed.
-    stiffened : float
-        Glassy over relaxed modulus.
-    attracts : bool
-        Whether the interface does: `newton` then ends near 1e-8, and steps are not many.
-
-    Returns
-    -------
-    float
+    `of_steps` is the tolerance of adaptive steps, None where steps are fixed; `stiffened` the glassy over the
+    relaxed modulus. With an interface that attracts, `newton` ends near 1e-8, and steps are not many.
     """
     if attracts or of_steps is None or stiffened <= _CONTRAST:
         return tolerance

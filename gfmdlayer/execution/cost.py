@@ -55,7 +55,7 @@ def on_this_machine(config: Config) -> float:
 @lru_cache(maxsize=64)
 def _pair_seconds(shape: tuple[int, ...]) -> float:
     from gfmdlayer.files.cache import user_cache
-    from gfmdlayer.grid.transforms import pair_seconds
+    from gfmdlayer.grid.pair_time import pair_seconds
 
     return pair_seconds(shape, user_cache())
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from gfmdlayer.arrays import FloatArray
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
 
 LARGEST = 1e30  # results computed from larger numbers may leave the range of double precision
 
@@ -39,6 +39,8 @@ def read_columns(
     `names` are the columns for the messages; `increasing` asks for a first column that grows from row to row;
     `row_error` gives the reason why the numbers of a row cannot be used. TableError names file and line.
     """
+    import numpy as np
+
     table = _read_at_once(path)
     if table is not None and row_error is None and table.shape[1] == len(names) and len(table) >= at_least:
         grows = not increasing or bool((np.diff(table[:, 0]) > 0).all())
@@ -68,6 +70,8 @@ def read_columns(
 
 def read_matrix(path: Path) -> FloatArray:
     """Read rows of equally many numbers, separated as in `read_columns`; a number may be nan."""
+    import numpy as np
+
     if (found := _read_at_once(path)) is not None:
         return found
     rows: list[list[float]] = []
@@ -85,6 +89,8 @@ def _read_at_once(path: Path) -> FloatArray | None:
 
     It takes a tenth of the time of the readers here, which then say what is wrong, and where.
     """
+    import numpy as np
+
     try:
         text = path.read_text(encoding="utf-8-sig")
         if text.isascii():

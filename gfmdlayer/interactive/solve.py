@@ -21,13 +21,14 @@ from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_edges import interpolated_area
 from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
-from gfmdlayer.periodic import Case, too_deep
+from gfmdlayer.periodic import too_deep
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
 from gfmdlayer.punch.shape import Cell, Shape
 from gfmdlayer.punch.topography import numbers, outward_heights
 from gfmdlayer.results.provenance import provenance
 from gfmdlayer.results.schema import VARIABLES
+from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant
 from gfmdlayer.validation.problems import shown
 

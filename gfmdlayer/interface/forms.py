@@ -26,8 +26,6 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.kernels import kernel
 
-# The terms of an interface law, as compiled code takes them; `forms` evaluates them.
-
 EXPONENTIAL, LENNARD_JONES, INVERSE_SQUARE, COHESIVE_ZONE = range(4)
 
 

@@ -77,17 +77,7 @@ class InterfaceLaw(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Interaction:
-    """An interface law.
-
-    Parameters
-    ----------
-    terms : Terms
-        Its terms.
-    work : float
-        Work of adhesion, -w(0); energy per area.
-    strength : float
-        Largest traction, or a bound on it; pressure.
-    """
+    """An interface law: its terms, work of adhesion -w(0), and largest traction or a bound on it."""
 
     terms: Terms
     work: float
@@ -152,14 +142,7 @@ HARD_WALL = of_terms(work=0.0, strength=0.0)
 class Driven(Interaction):
     """A law whose tractions are those at one volt times the square of a voltage over time.
 
-    Parameters
-    ----------
-    terms, work, strength
-        At the largest voltage.
-    one : Interaction
-        The law at one volt.
-    voltage : Table
-        Voltage over time.
+    Terms, work and strength are those at the largest voltage.
     """
 
     one: Interaction
@@ -183,15 +166,7 @@ class Driven(Interaction):
 
 @dataclass(frozen=True, eq=False)
 class Total(Interaction):
-    """The sum of several laws.
-
-    Parameters
-    ----------
-    terms, work, strength
-        Those of all parts; the strength is a bound.
-    parts : sequence of Interaction
-        The laws.
-    """
+    """The sum of several laws; its strength is a bound."""
 
     parts: Sequence[Interaction]
 

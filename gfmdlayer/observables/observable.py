@@ -134,7 +134,7 @@ class AcceptedStep:
 
 
 class Parts(Protocol):
-    """Parts of a simulation that an observable may need (`gfmdlayer.periodic.Case`)."""
+    """Parts of a simulation that an observable may need (`gfmdlayer.simulation.Case`)."""
 
     config: Config
 

@@ -9,8 +9,8 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.periodic import Case, Parts
 from gfmdlayer.results import journal
+from gfmdlayer.simulation import Case, Parts
 from gfmdlayer.time_functions import Trajectory
 
 HALFSPACE: dict[str, object] = {"layer.thickness": 0.0}  # of G_bulk = 1: elastic, E* = 4

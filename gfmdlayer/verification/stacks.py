@@ -13,7 +13,7 @@ from gfmdlayer.body.shifts import WLF, Arrhenius
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.config import Config
 from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.rows import Curve, Row
 from gfmdlayer.verification.runs import Recording, difference, run
 from gfmdlayer.verification.theory import solver_error

@@ -26,7 +26,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.config import Config, load
 from gfmdlayer.contact import fire
 from gfmdlayer.contact.active_set import loop, solver, windows
-from gfmdlayer.contact.nested import iteration, level
+from gfmdlayer.contact.nested import iteration
 from gfmdlayer.contact.nested import solver as nested_solver
 from gfmdlayer.contact.nested.nesting import nest
 from gfmdlayer.contact.nested.stencil import stencil
@@ -36,7 +36,7 @@ from gfmdlayer.history import adaptive_steps, error_control
 from gfmdlayer.history.error_control import ErrorControl
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.model import ConvergenceError, simulate, warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 14,), steps=1600, repetitions=2)
@@ -367,7 +367,7 @@ ACTIVE_SET = (
     ),
 )
 NESTED = (
-    _Ablation("preconditioner: a constant", patches=lambda: [(level, "stencil", _only_the_point)]),
+    _Ablation("preconditioner: a constant", patches=lambda: [(iteration, "stencil", _only_the_point)]),
     _Ablation("coarser grids", patches=lambda: [(nested_solver, "nest", _without_coarser_grids)]),
     _Ablation("steps taken as a whole", patches=lambda: [(iteration, "_LET_GO", 1e9)]),
     _Ablation("shortest length tried: 0.3", patches=lambda: [(iteration, "_SHORTEST", 0.3)]),

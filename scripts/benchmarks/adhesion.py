@@ -212,8 +212,8 @@ def _one_stiffness(single, system, curvature, step, damping, lack):  # type: ign
 
 
 @nb.njit(nogil=True)
-def _no_search(single, system, at, step, softest):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """Take the place of the search for the softest deformation."""
+def _no_search(single, system, at, step, lowest):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Take the place of the search for the lowest mode."""
     return 1.0, 1.0, 0.0, 0
 
 
@@ -235,7 +235,7 @@ _ABLATIONS = (
     _Ablation("its scale where the interface is stiff", loop=lambda: _in_step(begin=_one_stiffness)),
     _Ablation("inexact steps: to 1e-3", loop=lambda: {"_INEXACT": 1e-3}),
     _Ablation("bound on the error of a tangent", loop=lambda: {"_CHANGE": 1e300}),
-    _Ablation("search for the softest deformation", others=(("find_margin", _no_search),)),
+    _Ablation("search for the lowest mode", others=(("find_margin", _no_search),)),
 )
 
 

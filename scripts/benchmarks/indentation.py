@@ -22,8 +22,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.indentation.solve import follow
 from gfmdlayer.indentation.space import History
 from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.periodic import Case
 from gfmdlayer.punch.revolution import sphere
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(128,), steps=50, repetitions=15)

@@ -9,7 +9,7 @@ from benchmarks.tables import Effort, Table
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.model import warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(1024, 4096, 16384), repetitions=21)
 QUICK = Effort(points=(1024, 4096, 16384), repetitions=7)

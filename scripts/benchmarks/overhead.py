@@ -128,8 +128,8 @@ class Clock:
 def main(config: str, directory: str) -> int:
     """Run the command line on this rank and write its clock."""
     from gfmdlayer.cli import main
-    from gfmdlayer.periodic import Case
     from gfmdlayer.results.writer import CaseWriter
+    from gfmdlayer.simulation import Case
 
     clock = Clock()
     CaseWriter.__enter__ = clock.around_cases(CaseWriter.__enter__)  # type: ignore[method-assign]

@@ -11,8 +11,8 @@ from benchmarks.tables import Cell, Effort, Table
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.prediction import DisplacementPrediction
 from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.periodic import Case
 from gfmdlayer.resumable import Stateless
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 EFFORT = Effort(points=(1 << 12, 1 << 14, 1 << 16))

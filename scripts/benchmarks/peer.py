@@ -22,7 +22,7 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate, warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.crosschecks import TamaasHalfspace
 from gfmdlayer.verification.runs import Recording
 

@@ -23,7 +23,7 @@ from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import warm_up
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(512,), steps=100, repetitions=3)
 QUICK = Effort(points=(128,), steps=20, repetitions=1)

@@ -26,8 +26,8 @@ from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem, Solution, Solver
 from gfmdlayer.contact.residual import assess
 from gfmdlayer.model import warm_up
-from gfmdlayer.periodic import Case
 from gfmdlayer.punch.self_affine import SelfAffine
+from gfmdlayer.simulation import Case
 
 RESIDUAL = 1e-6
 PART = 0.05  # of E* g', the mean pressure on the halfspace

@@ -25,7 +25,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.preflight import launched_size
 from gfmdlayer.execution.workers import world
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 EFFORT = Effort(points=(2048, 4096), repetitions=3)
 QUICK = Effort(points=(512,), repetitions=1)

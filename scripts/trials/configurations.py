@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 
 import gfmdlayer
 from gfmdlayer.contact.solvers import SOLVERS
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 DEFAULT = "active_set"
 LINES = (8, 9, 16, 31, 64, 97, 128, 135, 255, 256)

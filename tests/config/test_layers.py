@@ -13,8 +13,8 @@ from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.sweeps import leaves
 from gfmdlayer.execution.sweep import cases
-from gfmdlayer.periodic import Case
 from gfmdlayer.results.schema import parameter
+from gfmdlayer.simulation import Case
 
 STACK = """\
 name: stack

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gfmdlayer.body.layer import LayeredHalfspace
-from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms

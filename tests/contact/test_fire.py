@@ -109,7 +109,7 @@ def test_rough_contact_of_a_body_with_a_history(
     # With the contact set right, a stray pressure of TOLERANCE p_max at the free points or a stray gap of
     # TOLERANCE depth at the others is all that is wrong: the softest mode turns the one into a displacement,
     # the stiffest the other into a pressure.
-    softest, stiffest = problem.softest, problem.stiffness.max()
+    softest, stiffest = problem.kappa_1, problem.stiffness.max()
     scale = max(pressure.max(), softest * -u.min())
     off = 2 * np.sqrt(u.size) * TOLERANCE * scale / softest * (stiffest / softest)
     assert np.abs(found.displacement - u).max() <= off

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from gfmdlayer.config import Config
 from gfmdlayer.contact.residual import scales
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
 from gfmdlayer.programme import Programme
+from gfmdlayer.simulation import Case
 
 anything = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]

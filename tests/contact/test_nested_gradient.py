@@ -20,7 +20,7 @@ from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.contact.residual import assess, residual_scales
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 TOLERANCE = 1e-6
 MPIRUN = Path(sys.executable).parent / "mpirun"

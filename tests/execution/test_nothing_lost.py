@@ -19,8 +19,8 @@ from gfmdlayer.execution.case_run import warm_up
 from gfmdlayer.execution.folder import FolderError
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.grid.fftw import forget_wisdom
-from gfmdlayer.periodic import Case
 from gfmdlayer.results.reader import attributes, is_complete, open_case, open_results
+from gfmdlayer.simulation import Case
 
 Run = Callable[..., tuple[Any, str]]
 

@@ -15,8 +15,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.grid.fftw import forget_wisdom
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
 from gfmdlayer.resumable import Resumable, State
+from gfmdlayer.simulation import Case
 
 SMALL = {"grid.points": 64, "time.end": 1.6, "trajectory.ramp_time": 0.8, "output.snapshots": [0.4, 0.8, 1.6]}
 STEPS: dict[str, dict[str, object]] = {

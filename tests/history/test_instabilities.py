@@ -21,7 +21,7 @@ from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.status import overview
 from gfmdlayer.model import simulate
 from gfmdlayer.observables.folds import Row, work_over_fold
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 K = 2 * 0.7 / (0.4 * 0.1)

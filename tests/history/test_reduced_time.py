@@ -18,7 +18,7 @@ from gfmdlayer.body.shifts import WLF, Arrhenius, Shift
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 

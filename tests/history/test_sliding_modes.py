@@ -16,7 +16,7 @@ from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony
 from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
 from gfmdlayer.contact.active_set.solver import ActiveSet
-from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.fire import Fire
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.problem import Problem

@@ -22,8 +22,8 @@ from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
 from gfmdlayer.resumable import CompositeState
+from gfmdlayer.simulation import Case
 from gfmdlayer.time_functions import Constant, Table
 from gfmdlayer.verification.runs import Recording
 

@@ -16,7 +16,7 @@ from gfmdlayer.history.mode_kernels import exponential
 from gfmdlayer.history.modes import SCHEMES
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 Run = Callable[[dict[str, object]], Any]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import spence
 
 from gfmdlayer.config import Config
-from gfmdlayer.contact.conjugate_gradient import ConjugateGradient
+from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms

@@ -13,7 +13,7 @@ import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution.cost import estimate
-from gfmdlayer.indentation.isolated import IsolatedContact
+from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.verification.runs import Recording
 
 AFM: dict[str, Any] = {

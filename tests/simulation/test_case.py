@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.config import Config
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 
 N, DEPTH, STEP, TOLERANCE = 256, 0.01, 0.05, 1e-9
 

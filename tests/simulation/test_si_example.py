@@ -11,7 +11,7 @@ import pytest
 from gfmdlayer import indent
 from gfmdlayer.config import load
 from gfmdlayer.model import simulate
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.verification.runs import Recording
 
 CONFIG = Path(__file__).parents[2] / "configs" / "rubber-coating-quick.yaml"

@@ -10,7 +10,7 @@ import pytest
 
 from gfmdlayer.config import Config
 from gfmdlayer.execution.cost import kind
-from gfmdlayer.indentation import isolated
+from gfmdlayer.indentation import model as isolated
 from gfmdlayer.model import simulate
 from gfmdlayer.periodic import smallest_equivalent_case
 from gfmdlayer.results.journal import Recording
@@ -19,7 +19,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from gfmdlayer.periodic import Case
+from gfmdlayer.simulation import Case
 from gfmdlayer.config import Config
 from gfmdlayer.model import warm_up
 from gfmdlayer.model import ConvergenceError, simulate
@@ -41,7 +41,7 @@ def compiled():
     return {name(kernel): len(kernel.overloads) for kernel in kernels()}
 
 RARE = tuple("gfmdlayer.contact." + name for name in (
-    "conjugate_gradient.", "active_set.safeguard.", "active_set.loop.set_guess",
+    "bounded.", "active_set.loop.set_guess",
     "pressure_form.satisfies_kkt",
 ))
 SHORT = {"grid.points": 512, "time": {"end": 0.2, "step": 0.05}, "trajectory.depth": 0.003}

@@ -14,8 +14,6 @@ from gfmdlayer.contact.residual import scales
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 
-# What the active-set solver works on: the contact set, work arrays, and scalars that kernels share.
-
 _LINES = 2  # on either side that are close to a contact on a surface
 _REACH = 16  # points at least on either side of the contact where the gap is kept up to date
 _BLOCK = 256  # points that are passed over at once where nothing is in contact
@@ -242,31 +240,12 @@ def iterate(  # groups of arrays, and the limits of one call
 ) -> tuple[bool, int, int]:
     """Find the contact set and its pressure.
 
-    Parameters
-    ----------
-    plans : Plans
-        Transforms of the surface, or of a window.
-    system : System
-        The problem.
-    at : Iterate
-        Pressure and gap; an exact pair on return. At the beginning the gap need not be known.
-    contact : ContactSet
-        Where the pressure is positive.
-    work : Work
-        Work arrays.
-    shift : float
-        Gap in the contact that is aimed at; length.
-    tolerance : float
-        On gaps and tension, scaled as in the residual.
-    rounds, limit : int
-        Most changes of the contact set, and iterations.
-    checked : bool
-        Whether the caller evaluates the result on a larger surface: a contact of one stretch, near which the
-        gap is known, then needs no evaluation here.
+    The gap need not be known at the beginning; pressure and gap are an exact pair on return. `shift` is the
+    gap in the contact that is aimed at [length], `rounds` the most changes of the contact set, `limit` the
+    most iterations. `checked` says that the caller evaluates the result on a larger surface: a contact of one
+    stretch, near which the gap is known, then needs no evaluation here.
 
-    Returns
-    -------
-    Whether set and pressure were found, the transforms and the iterations.
+    Returns whether set and pressure were found, the transforms and the iterations.
     """
     transforms, carried, now = 0, at.p.sum(), work.now[0]
     if not now.exact:

@@ -26,7 +26,7 @@ nowhere above the punch; or, where scaling the pressure does not do that, a gap 
 is aimed at.
 
 Termination: changes of the set are counted. After `_ROUNDS` of them, or where conjugate gradients fail, the
-problem goes to `safeguard`, where each step lowers the energy, and which ends on every
+problem goes to `bounded.safeguard`, where each step lowers the energy, and which ends on every
 convex problem.
 """
 
@@ -38,8 +38,8 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.active_set.loop import begin, evaluate, iterate, make_contact, make_work, set_guess
-from gfmdlayer.contact.active_set.safeguard import safeguard
 from gfmdlayer.contact.active_set.windows import Windows
+from gfmdlayer.contact.bounded import safeguard
 from gfmdlayer.contact.pressure_form import (
     AIM,
     CLOSE,
@@ -66,14 +66,8 @@ _WORK, _FEWEST = 1 << 29, 30
 class ActiveSet:
     """The active-set solver for the steps of one run.
 
-    Parameters
-    ----------
-    transforms : Transforms
-        Plans for the grid's shape.
-    windows : bool
-        Whether small contacts are solved in windows.
-    rounds : int
-        Changes of the contact set after which `safeguard` takes over.
+    With `windows`, small contacts are solved in windows; after `rounds` changes of the contact set
+    `bounded.safeguard` takes over.
     """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"

@@ -21,25 +21,21 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.loop import ContactSet, Work, iterate, list_runs, make_contact, make_work
-from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, State, System
+from gfmdlayer.contact.pressure_form import AIM, CLAMPED, CLOSE, Iterate, SurfaceState, System
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
 from gfmdlayer.contact.residual import ResidualFloor, scales, violation
 from gfmdlayer.grid.grid import NOWHERE, Stretch, parts, periodic_extent
 from gfmdlayer.grid.transforms import Plans, Transforms, backward, forward
 from gfmdlayer.kernels import LANES, kernel
 
-# Extension of the pressure in a window to the state of the whole surface, with its assessment.
-
 
 @kernel(inner=True)
 def extend_to_surface(
-    window: Window, origin: Pair, surface: Surface, state: State
+    window: Window, origin: Pair, surface: WholeSurface, state: SurfaceState
 ) -> tuple[float, tuple[float, float, float, float]]:
     """Write the state of the whole surface; two transforms.
 
-    Returns
-    -------
-    Overlap that was cut off, as part of the depth, and what `assess` would return.
+    Returns the overlap that was cut off, as part of the depth, and the result of `assess`.
     """
     largest, total = _scatter(window, origin, state.p)
     forward(surface.plans, state.p, surface.spectrum)
@@ -79,7 +75,7 @@ def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]
 
 
 @kernel(reorder=True, inner=True)
-def _deform(surface: Surface, spectrum: ComplexArray) -> None:
+def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
     """From the transform of the pressure to that of the displacement, per point and unnormalised."""
     size = surface.z.size
     for k in range(spectrum.size):
@@ -89,7 +85,7 @@ def _deform(surface: Surface, spectrum: ComplexArray) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def _clamp(surface: Surface, rigid_shift: float, state: State) -> tuple[float, float, float]:
+def _clamp(surface: WholeSurface, rigid_shift: float, state: SurfaceState) -> tuple[float, float, float]:
     """Write displacement and gap without overlap; return the overlap, the lowest u, and the sum of gaps."""
     overlap, lowest, gaps = np.zeros(LANES), np.full(LANES, np.inf), 0.0
     for first in range(0, surface.z.size, LANES):
@@ -117,8 +113,6 @@ def _sum(x: FloatArray) -> float:
     return total
 
 
-# What a window around the contact works on; see `windows`.
-
 Pair = tuple[int, int]
 
 
@@ -139,7 +133,7 @@ class Window(NamedTuple):
     surface: Pair  # points of the surface
 
 
-class Surface(NamedTuple):
+class WholeSurface(NamedTuple):
     """The surface that the window is part of, and its work arrays."""
 
     plans: Plans
@@ -154,20 +148,9 @@ class Surface(NamedTuple):
 def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> tuple[int, int, int]:
     """Locate a stretch of a line of the window on the surface, which is periodic.
 
-    Parameters
-    ----------
-    window : Window
-        The window.
-    origin : tuple of int
-        Line and point of the surface where the window begins.
-    first, count : int
-        First point of the stretch in the window, and its number of points.
-    part : int
-        0 for the points before the end of the surface's line, 1 for those after it.
-
-    Returns
-    -------
-    First point of that part in the window, first on the surface, and their number.
+    `origin` is line and point of the surface where the window begins. Part 0 are the points before the end
+    of the surface's line, part 1 those after it. Returns the first point of that part in the window, the
+    first on the surface, and their number.
     """
     (rows, line), length = window.surface, window.length[1]
     start = (origin[0] + first // length) % rows * line
@@ -178,8 +161,6 @@ def stretch(window: Window, origin: Pair, first: int, count: int, part: int) -> 
     return first + before, start + column + before - line, count - before
 
 
-# A step of the active-set solver in a window around the contact, compiled; see `windows`.
-
 _APART = 1e150  # gap of the points that the window's transforms have beyond the window
 _WELL_WITHIN = 0.95  # part of the tolerance within which a state is handed on
 _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part of depth and tolerance
@@ -189,38 +170,18 @@ _MARGIN, _MARGIN_OF_TOLERANCE = 1e-12, 0.01  # least gap that is left, as part o
 def solve(
     window: Window,
     origin: Pair,
-    surface: Surface,
+    surface: WholeSurface,
     guess: FloatArray,
     load: float,
     tolerance: float,
     rounds: int,
     limit: int,
-) -> tuple[bool, int, int, int, float, tuple[float, float, float, float], State]:
-    """Solve in a window.
+) -> tuple[bool, int, int, int, float, tuple[float, float, float, float], SurfaceState]:
+    """Solve in a window that begins at a line and a point of the surface; `load` is the given mean pressure.
 
-    Parameters
-    ----------
-    window : Window
-        Its arrays.
-    origin : tuple of int
-        Line and point of the surface where it begins.
-    surface : Surface
-        The problem on the whole surface.
-    guess : ndarray, one value a point
-        Of the pressure; the window holds what is positive.
-    load : float
-        Mean pressure where it is given.
-    tolerance : float
-        Of the residual.
-    rounds, limit : int
-        Most changes of the contact set, and iterations.
-
-    Returns
-    -------
-    done, whole, shorter, iterations, overlap, assessment, state
-        Whether contact and pressure were found; transforms of the whole surface and of the window;
-        iterations; overlap of the whole surface that was cut off, as part of the depth; what `assess` would
-        return; the state.
+    Returns whether contact and pressure were found, transforms of the whole surface and of the window,
+    iterations, overlap of the whole surface that was cut off (as part of the depth), the result of `assess`,
+    and the state.
     """
     _free_surface(surface)
     at, contact, work, system = window.at, window.contact, window.work, window.system
@@ -249,17 +210,17 @@ def solve(
         shift = within * now.depth_scale
     if not clear:
         nothing = np.empty(0)
-        state = State(nothing, nothing, nothing, np.empty(0, dtype=np.complex128))
+        state = SurfaceState(nothing, nothing, nothing, np.empty(0, dtype=np.complex128))
         return False, 1, transforms, iterations, 0.0, (np.nan, 0.0, 0.0, 0.0), state
     size = surface.z.size
     spectrum = np.empty(surface.b.size, dtype=np.complex128)
-    state = State(np.empty(size), np.zeros(size), np.empty(size), spectrum)
+    state = SurfaceState(np.empty(size), np.zeros(size), np.empty(size), spectrum)
     overlap, assessment = extend_to_surface(window, origin, surface, state)
     return True, 3, transforms, iterations, overlap, assessment, state
 
 
 @kernel(reorder=True)
-def overlaps(surface: Surface) -> FloatArray:
+def overlaps(surface: WholeSurface) -> FloatArray:
     """Overlap of the surface without pressure; a transform of the whole surface."""
     _free_surface(surface)
     overlap = np.empty(surface.z.size)
@@ -298,7 +259,7 @@ def restrict(window: Window, kernel: FloatArray, stiffness: FloatArray) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def _free_surface(surface: Surface) -> None:
+def _free_surface(surface: WholeSurface) -> None:
     """Write the surface without pressure."""
     for k in range(surface.b.size):
         surface.spectrum[k] = surface.compliance[k] * surface.b[k]
@@ -306,7 +267,7 @@ def _free_surface(surface: Surface) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def _gather(window: Window, origin: Pair, surface: Surface, guess: FloatArray) -> float:
+def _gather(window: Window, origin: Pair, surface: WholeSurface, guess: FloatArray) -> float:
     """Copy problem and guess into the window; return the sum of the guess."""
     gap0, h, p, member = window.system.gap0, window.system.h, window.at.p, window.contact.member
     gap0[:], h[:], p[:], member[:] = _APART, 2.0 * _APART, 0.0, 0.0
@@ -361,27 +322,13 @@ _WINDOW_MARGIN = 16  # points at least on either side of the contact that belong
 
 
 class WindowResult(NamedTuple):
-    """Result of the windows that were tried.
+    """Result of the windows that were tried."""
 
-    Attributes
-    ----------
-    transforms : float
-        Of the whole surface, or of as many points.
-    iterations : int
-        Of conjugate gradients.
-    within : bool
-        Whether the state is a solution for the whole surface.
-    state : State, optional
-        The state of the whole surface.
-    assessment : tuple of float
-        What `assess` would return of it.
-    """
-
-    transforms: float = 0.0
+    transforms: float = 0.0  # of the whole surface, or of as many points
     iterations: int = 0
-    within: bool = False
-    state: State | None = None
-    assessment: tuple[float, float, float, float] = (np.nan, 0.0, 0.0, 0.0)
+    within: bool = False  # whether the state is a solution for the whole surface
+    state: SurfaceState | None = None  # of the whole surface
+    assessment: tuple[float, float, float, float] = (np.nan, 0.0, 0.0, 0.0)  # of `assess`
 
     def solution(self, problem: Problem, tolerance: float, pairs: int) -> Solution:
         """The state as a solution that took a number of FFT pairs."""
@@ -401,17 +348,7 @@ class WindowResult(NamedTuple):
 
 
 class Windows:
-    """The windows of the surface of one run.
-
-    Parameters
-    ----------
-    transforms : Transforms
-        Of the whole surface.
-    work : Work
-        Work arrays of the whole surface.
-    used : bool
-        Whether there are any.
-    """
+    """The windows of the surface of one run."""
 
     def __init__(self, transforms: Transforms, work: Work, *, used: bool = True) -> None:
         self._transforms, self._shape = transforms, transforms.shape
@@ -441,23 +378,10 @@ class Windows:
     ) -> WindowResult:
         """Solve in the shortest window around a guess of the pressure, then in larger ones if it outgrows it.
 
-        Parameters
-        ----------
-        problem : Problem
-            The problem on the whole surface.
-        guess : ndarray, one value a point
-            Of the pressure. Without contact it is replaced by the overlap of the surface without pressure.
-        tolerance : float
-            Of the residual.
-        rounds, limit : int
-            Most changes of the contact set, and iterations.
-
-        Returns
-        -------
-        WindowResult
-            Empty where nothing overlaps, or no window is short enough.
+        Without contact in the guess, the overlap of the surface without pressure takes its place. The result
+        is empty where nothing overlaps, or no window is short enough.
         """
-        surface = Surface(
+        surface = WholeSurface(
             self._transforms.plans, self._system.compliance, problem.obstacle,
             problem.intercept, self._work.spectrum, self._work.z,
         )  # fmt: skip

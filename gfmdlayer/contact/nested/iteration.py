@@ -22,12 +22,19 @@ the points that it lets go, and at last along r.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.level import Fields, Level
-from gfmdlayer.contact.nested.passes import Move
+from gfmdlayer.contact.nested.passes import Move, ParallelPasses
+from gfmdlayer.contact.nested.stencil import REACH, stencil
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.residual import ResidualFloor, scales
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
 
 _SHORTEST, _LONGEST = 0.05, 2.0  # of the lengths that are tried
 _LET_GO = 0.8  # beyond this part of a step that ends pressures it is taken as a whole
@@ -36,24 +43,113 @@ _PROJECTIONS = 60  # rounds of Newton's method at most
 _PATIENCE, _PROGRESS = 40, 0.7  # iterations in which the residual has to fall below this part
 
 
+class Extent(NamedTuple):
+    """How far the fields of a state reach."""
+
+    mean: float  # of u
+    pressure: float  # the largest
+    depth: float  # the largest -u
+    overlap: float  # the largest -gap
+    gap: float  # the largest
+
+
+@dataclass
+class Fields:
+    """A problem and its state, one value a point.
+
+    `gap0` is not needed where the load is given; the gap is then known up to a rigid shift.
+    """
+
+    h: FloatArray  # surface of the punch
+    gap0: FloatArray  # gap without pressure
+    p: FloatArray
+    gap: FloatArray
+    load: float | None  # sum of the pressure, where it is given
+    aim: float = 0.0  # gap that is aimed at in contact, as part of the scale of depth, where it is not
+    scales: tuple[float, float] = (1.0, 1.0)  # of pressure and depth in the residual
+    level: float = 0.0  # gap in contact, weighted by the pressure, or the gap that is aimed at
+
+
+class Level:
+    """Operators and work arrays of one grid; transforms are in single precision."""
+
+    def __init__(
+        self, grid: Grid, transforms: Transforms, stiffness: FloatArray, floor: ResidualFloor
+    ) -> None:
+        self.grid, self.transforms, self.floor = grid, transforms, floor
+        self.parallel = ParallelPasses(grid, transforms.threads)
+        self._modes = ParallelPasses(grid, transforms.threads, grid.spectral_shape)
+        self.r, self.z, self.d, self.step, self.change = (transforms.empty_field() for _ in range(5))
+        self._spectrum = transforms.empty_spectrum()
+        self._compliance = np.empty(stiffness.size, dtype=np.float32)
+        self.set_stiffness(stiffness)
+        self.pairs = 0  # spent, in single precision
+
+    def set_stiffness(self, stiffness: FloatArray) -> None:
+        """Make compliance and preconditioner from kappa."""
+        stiff = stiffness > 0
+        self._compliance[:] = np.where(stiff, 1.0 / (self.grid.size * np.where(stiff, stiffness, 1.0)), 0.0)
+        self.stiffest = self.grid.sums.maximum(float(stiffness.max()))
+        self._weights = stencil(self.grid, stiffness)
+
+    def respond(self) -> None:
+        """Write the change of the gap under the step, A step: one pair of transforms."""
+        self.transforms.transform(self.step, self._spectrum)
+        self._modes.only(passes.comply, self._compliance, self._spectrum)
+        self.transforms.transform_back(self._spectrum, self.change)
+        self.pairs += 1
+
+    def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
+        """Write the transform of the displacement in the place of that of the pressure, and in ``work``."""
+        numbers = (each.view(np.float64) for each in (problem.intercept, spectrum, work))
+        self._modes.only(passes.displace, problem.stiffness, *numbers)
+
+    def precondition(self) -> Sequence[float]:
+        """Write z = M r in the place of the last r; see `passes.precondition` for the sums."""
+        r = self.r.reshape(-1, self.grid.shape[-1])
+        beside = self.grid.halo(r, REACH, REACH)
+        return self.parallel(passes.precondition, self._weights, r, *beside, self.z, self.d)[0]
+
+    def set_scales(self, at: Fields, per_point: float = 0.0) -> Extent:
+        """Set the level of a state and the scales of its residual.
+
+        Where `per_point` is not zero, u times its inverse stands in the place of the gap.
+        """
+        arrays = at.h, at.p, at.gap
+        (load, weighted, total), extrema = self.parallel(passes.extent, per_point, *arrays)
+        extent = Extent(total / self.grid.size, *extrema)
+        if at.load is not None:
+            at.level = weighted / load if load > 0 else 0.0
+        at.scales = self.scales(extent, at.level)
+        at.level = at.aim * at.scales[1] if at.load is None else at.level
+        return extent
+
+    def scales(self, extent: Extent, level: float) -> tuple[float, float]:
+        """Scales of pressure and depth, where the gap counts from a level."""
+        depth = max(extent.mean + level, 0.0) + extent.depth - level
+        return scales.py_func(extent.pressure, depth, self.floor)
+
+    def set_load(self, at: Fields) -> bool:
+        """Scale the pressure to the given load; return whether there is any pressure."""
+        total = self.grid.sums.total(float(at.p.sum()))
+        if not 0.0 < total < np.inf:
+            return False
+        if at.load is not None and total != at.load:
+            self.parallel.only(passes.times, at.load / total, at.p)
+        return True
+
+    def add_response(self, at: Fields) -> None:
+        """Write the gap of the pressure, from the gap without it, in single precision."""
+        np.copyto(self.step, at.p, casting="same_kind")
+        self.respond()
+        self.parallel.only(passes.add_response, at.gap0, self.change, at.gap)
+
+
 class Search:
-    """Conjugate directions from a state.
+    """Conjugate directions from a state, in single or in double precision, whose gap belongs to its pressure.
 
-    Parameters
-    ----------
-    level : Level
-        The grid.
-    at : Fields
-        The problem and the state, in single or in double precision, whose gap belongs to the pressure, with
-        its level and scales.
-
-    Attributes
-    ----------
-    at : Fields
-        The state.
-    residual : float
-        The sum of what open gaps and tension and what overlap leaves, or twice the larger of them where no
-        load is given.
+    `residual` is the sum of the largest open gap or tension and the largest overlap, or twice the larger of
+    them where no load is given.
     """
 
     def __init__(self, level: Level, at: Fields) -> None:
@@ -65,15 +161,7 @@ class Search:
         self._move(0.0, 1.0)
 
     def run(self, tolerance: float, limit: int) -> int:
-        """Bring the residual within a tolerance, or to where it falls no more; return the iterations.
-
-        Parameters
-        ----------
-        tolerance : float
-            On the residual.
-        limit : int
-            Most iterations.
-        """
+        """Bring the residual within a tolerance, or to where it falls no more; return the iterations."""
         best, since, iteration = np.inf, 0, 0
         while self.residual > tolerance and iteration < limit and iteration - since <= _PATIENCE:
             if self.residual < _PROGRESS * best:
@@ -87,7 +175,7 @@ class Search:
         self._direct()
         self._project()
         if not self._slope > 0:
-            self._on.sweep.only(passes.release, self._alpha, self.at.p, self._on.r, self._on.d)
+            self._on.parallel.only(passes.release, self._alpha, self.at.p, self._on.r, self._on.d)
             self._alpha, self._product = min(self._alpha, 1.0), 0.0
             self._direct()
             self._project()
@@ -117,7 +205,7 @@ class Search:
         self._product = product
         self._shift = (self._load - at.load) / count if at.load is not None and count else 0.0
         step = self._alpha, self._shift
-        self._note(on.sweep(passes.direct, excess, beta, *step, at.p, on.r, on.z, on.d, on.step)[0])
+        self._note(on.parallel(passes.direct, excess, beta, *step, at.p, on.r, on.z, on.d, on.step)[0])
 
     def _project(self) -> None:
         """Write the step of the given load."""
@@ -130,7 +218,7 @@ class Search:
 
     def _write_step(self) -> None:
         on, p = self._on, self.at.p
-        self._note(on.sweep(passes.project, self._alpha, self._shift, p, on.r, on.d, on.step)[0])
+        self._note(on.parallel(passes.project, self._alpha, self._shift, p, on.r, on.d, on.step)[0])
 
     def _note(self, found: Sequence[float]) -> None:
         """Note the load beyond the given one, the number of pressures, and how the energy falls."""
@@ -140,7 +228,7 @@ class Search:
     def _lengths(self) -> tuple[float, float, float]:
         """Return the length of the step of the lowest energy, the one to take, and the scale after it."""
         on, at, slope = self._on, self.at, self._slope
-        (curvature, across), (fall,) = on.sweep(passes.respond, at.p, on.step, on.change)
+        (curvature, across), (fall,) = on.parallel(passes.respond, at.p, on.step, on.change)
         optimum = slope / curvature if curvature > 0 else 1.0
         # The energy of a p + b D is a parabola of a and b.
         stiff, free, push = self._weighted - self._free, self._free - at.level * self._load, slope + across
@@ -164,7 +252,7 @@ class Search:
         """Take a step and assess the state."""
         on, at = self._on, self.at
         move = Move(length, scale, at.load is not None, at.level, 1.0 / at.scales[0], 1.0 / at.scales[1])
-        found, (opened, below) = on.sweep(
+        found, (opened, below) = on.parallel(
             passes.advance, move, at.p, at.gap, at.gap0, on.step, on.change, on.z
         )
         on.r, on.z = on.z, on.r

@@ -1,6 +1,9 @@
 """First guess from coarser grids: the problem solved on the coarsest, then on each finer one from there.
 
-Problems come from truncated Fourier series of the gap and of the stiffness, pressures by `coarser.prolong`.
+Problems come from truncated Fourier series of the gap and of the stiffness, pressures by interpolation. Near
+the edge of the contact the pressure falls like xi^(1/2) and the gap opens like xi^(3/2) with the distance xi
+(see `prediction`), so s = p^2 inside and s = -mu gap^(2/3) outside is smooth there and interpolated linearly.
+Where all points around are in contact, the pressure itself is, by cubic polynomials.
 """
 
 from __future__ import annotations
@@ -11,45 +14,28 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.iteration import Search
-from gfmdlayer.contact.nested.level import Fields, Level
+from gfmdlayer.contact.nested.iteration import Fields, Level, Search
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import kernel
 
-# From one grid to the next: problems by truncated Fourier series, pressures by interpolation.
-#
-# Near the edge of the contact the pressure falls like xi^(1/2) and the gap opens like xi^(3/2) with the
-# distance xi (see `prediction`), so s = p^2 inside and s = -mu gap^(2/3) outside is smooth there and
-# interpolated linearly; where all points around are in contact, the pressure itself is, by cubic polynomials.
-
 _BEFORE, _AFTER = 3, 4  # rows of the coarse grid that rows of the fine one may need beside their own
 
 
 def prolong(coarse: Level, at: Fields, fine: Level, target: FloatArray) -> None:
-    """Write the pressure of a finer grid.
-
-    Parameters
-    ----------
-    coarse, fine : Level
-        The grids.
-    at : Fields
-        State on the coarse one.
-    target : ndarray
-        Pressure on the fine one.
-    """
+    """Write the pressure of a finer grid, from the state of the coarse one."""
     shape = (-1, coarse.grid.shape[-1])
     p, gap = at.p.reshape(shape), np.maximum(at.gap - at.level, 0.0).reshape(shape)
-    (inside, pressed, outside, apart), _ = coarse.sweep(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
+    (inside, pressed, outside, apart), _ = coarse.parallel(_at_edges, p, *coarse.grid.halo(p, 1, 1), gap)
     squares, openings = inside / max(pressed, 1.0), apart / max(outside, 1.0)
     mu = squares / openings if openings > 0 else 0.0
     smooth, deep = np.empty_like(p), np.empty_like(p)
-    coarse.sweep.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
+    coarse.parallel.only(_smooth, p, *coarse.grid.halo(p, 1, 1), gap, mu, smooth, deep)
     fields = [_extended(coarse.grid, field) for field in (p, smooth, deep)]
     place = fine.grid.first_row, _BEFORE - coarse.grid.first_row
     rows = (1, 1) if len(fine.grid.points) == 1 else (fine.grid.points[0], coarse.grid.points[0])
-    fine.sweep.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
+    fine.parallel.only(_interpolate, fine.grid.shape[-1], place, rows, *fields, target)
 
 
 def _extended(grid: Grid, field: FloatArray) -> FloatArray:
@@ -124,21 +110,10 @@ def _interpolate(
     first: int, end: int, columns: int, place: tuple[int, int], whole: tuple[int, int], p: FloatArray,
     smooth: FloatArray, deep: FloatArray, target: FloatArray,
 ) -> tuple[tuple[float], tuple[float]]:  # fmt: skip
-    """Interpolate rows of the fine grid.
+    """Interpolate rows of the fine grid from coarse fields, with rows beside those of this process.
 
-    Parameters
-    ----------
-    columns : int
-        Of the fine grid.
-    place : tuple of int
-        Row of the whole fine grid that is the first here; row of the coarse fields that is the first of the
-        grid.
-    whole : tuple of int
-        Rows of the whole grids, fine and coarse.
-    p, smooth, deep : ndarray
-        Coarse fields, with rows beside those of this process.
-    target : ndarray
-        The pressure on the fine grid.
+    `place` is the row of the whole fine grid that is the first here, and the row of the coarse fields that is
+    the first of the grid; `whole` the rows of the whole grids, fine and coarse.
     """
     n = p.shape[1]
     for i in range(first // columns, end // columns):
@@ -175,24 +150,7 @@ _LIMIT = 60  # iterations on a coarser grid
 
 
 def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> float:
-    """Write the pressure of a first guess.
-
-    Parameters
-    ----------
-    fine : Level
-        The given grid.
-    transforms : Transforms
-        Its transforms in double precision.
-    problem : Problem
-        The problem.
-    at : Fields
-        Whose pressure is written.
-
-    Returns
-    -------
-    float
-        Pairs of transforms in single precision, as parts of those of the given grid.
-    """
+    """Write the pressure of a first guess; return the pairs in single precision, as parts of fine ones."""
     surface = transforms.forward(problem.obstacle)
     free = np.zeros_like(surface)
     fine.displace(problem, free, np.empty_like(free))
@@ -245,6 +203,6 @@ def _press(level: Level, at: Fields) -> None:
     lowest, mean = sums.minimum(float(at.gap0.min())), sums.mean(at.gap0)
     # Where the load is given, half way up to the mean height.
     height = 0.0 if at.load is None else 0.5 * (lowest + mean)
-    level.sweep.only(passes.press, height, level.stiffest, at.gap0, at.p)
+    level.parallel.only(passes.press, height, level.stiffest, at.gap0, at.p)
     if not level.set_load(at) and at.load is not None:
         at.p[:] = at.load / level.grid.size  # the punch lies equally low everywhere

@@ -1,8 +1,8 @@
 """Passes over the points of a grid: what the iteration does to its fields between transforms.
 
 Each kernel acts on the points ``first`` to ``end``, a whole number of rows, and returns a tuple of sums and a
-tuple of maxima over them, which `Sweep` completes. Pressures and gaps are in single or in double precision,
-what is added to them in single. Outside of the set C of points that press or overlap, r = 0.
+tuple of maxima over them, which `ParallelPasses` completes. Pressures and gaps are in single or in double
+precision, their changes in single. Outside of the set C of points that press or overlap, r = 0.
 
 Sums over a block of points are in the precision of the fields, those over the blocks in double. Largest
 values are kept side by side, and written from one array into another: stores under a condition are slow.
@@ -48,10 +48,8 @@ def advance(
 ) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Take a step, and write r = level - gap on the new C; with a given load gaps then count from the level.
 
-    Returns
-    -------
-    Sums of p, of p gap and, unless the load is given, of p gap0; largest violation by an open gap or tension,
-    and overlap, both in the residual's scales.
+    Returns sums of p, of p gap and, unless the load is given, of p gap0; largest violation by an open gap or
+    tension, and overlap, both in the residual's scales.
     """
     real = p.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
@@ -106,20 +104,9 @@ def _scale(factor: Any, p: Any, gap: Any, gap0: Any) -> Any:
 def precondition(
     first: int, end: int, weights: Any, r: Any, before: Any, after: Any, z: Any, d: Any
 ) -> tuple[tuple[float, ...], tuple[float]]:
-    """Apply the stencil M to r, and write z = M r on C in the place of the last r.
+    """Apply the stencil M to r, shape (rows, columns), and write z = M r on C in the place of the last r.
 
-    Parameters
-    ----------
-    weights, r, before, after
-        As in `apply_to_row`; r of shape (rows, columns).
-    z : ndarray, one value a point
-        The r of the last iteration.
-    d : ndarray, one value a point
-        The last direction.
-
-    Returns
-    -------
-    Over C, sums of 1, z, r, z r, z r_last, r_last, r d and d; no maximum.
+    `d` is the last direction. Returns the sums over C of 1, z, r, z r, z r_last, r_last, r d and d.
     """
     columns = r.shape[1]
     row, work = np.empty(columns, np.float32), np.empty(columns, np.float32)
@@ -172,10 +159,7 @@ def project(
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
     """Write the step to max(p + length d - shift, 0) on C, and to 0 outside.
 
-    Returns
-    -------
-    Sum and number of the pressures that it leads to, sum of r step, and number of the pressures that it ends;
-    no maximum.
+    Returns sum and number of the new pressures, sum of r step, and number of pressures that it ends.
     """
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
@@ -235,9 +219,7 @@ def extent(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero.
 
-    Returns
-    -------
-    Sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap.
+    Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap.
     """
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = np.zeros(LANES), np.full(LANES, -np.inf), np.full(LANES, -np.inf)
@@ -342,9 +324,7 @@ def settle(
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:  # fmt: skip
     """Shift the gap by -``shift``, cut off overlap, and write u = h - gap.
 
-    Returns
-    -------
-    Number of points in contact, sums of p, gap and u; the residual and the overlap.
+    Returns number of points in contact, sums of p, gap and u; the residual and the overlap.
     """
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
     worst, overlap = np.zeros(LANES), np.zeros(LANES)
@@ -373,23 +353,12 @@ def settle(
     )
 
 
-# Passes of compiled kernels over the points of a grid, by several threads, and completed over all points.
-#
-# Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows, always
-# the same one: sums have the same bits from run to run.
+class ParallelPasses:
+    """Calls kernels with stretches of the points, first and end, and completes their results over all points.
 
-
-class Sweep:
-    """Calls kernels with stretches of the points, first and end, and adds up what they return.
-
-    Parameters
-    ----------
-    grid : Grid
-        The points; its `sums` complete the results.
-    threads : int
-        Threads that share the points of a large grid.
-    shape : tuple of int, optional
-        Of what is swept in place of the points, such as the modes.
+    Kernels release the interpreter's lock, so threads of Python do. Each takes a stretch of whole rows,
+    always the same one: sums have the same bits from run to run. `shape` takes the place of the grid's, as
+    for modes.
     """
 
     def __init__(self, grid: Grid, threads: int, shape: tuple[int, ...] | None = None) -> None:

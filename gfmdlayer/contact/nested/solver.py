@@ -1,21 +1,20 @@
 """Projected conjugate gradients with nested grids, for large rough surfaces.
 
-The method and its state are those of `iteration`; here is what surrounds it.
+The iteration stands in `iteration`, with its state. Around it are
 
 Nested grids
     Without a good guess the problem is solved on a grid of some 64 points along its shorter axis first, and
     its pressure is the guess for the next finer grid (`nesting`): after this nested iteration a few
     corrections are left for the given grid.
 Precision
-    The iteration is in single precision where that resolves the gaps. The state that it ends with is
-    evaluated in double precision; where its residual is too large, it goes on from there with pressure and
-    gap in double precision, to which corrections in single are added, whose errors shrink with them.
+    The iteration is in single precision where that resolves the gaps. Its last state is evaluated in double
+    precision. Where its residual is too large, the iteration goes on from there with pressure and gap in
+    double precision, to which corrections in single are added, whose errors shrink with them.
 Hand-over
     Where the residual falls no more, as for a stiff film on a soft base, the active set takes the problem
-    from the last pressure. After two such steps in a row it keeps the run.
+    from the last pressure. After two of these steps in a row it keeps the run.
 
-Everything that concerns all points goes through the grid: sums, rows beside those of this process,
-transforms.
+All sums, rows beside those of this process and transforms go through the grid, which ranks may share.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.active_set.solver import ActiveSet
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.iteration import Search
-from gfmdlayer.contact.nested.level import Extent, Fields, Level
+from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search
 from gfmdlayer.contact.nested.nesting import nest
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
@@ -48,14 +46,7 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver for the steps of one run.
-
-    Parameters
-    ----------
-    transforms : Transforms
-        Plans for the grid.
-    grid : Grid, optional
-        The grid; without it that of the transforms, of period 1.
+    """The solver for the steps of one run, on a grid or else on that of the transforms, of period 1.
 
     Attributes
     ----------
@@ -103,7 +94,7 @@ class NestedGradient:
             left = min(_LIMIT, limit - iterations)
             iterations += search.run(CLOSE * tolerance, left)
             if search.at is not at:
-                fine.sweep.only(passes.lowered, 0.0, search.at.p, at.p)
+                fine.parallel.only(passes.lowered, 0.0, search.at.p, at.p)
             spectrum, extent = self._evaluate(problem, fine, at)
             solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
             if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
@@ -184,7 +175,7 @@ class NestedGradient:
             self._narrow.append(fine.transforms.empty_field())
         shift = at.level if given else 0.0  # gaps then count from the level
         for less, field, narrowed in zip((0.0, shift, 0.0), fields, self._narrow, strict=False):
-            fine.sweep.only(passes.lowered, less, field, narrowed)
+            fine.parallel.only(passes.lowered, less, field, narrowed)
         p, gap = self._narrow[:2]
         gap0 = gap if given else self._narrow[2]
         now = Fields(at.h, gap0, p, gap, at.load, at.aim, at.scales, at.level - shift)
@@ -215,7 +206,7 @@ class NestedGradient:
         at.scales = pressure, depth = fine.scales(extent, shift)
         at.level -= shift
         u = self._transforms.empty_field()
-        (touching, load, gaps, total), (residual, overlap) = fine.sweep(
+        (touching, load, gaps, total), (residual, overlap) = fine.parallel(
             passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.h, at.p, at.gap, u
         )
         if given and self._grid.first_row == 0:

@@ -1,7 +1,7 @@
 """The preconditioner: kappa as a stencil of 13 points in real space, which takes no transform.
 
 The stencil's symbol s(q) = sum_ij w_ij cos(i q_x dx + j q_y dy), i^2 + j^2 <= 4, approximates the stiffness
-by least squares of s/max(kappa, `_SOFTEST` of the largest) - 1 over the modes of the grid.
+by least squares of s/max(kappa, `_LEAST` of the largest) - 1 over the modes of the grid.
 """
 
 from __future__ import annotations
@@ -18,28 +18,15 @@ from gfmdlayer.kernels import kernel
 REACH = 2  # rows and columns on either side
 # Rows and columns of the taps, one of each set that the symmetry of kappa in q_x and q_y makes equal.
 _TAPS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
-_SOFTEST = 0.02
+_LEAST = 0.02
 _WAVES = 64  # along each axis of a surface, its square along a line, for the fit
 
 
 def stencil(grid: Grid, stiffness: FloatArray) -> Any:
-    """Fit the stencil to a stiffness.
-
-    Parameters
-    ----------
-    grid : Grid
-        A line or a surface.
-    stiffness : ndarray, one value a mode
-        kappa.
-
-    Returns
-    -------
-    ndarray of float32, shape (6,)
-        Weights of `_TAPS`.
-    """
+    """Fit the stencil to a stiffness; return float32 weights of `_TAPS`, shape (6,)."""
     symbols, sample = _symbols(grid), _sample(grid)
     stiffest = grid.sums.maximum(float(stiffness.max()))
-    inverse = 1.0 / np.maximum(stiffness[sample], _SOFTEST * stiffest)
+    inverse = 1.0 / np.maximum(stiffness[sample], _LEAST * stiffest)
     used = [k for k, (row, _) in enumerate(_TAPS) if row == 0 or len(grid.points) > 1]
     columns = np.array([symbols(*_TAPS[k], sample) * inverse for k in used])
     normal = grid.sums.total(np.hstack((columns @ columns.T, columns.sum(axis=1)[:, np.newaxis])))
@@ -90,18 +77,10 @@ def _row(k: int, rows: Any, before: Any, after: Any) -> Any:
 
 @kernel(reorder=True, inner=True)
 def apply_to_row(weights: Any, i: int, field: Any, before: Any, after: Any, result: Any, work: Any) -> None:
-    """Write one row of the stencil applied to a periodic field.
+    """Write row i of the stencil applied to a periodic field, shape (rows, columns).
 
-    Parameters
-    ----------
-    weights : ndarray
-        From `stencil`.
-    i : int
-        The row.
-    field, before, after : ndarray, shapes (rows, columns), (2, columns), (2, columns)
-        The rows of this process and those beside them (`Grid.halo`).
-    result, work : ndarray, shape (columns,)
-        Where the row is written, and space.
+    `before` and `after` are the two rows on either side of those of this process (`Grid.halo`); `work` is
+    space for a row.
     """
     here, n = field[i], field.shape[1]
     up, down = _row(i - 1, field, before, after), _row(i + 1, field, before, after)

@@ -8,9 +8,9 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.newton.passes import (
+    AdhesiveState,
+    AdhesiveSystem,
     Step,
-    Surface,
-    System,
     balance,
     begin,
     compare,
@@ -43,11 +43,11 @@ _ROUNDING = 1e-13  # of energies, over their parts
 IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
 
 
-class Fields(NamedTuple):
+class NewtonFields(NamedTuple):
     """Work arrays."""
 
-    at: Surface
-    to: Surface
+    at: AdhesiveState
+    to: AdhesiveState
     held: FloatArray
     step: Step
     spectrum: ComplexArray  # of u
@@ -72,7 +72,7 @@ class Progress(NamedTuple):
 
 
 @kernel
-def is_lost(system: System, drop: float, unstable: bool) -> bool:
+def is_lost(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
     """Whether the energy lost in a descent is that of an instability.
 
     The descent may also set right a step along the branch that has gone astray, by much less than the work of
@@ -83,7 +83,13 @@ def is_lost(system: System, drop: float, unstable: bool) -> bool:
 
 @kernel(reorder=True)
 def iterate(  # noqa: C901  # compiled as one, for its many results
-    plans: Plans, single: Plans, system: System, fields: Fields, given: Progress, tolerance: float, limit: int
+    plans: Plans,
+    single: Plans,
+    system: AdhesiveSystem,
+    fields: NewtonFields,
+    given: Progress,
+    tolerance: float,
+    limit: int,
 ) -> Progress:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
@@ -135,7 +141,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             way = min(way, first / (first - last))
         if way < 1.0:
             if done < target and way < _TOO_FAR and way * (target - done) < _SHORTEST:
-                descends, settled, done, damping = True, False, min(1.0, done + _SHORTEST), system.softest
+                descends, settled, done, damping = True, False, min(1.0, done + _SHORTEST), system.kappa_1
                 continue
             shorten(at, way, to)
             after = set_interaction(system, to)
@@ -145,8 +151,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
-            damping = max(_SHORTER * damping, _AT_REST * system.softest)
-            if damping > _HOPELESS * (system.softest + max(at.curvature.max(), -at.curvature.min())):
+            damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
+            if damping > _HOPELESS * (system.kappa_1 + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
         at, to, swapped, energy, evaluated = to, at, not swapped, after, way == 1.0
@@ -159,7 +165,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         settled = damping == 0.0 and way == 1.0 and error < _SETTLED
         # The error grows as the square of the step, and the step as the inverse of the damping.
         damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
-        damping = 0.0 if damping < _AT_REST * system.softest else damping
+        damping = 0.0 if damping < _AT_REST * system.kappa_1 else damping
         if system.load < 0.0 and not system.mean_is_fixed:
             pulled_off = lost(system, at)
     if swapped:
@@ -197,41 +203,33 @@ def _lack(u: FloatArray, mean: float, mean0: float) -> float:
 @kernel(reorder=True, inner=True)
 def _find_step(
     single: Plans,
-    system: System,
-    at: Surface,
+    system: AdhesiveSystem,
+    at: AdhesiveState,
     step: Step,
     damping: float,
     lack: float,
     floor: float,
     inexact: float,
 ) -> tuple[int, float]:
-    """Solve for a step.
-
-    Returns
-    -------
-    pairs : int
-        FFT pairs.
-    least : float
-        As of `minimise`.
-    """
+    """Solve for a step; return the FFT pairs and the least curvature, as `minimise`."""
     pairs = begin(single, system, at.curvature, step, damping, lack)
     # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
     unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
-    stiff = 2.0 ** np.floor(np.log2(max(system.softest, 1e-300)))  # to which no digit is lost
+    stiff = 2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300)))  # to which no digit is lost
     for i in range(d.size):
         d[i], force[i] = d[i] * (stiff / unit), force[i] / unit
         step.stiffness[i] /= stiff
     for k in range(step.kappa.size):
         step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
     step.point[0] *= stiff
-    turns, least = minimise(single, system, system.softest / stiff, step, floor / unit, inexact)
+    turns, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
     for i in range(d.size):
         d[i] *= unit / stiff
     return pairs + 2 * turns, least * stiff
 
 
 @kernel(inner=True)
-def _copy(source: Surface, target: Surface) -> None:
+def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
     for i in range(source.u.size):
         target.u[i] = source.u[i]
         target.stress[i] = source.stress[i]
@@ -240,7 +238,7 @@ def _copy(source: Surface, target: Surface) -> None:
 
 
 @kernel(reorder=True)
-def hold(plans: Plans, system: System, fields: Fields) -> float:
+def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields) -> float:
     """Find the traction that holds a surface where it is; return its energy as `set_interaction`."""
     at, held, step = fields.at, fields.held, fields.step
     set_stress(plans, system, at, fields.spectrum, step.spectrum)

@@ -21,7 +21,7 @@ _STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outwe
 _ROUNDING = 1e-15
 
 
-class System(NamedTuple):
+class AdhesiveSystem(NamedTuple):
     """The contact problem of a step."""
 
     kappa: FloatArray
@@ -32,11 +32,11 @@ class System(NamedTuple):
     range: float  # of the interface; the traction falls beyond it
     mean_is_fixed: bool
     load: float
-    softest: float  # kappa_1
+    kappa_1: float  # kappa_1
     floor: ResidualFloor
 
 
-class Surface(NamedTuple):
+class AdhesiveState(NamedTuple):
     """A state: displacement, stress f without the multiplier, traction and curvature of the interface."""
 
     u: FloatArray
@@ -78,7 +78,9 @@ def apply(plans: Plans, factor: Any, field: Any, work: Any, out: Any) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray, work: ComplexArray) -> None:
+def set_stress(
+    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, spectrum: ComplexArray, work: ComplexArray
+) -> None:
     """Write the transform of u, and the stress f = b - K u; one FFT pair, in double precision."""
     forward(plans, at.u, spectrum)
     kappa, b = system.kappa, system.b
@@ -89,7 +91,7 @@ def set_stress(plans: Plans, system: System, at: Surface, spectrum: ComplexArray
 
 
 @kernel(reorder=True, inner=True)
-def set_interaction(system: System, at: Surface) -> float:
+def set_interaction(system: AdhesiveSystem, at: AdhesiveState) -> float:
     """Write traction and curvature of the interface; return the sum of its energy over the points."""
     h, u, traction, curvature, total, terms = system.h, at.u, at.traction, at.curvature, 0.0, system.terms
     traction[:], curvature[:] = 0.0, 0.0
@@ -106,25 +108,12 @@ def set_interaction(system: System, at: Surface) -> float:
 
 @kernel(reorder=True, inner=True)
 def balance(
-    system: System, at: Surface, held: FloatArray, part: float, step: Step
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step
 ) -> tuple[float, float, float]:
     """Find the free points, and the pressure of the wall, which is out of balance on them.
 
-    Parameters
-    ----------
-    system, at : System, Surface
-        Problem and state.
-    held : ndarray, one value a point
-        A traction that holds the surface, and of which a part is left.
-    part : float
-        That part.
-    step : Step
-        Its free points and pressures are written.
-
-    Returns
-    -------
-    residual, multiplier, largest : float
-        The residual, lambda, and the largest pressure on a free point.
+    `held` is a traction that holds the surface, of which a part is left. Returns the residual, lambda, and
+    the largest pressure on a free point.
     """
     total, count, strongest, weakest, deepest = _open_pressure(system, at, held, part, step)
     multiplier = system.load
@@ -157,7 +146,7 @@ def balance(
 
 @kernel(reorder=True, inner=True)
 def _open_pressure(
-    system: System, at: Surface, held: FloatArray, part: float, step: Step
+    system: AdhesiveSystem, at: AdhesiveState, held: FloatArray, part: float, step: Step
 ) -> tuple[float, float, float, float, float]:
     """Write the pressure but for the multiplier.
 
@@ -184,19 +173,13 @@ def _open_pressure(
 
 @kernel(reorder=True, inner=True)
 def begin(
-    single: Plans, system: System, curvature: FloatArray, step: Step, damping: float, lack: float
+    single: Plans, system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float, lack: float
 ) -> int:
-    """Begin with no step, or where the mean has to change with one that lifts all free points.
-
-    Returns
-    -------
-    int
-        FFT pairs.
-    """
+    """Begin with no step, or with one that lifts all free points by the lack; return the FFT pairs."""
     n, d, force, total, stiffest = step.d.size, step.d, step.force, 0.0, curvature.max()
     for k in range(step.softening.size):
         # The factor n^2 turns the stiffness per point into that for a backward transform.
-        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.softest))
+        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
         step.kappa[k], step.softening[k] = system.kappa[k], softening
         total += softening
     step.point[0] = n * total / (_STIFF * step.softening.size)
@@ -244,30 +227,14 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
 
 @kernel(reorder=True, inner=True)
 def minimise(
-    single: Plans, system: System, softest: float, step: Step, floor: float, inexact: float
+    single: Plans, system: AdhesiveSystem, kappa_1: float, step: Step, floor: float, inexact: float
 ) -> tuple[int, float]:
     """Solve (K + w'' + damping) d = p_c on the free points by preconditioned conjugate gradients.
 
-    They go on from the d and the force that they are given, with the mean of the change of d zero where the
-    mean is fixed.
-
-    Parameters
-    ----------
-    single, system : Plans, System
-        Transforms and problem.
-    softest : float
-        kappa_1, in the unit of the linear system.
-    step : Step
-        The linear system, see `begin`.
-    floor, inexact : float
-        Largest force that may be left on a point, and as a part of that at the beginning.
-
-    Returns
-    -------
-    iterations : int
-        Of two FFT pairs each.
-    least : float
-        The curvature along the last direction, per area, where it is negative; else 0.
+    They go on from the given d and force, with the mean of the change of d zero where the mean is fixed.
+    `floor` and `inexact` are the largest force that may be left on a point, and as a part of the first one.
+    Returns iterations, of two FFT pairs each, and the curvature along the last direction, per area, where it
+    is negative, else 0.
     """
     d, force, direction, applied, z, moves, stiffness = (
         step.d, step.force, step.direction, step.applied, step.z, step.moves, step.stiffness,
@@ -293,7 +260,7 @@ def minimise(
         elastic, along, square, total = _curvatures(direction, applied, stiffness, moves)
         if square == 0.0:
             return iteration + 1, 0.0
-        if not along > _NO_CURVATURE * (elastic + softest * square):
+        if not along > _NO_CURVATURE * (elastic + kappa_1 * square):
             return iteration + 1, min(along / square, -1e-300)
         way, mean = across / along, np.float32(total / count if centred else 0.0)
         if _advance(way, mean, step) <= aim:
@@ -367,7 +334,7 @@ _MOST = 400  # iterations
 
 
 @kernel(reorder=True, inner=True)
-def _centre(system: System, force: Any, free: FloatArray, count: float) -> float:
+def _centre(system: AdhesiveSystem, force: Any, free: FloatArray, count: float) -> float:
     """Take the mean, which belongs to the multiplier, from the forces; return the largest."""
     mean, largest = force.sum() / count if system.mean_is_fixed else 0.0, 0.0
     for i in range(force.size):
@@ -377,7 +344,7 @@ def _centre(system: System, force: Any, free: FloatArray, count: float) -> float
 
 
 @kernel(reorder=True, inner=True)
-def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> None:
+def move(system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to: AdhesiveState) -> None:
     """Write the displacement after a step, kept below the punch.
 
     Where the mean is fixed it is restored by a shift of the points below the punch.
@@ -402,24 +369,19 @@ def move(system: System, at: Surface, step: Step, mean: float, to: Surface) -> N
 
 @kernel(reorder=True, inner=True)
 def compare(
-    system: System,
-    at: Surface,
+    system: AdhesiveSystem,
+    at: AdhesiveState,
     pressure: FloatArray,
     held: FloatArray,
     part: float,
     multiplier: float,
-    to: Surface,
+    to: AdhesiveState,
 ) -> tuple[float, float, float, float]:
-    """Compare two states, with the arguments of `balance` and what it found in the first.
+    """Compare two states, with the arguments of `balance` and its results for the first.
 
-    Returns
-    -------
-    first, last : float
-        Slope of the energy along the straight way from one to the other, at its beginning and at its end.
-    elastic : float
-        Change of the energy but for that of the interface: exact, by the mean of both stresses.
-    error : float
-        Largest difference of the traction from that which the curvature predicts, over the strength.
+    Returns the slope of the energy along the straight way from one to the other, at its beginning and at its
+    end; the change of the energy but for that of the interface, exact by the mean of both stresses; and the
+    largest difference of the traction from that which the curvature predicts, over the strength.
     """
     first, last, elastic, most = 0.0, 0.0, 0.0, np.zeros(LANES)
     for begun in range(0, at.u.size, LANES):
@@ -439,7 +401,7 @@ def compare(
 
 
 @kernel(reorder=True, inner=True)
-def shorten(at: Surface, part: float, to: Surface) -> None:
+def shorten(at: AdhesiveState, part: float, to: AdhesiveState) -> None:
     """Go back to a part of the way."""
     for i in range(at.u.size):
         to.u[i] = at.u[i] + part * (to.u[i] - at.u[i])
@@ -447,6 +409,6 @@ def shorten(at: Surface, part: float, to: Surface) -> None:
 
 
 @kernel(reorder=True, inner=True)
-def lost(system: System, at: Surface) -> bool:
+def lost(system: AdhesiveSystem, at: AdhesiveState) -> bool:
     """Whether no traction at these gaps, or at larger ones, bears the pull of a given load."""
     return bool((system.h - at.u).min() > system.range and at.traction.max() < -system.load)

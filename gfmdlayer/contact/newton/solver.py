@@ -27,7 +27,7 @@ Linear systems are solved on the free points by conjugate gradients in single pr
 evaluated in double. The preconditioner is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than
 the body (`passes.precondition`); an iteration takes two FFT pairs. A direction of negative curvature ends
 them and begins a descent. Points that a step drives through the wall are put onto it; if that turns the step
-uphill, a shorter one of the descent takes its place. In balance `soft_mode` looks for a deformation of
+uphill, a shorter one of the descent takes its place. In balance `lowest_mode` looks for a deformation of
 negative curvature, which no symmetry hides.
 """
 
@@ -41,9 +41,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import IN_SINGLE, Fields, Progress, hold, is_lost, iterate
-from gfmdlayer.contact.newton.passes import Step, Surface, System
-from gfmdlayer.contact.newton.soft_mode import Softest, find_margin, leave
+from gfmdlayer.contact.newton.loop import IN_SINGLE, NewtonFields, Progress, hold, is_lost, iterate
+from gfmdlayer.contact.newton.lowest_mode import LowestMode, find_margin, leave
+from gfmdlayer.contact.newton.passes import AdhesiveState, AdhesiveSystem, Step
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
 from gfmdlayer.grid.transforms import Transforms
@@ -53,13 +53,7 @@ _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with t
 
 
 class Newton:
-    """Newton's method with truncated conjugate gradients, for the steps of one run.
-
-    Parameters
-    ----------
-    transforms : Transforms
-        Plans for the grid's shape.
-    """
+    """Newton's method with truncated conjugate gradients, for the steps of one run."""
 
     starts_from: ClassVar[Literal["gap"]] = "gap"
 
@@ -74,9 +68,9 @@ class Newton:
         return self._transforms.of_shape(self._transforms.shape, single=True)
 
     @cached_property
-    def _fields(self) -> Fields:
+    def _fields(self) -> NewtonFields:
         field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
-        at, to = (Surface(field(), field(), field(), field()) for _ in range(2))
+        at, to = (AdhesiveState(field(), field(), field(), field()) for _ in range(2))
         force, direction, applied, z, share, moves, stiffness = (small.empty_field() for _ in range(7))
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
@@ -84,11 +78,11 @@ class Newton:
             field(), field(), field(), spectrum(),
             force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work,
         )  # fmt: skip
-        return Fields(at, to, field(), step, spectrum())
+        return NewtonFields(at, to, field(), step, spectrum())
 
     @cached_property
-    def _softest(self) -> Softest:
-        return Softest(*(self._single.empty_field() for _ in range(4)))
+    def _lowest(self) -> LowestMode:
+        return LowestMode(*(self._single.empty_field() for _ in range(4)))
 
     def solve(
         self, problem: Problem, start: FloatArray, tolerance: float = 1e-6, limit: int = 20_000
@@ -100,7 +94,7 @@ class Newton:
         plans, single = self._transforms.plans, self._single.plans
         progress, u = self._begin(system, start), fields.at.u
         chunk, converged = max(4, _CHUNK // u.size), False
-        self._softest.x[:] = self._mode
+        self._lowest.x[:] = self._mode
         while not converged and progress.iterations < limit and not progress.pulled_off:
             before, most = progress.iterations, min(chunk, limit - progress.iterations)
             progress = iterate(plans, single, system, fields, progress, tolerance, most)
@@ -111,7 +105,7 @@ class Newton:
                 break
         pairs, part = divmod(progress.pairs + self._part, 1.0)
         if converged:
-            self._mode[:], self._part = self._softest.x, part
+            self._mode[:], self._part = self._lowest.x, part
         lost = is_lost(system, progress.drop, progress.unstable)
         released = progress.released + (progress.drop if lost else 0.0)
         solution = make_solution(
@@ -124,15 +118,15 @@ class Newton:
         )
         return replace(solution, released_energy=released / u.size, margin=self._margin)
 
-    def _check(self, system: System, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
+    def _check(self, system: AdhesiveSystem, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
-        fields, plans, softest = self._fields, self._transforms.plans, self._softest
+        fields, plans, lowest = self._fields, self._transforms.plans, self._lowest
         margin, curvature, attraction, turns = self._find_margin(system)
         self._margin, progress = margin, progress._replace(pairs=progress.pairs + IN_SINGLE * turns)
         # Near the end of a branch u is known to the root of the tolerance, and so is the curvature.
         if curvature >= -math.sqrt(2 * tolerance) * abs(attraction):
             return progress, True
-        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, softest.x)
+        change, pairs = leave(plans, system, fields.at, fields.to, fields.step, lowest.x)
         return progress._replace(
             energy=math.nan,
             pairs=progress.pairs + pairs,
@@ -143,14 +137,14 @@ class Newton:
             damping=-2 * curvature,
         ), change == 0.0
 
-    def _find_margin(self, system: System) -> tuple[float, float, float, int]:
-        """Follow the softest deformation; begin anew where none of the points that it moved is free."""
-        fields, softest = self._fields, self._softest
-        given = self._single.plans, system, fields.at, fields.step, softest
+    def _find_margin(self, system: AdhesiveSystem) -> tuple[float, float, float, int]:
+        """Follow the lowest mode; begin anew where none of the points that it moved is free."""
+        fields, lowest = self._fields, self._lowest
+        given = self._single.plans, system, fields.at, fields.step, lowest
         found: tuple[float, float, float, int] = find_margin(*given)
-        if softest.x.any() or not fields.step.free.any():
+        if lowest.x.any() or not fields.step.free.any():
             return found
-        softest.x[:] = _any_deformation(softest.x.size)
+        lowest.x[:] = _any_deformation(lowest.x.size)
         margin, curvature, attraction, pairs = find_margin(*given)
         return margin, curvature, attraction, found[-1] + pairs
 
@@ -159,19 +153,19 @@ class Newton:
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
-        for array in (*fields.at, *fields.to, *fields.step, self._softest.x):
+        for array in (*fields.at, *fields.to, *fields.step, self._lowest.x):
             array[:] = 0.0
-        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._softest.x)
+        leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x)
 
     def state(self) -> State:
-        """Return the softest deformation, and the count of a part of a pair."""
+        """Return the lowest mode, and the count of a part of a pair."""
         return {"mode": self._mode, "part": self._part}
 
     def restore(self, state: State) -> None:
         """Continue from a state."""
         self._mode[:], self._part = state["mode"], float(state["part"])
 
-    def _begin(self, system: System, start: FloatArray) -> Progress:
+    def _begin(self, system: AdhesiveSystem, start: FloatArray) -> Progress:
         """Set the surface where it begins; return where the path is."""
         fields, done, mean, energy = self._fields, 1.0, 0.0, math.nan
         u = fields.at.u
@@ -194,9 +188,9 @@ def _any_deformation(size: int) -> FloatArray:
     return np.random.default_rng(0).normal(size=size)
 
 
-def _system(problem: Problem) -> System:
+def _system(problem: Problem) -> AdhesiveSystem:
     n, law, floor = problem.obstacle.size, problem.interface, problem.residual_floor
-    return System(
+    return AdhesiveSystem(
         problem.stiffness / n,
         problem.intercept / n,
         problem.obstacle,

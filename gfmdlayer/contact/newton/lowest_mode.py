@@ -1,4 +1,4 @@
-"""The softest deformation of the free points: whether a state is a minimum, and how far from an instability.
+"""The lowest mode of the free points: whether a state is a minimum, and how far from an instability.
 
 The margin of a state is the least of
 
@@ -19,9 +19,9 @@ import numpy as np
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.newton.passes import (
+    AdhesiveState,
+    AdhesiveSystem,
     Step,
-    Surface,
-    System,
     apply,
     begin,
     move,
@@ -38,8 +38,8 @@ _SHORTER = 8  # times that this is tried with a quarter of it
 _KICK = 0.3  # change of the traction, over the strength, by which a state that is no minimum is left
 
 
-class Softest(NamedTuple):
-    """The softest deformation x, and work arrays of the search for it, in single precision."""
+class LowestMode(NamedTuple):
+    """The lowest mode x, and work arrays of the search for it, in single precision."""
 
     x: Any
     before: Any
@@ -49,22 +49,16 @@ class Softest(NamedTuple):
 
 @kernel(reorder=True)
 def find_margin(
-    single: Plans, system: System, at: Surface, step: Step, softest: Softest
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, lowest: LowestMode
 ) -> tuple[float, float, float, int]:
-    """Improve the softest deformation.
+    """Improve the lowest mode.
 
-    Returns
-    -------
-    margin : float
-        An upper bound of it, which more turns lower.
-    curvature, attraction : float
-        x.(K + w'')x and -x.w''x over the sum of x^2.
-    pairs : int
-        FFT pairs.
+    Returns the margin, an upper bound which more turns lower; the curvature x.(K + w'')x and the attraction
+    -x.w''x over the sum of x^2; and the FFT pairs.
     """
-    free, curvature, half, n = step.free, at.curvature, 0.5 * system.softest, at.u.size
+    free, curvature, half, n = step.free, at.curvature, 0.5 * system.kappa_1, at.u.size
     Kx, slope, w, Kw = step.direction, step.force, step.z, step.applied
-    x, before, d, Kd = softest
+    x, before, d, Kd = lowest
     begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
     d[:], Kd[:] = 0.0, 0.0
     _admit(system, free, x)
@@ -128,7 +122,7 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 
 @kernel(reorder=True, inner=True)
-def _admit(system: System, free: FloatArray, x: Any) -> None:
+def _admit(system: AdhesiveSystem, free: FloatArray, x: Any) -> None:
     """Take away what the constraints do not let move."""
     total, count = 0.0, 0.0
     for i in range(x.size):
@@ -141,15 +135,12 @@ def _admit(system: System, free: FloatArray, x: Any) -> None:
 
 
 @kernel(reorder=True)
-def leave(plans: Plans, system: System, at: Surface, to: Surface, step: Step, x: Any) -> tuple[float, int]:
+def leave(
+    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any
+) -> tuple[float, int]:
     """Leave a state that is no minimum along x, to the side where the energy is lower.
 
-    Returns
-    -------
-    change : float
-        Of the energy, sum over the points.
-    pairs : int
-        FFT pairs.
+    Returns the change of the energy, sum over the points, and the FFT pairs.
     """
     n, strongest = x.size, 1e-300
     for i in range(n):

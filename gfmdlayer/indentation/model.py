@@ -1,0 +1,162 @@
+"""The model of an isolated indenter: columns, estimated cost, checks and run of a case.
+
+It imports the numerics when they are first needed, since `gfmdlayer check` answers without them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gfmdlayer.footprint import HEADER, REAL, ROWS, count_steps
+from gfmdlayer.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
+from gfmdlayer.observables.indentation import INDENTATION
+from gfmdlayer.observables.observable import Column
+from gfmdlayer.resumable import CompositeState
+from gfmdlayer.validation.sections import files_named
+
+if TYPE_CHECKING:
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.body.body import Body
+    from gfmdlayer.config import Config
+    from gfmdlayer.indentation.isolated import IsolatedIndentation
+    from gfmdlayer.results.journal import Recorder
+
+# Steps of an isolated contact at least, their work in points times FFT pairs, and their seconds.
+_FEWEST, _WORK, _SECONDS = 150, 500, 2e-4
+
+
+class IsolatedContact(Model):
+    """The model of a case with grid.geometry: axisymmetric: it runs as a whole, faster than a checkpoint."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of a row."""
+        return INDENTATION
+
+    @property
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Distances x from the axis."""
+        return {"x": self.indentation.radii}
+
+    @property
+    def attributes(self) -> Mapping[str, str | float]:
+        """How far the profiles reach."""
+        if self.config.grid.extent is not None:
+            return {}
+        return {"axes": "x of each case is its own, up to twice its contact radius; grid.extent sets it"}
+
+    @cached_property
+    def body(self) -> Body:
+        """The body under the indenter."""
+        return make_body(self.config, series_of(self.programme))
+
+    @cached_property
+    def indentation(self) -> IsolatedIndentation:
+        """The contact that the configuration describes."""
+        import numpy as np
+
+        from gfmdlayer.indentation.isolated import DEFAULT_TOLERANCE, IsolatedIndentation
+        from gfmdlayer.indentation.space import History
+
+        config, drive = self.config, self.programme.drive
+        grid, time = config.grid, config.time
+        times = [0.0, *sorted({each for each in drive.breakpoints if 0 < each < time.end}), time.end]
+        by_force = config.trajectory.control == "force"
+        return IsolatedIndentation(
+            self.body,
+            config.punch.revolution(),  # type: ignore[attr-defined]  # which the configuration has checked
+            History(np.array(times), np.array([drive(each) for each in times]), by_force),
+            tolerance=time.tolerance or DEFAULT_TOLERANCE,
+            step=None if isinstance(time.step, str) else time.step,
+            snapshots=config.output.snapshot_times,
+            stops=self.programme.output_times,
+            points=grid.points[0],
+            extent=grid.extent,
+        )
+
+    @property
+    def footprint(self) -> Footprint:
+        """Estimated steps, memory and disk; there are no FFT pairs."""
+        config, (steps, _) = self.config, count_steps(self.programme)
+        steps = max(steps, _FEWEST) if config.time.step == "adaptive" else steps
+        fields = config.grid.points[0] * (1 + 3 * len(config.output.snapshots))
+        storage = HEADER + REAL * (len(INDENTATION) * max(steps, ROWS) + fields)
+        return Footprint(steps, 0.0, _WORK * steps, PROGRAM, storage, _SECONDS * steps)
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        """Yield a profile or a table that cannot be used: negative forces, depths beyond a rigid base."""
+        from gfmdlayer.files.tables import TableError
+        from gfmdlayer.time_functions import Table
+
+        given, names = self.config.trajectory, files_named(self.config)
+        key = next((name for name in names if name.startswith("punch.")), "punch")
+        try:
+            self.config.punch.revolution()  # type: ignore[attr-defined]  # which the configuration has checked
+            key = "trajectory.file"
+            drive = self.programme.drive
+        except TableError as error:
+            yield key, str(error)
+            return
+        if given.file is None:
+            return
+        assert isinstance(drive, Table)
+        thickness = self.config.solid.rigid_below
+        if given.control == "force" and (drive.values < 0).any():
+            yield key, f"{given.file}: holds a negative force; must be >= 0, there is no adhesion"
+        most = float(drive.values.max())
+        if given.control == "depth" and most >= thickness:
+            message = f"{given.file}: holds a depth of {most:.6g}, beyond the rigid base"
+            yield key, f"{message}; must be below the thickness above it, {thickness!r}"
+
+    def warm_up(self, _folder: Path | None = None, _results: Path | None = None, *, plan: bool = True) -> str:  # noqa: ARG002
+        """Compile the kernels by a small contact; there is nothing to plan."""
+        from gfmdlayer.results.journal import Recording
+
+        compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(Recording()))
+        return ""
+
+    def run(
+        self,
+        recorder: Recorder,
+        progress: Callable[[float], None] | None = None,
+        resume: Callable[[CompositeState], None] | None = None,
+    ) -> list[str]:
+        """Compute all rows and profiles; `progress` is called before the first row only."""
+        if resume is not None:
+            resume(CompositeState())
+        if progress is not None:
+            progress(0.0)
+        contact = self.indentation
+        try:
+            solved = contact.solved
+        except ArithmeticError as error:
+            raise ConvergenceError(str(error)) from error
+        columns = contact.columns()
+        for values in zip(*(each.tolist() for each in columns.values()), strict=True):
+            recorder.row(**dict(zip(columns, values, strict=True)))
+        if contact.snapshots:
+            kept = contact.profiles()
+            for snapshot in zip(kept.time.tolist(), kept.displacement, kept.pressure, kept.gap, strict=True):
+                recorder.snapshot(*snapshot)
+        recorder.note(error=solved.error, solutions=solved.solutions)
+        return contact.warnings
+
+
+def smallest_equivalent_case(config: Config) -> Config:
+    """Return one ramp of the same kind whose contact is small beside the layers; a wide one takes long."""
+    control, body = config.trajectory.control, config.solid
+    size = min((each for each in body.thicknesses if 0 < each < math.inf), default=1.0)
+    value = 1e-2 * size if control == "depth" else 1e-3 * size**2 * min(body.moduli)
+    return config.with_values(
+        {
+            "grid": {"geometry": config.grid.geometry, "points": config.grid.points},
+            "punch": {"shape": "parabola", "radius": size},
+            "trajectory": {"control": control, control: value},
+            "time": {"end": 2.0, "step": 1.0},
+            "output": {},
+        }
+    )

@@ -1,0 +1,374 @@
+"""A rigid punch pressed into a periodic viscoelastic surface: the parts of a case and the time loop.
+
+The only module that knows all numerics. The time loop, `Case.run`, follows the pseudocode of Petrenko et al.
+(2024); the numbers in its comments are their lines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, TypedDict, Unpack
+
+import numpy as np
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.materials import PronySeries
+from gfmdlayer.config import Config
+from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
+from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
+from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
+from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.solvers import SOLVERS
+from gfmdlayer.files.tables import TableError
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
+from gfmdlayer.grid.slab_transforms import transforms_of
+from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.history.adaptive_steps import AdaptiveSteps
+from gfmdlayer.history.error_control import ErrorControl, Integrator
+from gfmdlayer.history.instabilities import Changes
+from gfmdlayer.history.modes import SCHEMES, Modes
+from gfmdlayer.history.reduced_time import ReducedTime
+from gfmdlayer.history.sliding_modes import SlidingModes
+from gfmdlayer.history.stack_modes import StackModes
+from gfmdlayer.history.time_points import Steps
+from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.model import (
+    ConvergenceError,
+    make_body,
+    series_of,
+)
+from gfmdlayer.observables import AcceptedStep, Observable, observables
+from gfmdlayer.observables.contact_statistics import closed_gap
+from gfmdlayer.programme import Programme
+from gfmdlayer.punch.height_files import fitting
+from gfmdlayer.results.journal import Recorder
+from gfmdlayer.resumable import CompositeState
+from gfmdlayer.time_functions import Constant, Table, Trajectory
+
+if TYPE_CHECKING:
+    from gfmdlayer.contact.problem import Problem, Solution
+
+
+class Parts(TypedDict, total=False):
+    """Parts that may be given in place of those of the configuration."""
+
+    grid: Grid
+    transforms: Transforms
+    body: Body
+    programme: Programme
+    reduced_time: ReducedTime | None
+    punch: FloatArray
+    trajectory: Trajectory
+    velocity: Constant | Table | None
+    interface: InterfaceLaw
+    loading: Loading
+    integrator: Integrator
+    steps: Steps
+    solver: Solver
+    guess: DisplacementPrediction
+    observables: dict[str, Observable]
+
+
+class Case:
+    """The parts of one simulation, each made when it is first used; for one run.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    wisdom : str, optional
+        FFTW wisdom, where the bits of another run are to be reproduced.
+    threads : int
+        Threads that the transforms of a large grid may use.
+    ranks : Ranks
+        The processes that compute the case together.
+    **parts
+        Parts in place of those that the configuration describes, see `Parts`: `Case(config, body=mine)`.
+        The other parts are made to fit.
+
+    Raises
+    ------
+    TypeError
+        If there is no such part.
+    TableError
+        In the use of a part that comes from a file that cannot be used.
+
+    Examples
+    --------
+    >>> case = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": 8}))
+    >>> case.body.stiffness(case.grid.wavenumbers, 0.0).shape
+    (5,)
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        wisdom: str | None = None,
+        threads: int = 1,
+        ranks: Ranks | None = None,
+        **parts: Unpack[Parts],
+    ) -> None:
+        if unknown := parts.keys() - Parts.__annotations__.keys():
+            raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
+        vars(self).update(parts)  # where the cached properties look first
+
+    @cached_property
+    def programme(self) -> Programme:
+        """The imposed quantities over time; given parts replace those of the configuration."""
+        given = vars(self)
+        own = {name: given[name] for name in ("velocity", "interface", "reduced_time") if name in given}
+        loading: Loading | None = given.get("loading")
+        return Programme(self.config, given.get("trajectory", loading and loading.trajectory), **own)
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The periodic grid; of several ranks, this process holds a part of it."""
+        points, period = self.config.grid.points, self.config.grid.period
+        if isinstance(self._ranks, MpiRanks):
+            return SlabGrid(points, period, members=self._ranks)
+        return Grid(points, period)
+
+    @cached_property
+    def transforms(self) -> Transforms:
+        """Fourier transforms of the grid."""
+        return transforms_of(self.grid, self._wisdom, self._threads)
+
+    @cached_property
+    def body(self) -> Body:
+        """The body under the surface."""
+        return make_body(self.config, self.series)
+
+    @cached_property
+    def series(self) -> tuple[PronySeries, ...]:
+        """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
+        return series_of(self.programme, float(np.abs(self.grid.wavevectors[0]).max()))
+
+    @property
+    def reduced_time(self) -> ReducedTime | None:
+        """The reduced time in which the whole body relaxes; None where it has none."""
+        return self.programme.reduced_time
+
+    @property
+    def reduced_times(self) -> tuple[ReducedTime | None, ...]:
+        """The reduced time of each of the laws; None for one whose times do not change."""
+        return self.programme.reduced_times
+
+    @cached_property
+    def punch(self) -> FloatArray:
+        """Height of the punch above its lowest point, one value a point.
+
+        Raises
+        ------
+        TableError
+            If the heights come from a file that cannot be used, or are not finite.
+        """
+        with self.grid.ranks.agreeing(TableError):
+            return np.ravel(fitting("the punch", self.config.punch.heights(self.grid), self.grid.shape))
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Prescribed depth or mean pressure over time."""
+        return self.programme.drive
+
+    @property
+    def velocity(self) -> Constant | Table | None:
+        """Velocity of the punch along x over time; None where it rests."""
+        return self.programme.velocity
+
+    @property
+    def interface(self) -> InterfaceLaw:
+        """Interaction of surface and punch across the gap, beside the hard wall."""
+        return self.programme.interface
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the slope of an imposed quantity jumps."""
+        return self.programme.breakpoints
+
+    @cached_property
+    def loading(self) -> Loading:
+        """The punch under its prescribed depth or load."""
+        return CONTROLS[self.config.trajectory.control](
+            self.punch, self.trajectory, self.interface, self.grid.ranks
+        )
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """The time integrator over the relaxing modes of the body.
+
+        Backward Euler over them is the paper's Eq. (24) by backward differences, to rounding and for any
+        material; see `verification.crosschecks` for the equation itself.
+        """
+        given, waves, sums = self.config.time, self.grid.waves, self.grid.sums
+        scheme, reduced = SCHEMES[given.integrator], self.reduced_time
+        if reduced is None and any(self.reduced_times):
+            internal = internal_variables(self.body, waves)
+            adaptive = given.step == "adaptive"
+            return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
+        spectrum = self.body.spectrum(waves)
+        if self.velocity is None:
+            return Modes(spectrum, scheme, sums)
+        velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
+        return SlidingModes(spectrum, sums, wavenumbers_x=self.grid.wavenumbers_x, velocity=velocity)
+
+    @cached_property
+    def error_control(self) -> ErrorControl | None:
+        """The control of the integrator's error; None with fixed steps."""
+        tolerance, curved = self.config.time.tolerance, self.interface.attracts and self.velocity is None
+        if tolerance is None:
+            return None
+        return ErrorControl(self.integrator, self.grid.sums, tolerance, curved=curved)
+
+    @property
+    def history(self) -> Integrator | ErrorControl:
+        """The integrator, under its error control where the steps are adaptive."""
+        return self.error_control or self.integrator
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The time points; backward Euler takes the paper's equal steps, others land on the breakpoints."""
+        if self.error_control is None:
+            return self.programme.fixed_steps()
+        slowdown = 1.0 if self.reduced_time is None else self.reduced_time.factor(0.0)
+        reach = self.interface.range if self.interface.attracts else 0.0
+        least = reach if self.config.trajectory.control != "depth" else 0.0, reach
+        return AdaptiveSteps(self.error_control, self.programme.landings, slowdown=slowdown, least=least)
+
+    @cached_property
+    def changes(self) -> Changes:
+        """Change of gap and drive over a step, where the interface attracts."""
+        return Changes(self.interface, self.grid.sums)
+
+    @cached_property
+    def solver(self) -> Solver:
+        """Solver of the contact problem, within the iterations for a loss stiffness."""
+        inertia, attracts = self.config.solver.inertia, self.interface.attracts
+        declared = SOLVERS[self.config.solver_where(attracts).method]
+        options: dict[str, object] = {"grid": self.grid} if declared.distributed else {}
+        if inertia is not None:
+            start = "gap" if attracts else "displacement"
+            options |= {"mass_weighted": inertia == "mass_weighted", "starts_from": start}
+        solver: Solver = declared.load()(self.transforms, **options)
+        if self.velocity is None or declared.nonsymmetric:
+            return solver
+        return LossStiffnessSolver(solver, self.transforms, self.grid.parseval_weights)
+
+    @cached_property
+    def finer_tolerance(self) -> float:
+        """Residual that the solver aims at."""
+        given = self.config.solver.tolerance
+        return given if self.interface.attracts else self.config.finer_tolerance
+
+    def solve(self, problem: Problem, time: float) -> Solution:
+        """Solve a contact problem from the guess for its time."""
+        given, start = self.config.solver, self.guess.at(time)
+        finer = self.finer_tolerance
+        return solve_finer(self.solver, problem, start, finer, given.tolerance, given.max_iterations)
+
+    @cached_property
+    def guess(self) -> DisplacementPrediction:
+        """Extrapolation in time from which the solver starts."""
+        return PREDICTIONS[self.solver.starts_from](math.prod(self.grid.shape), self.grid.ranks)
+
+    @cached_property
+    def observables(self) -> dict[str, Observable]:
+        """Observables of each accepted step, by name."""
+        return observables(self)
+
+    @property
+    def resumable(self) -> CompositeState:
+        """All parts with a state."""
+        # The transforms first: the solver uses their plans when it is restored.
+        return CompositeState(
+            transforms=self.transforms,
+            solver=self.solver,
+            integrator=self.history,
+            steps=self.steps,
+            guess=self.guess,
+            changes=self.changes,
+            loading=self.loading,
+            observables=CompositeState(**self.observables),
+        )
+
+    def run(
+        self,
+        recorder: Recorder,
+        progress: Callable[[float], None] | None = None,
+        resume: Callable[[CompositeState], None] | None = None,
+    ) -> list[str]:
+        """Press the punch into the surface, one time step after the other; see `gfmdlayer.simulate`."""
+        loading, history, steps, solver, guess = (
+            self.loading, self.history, self.steps, self.solver, self.guess,
+        )  # fmt: skip
+        shape, observables = self.grid.shape, tuple(self.observables.values())
+        keeps_all, ended = self.config.output.snapshots == "every", ""
+        if resume is not None:
+            resume(self.resumable)
+
+        for instant in steps:  # 4, 10
+            kappa, b = history.terms(self.programme.elapsed(instant))  # 5, 6
+            problem, solution = self._solved(kappa, b, instant.time)  # 0, 7
+            lost = pulled_off(problem, solution)
+            for observable in observables:
+                observable.attempt(solution)
+            surface = loading.surface(solution, kappa, b, instant.time)
+            prescribed = loading.trajectory(instant.time)
+            change = self.changes.over(prescribed, problem, solution, lost=lost)
+            if steps.accepts(surface.spectrum, surface.response, surface.depth, change):
+                if lost:
+                    if not loading.detach(instant.time, self.config.time.end):
+                        at = f"PULLED OFF at t = {instant.time:.6g}"
+                        ended = f"{at}: nothing holds the load of {prescribed:.6g}"
+                        recorder.note(ended=ended, pull_off_time=instant.time)
+                        break
+                    problem, solution = self._solved(kappa, b, instant.time)
+                    surface = loading.surface(solution, kappa, b, instant.time)
+                history.advance(surface.spectrum)  # 8, 9
+                guess.remember(
+                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.breakpoint
+                )
+                self.changes.remember(prescribed, problem, solution)
+                row: dict[str, float | FloatArray] = {}
+                step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
+                finished = False
+                for observable in observables:
+                    row |= observable.measure(step)
+                    finished = finished or observable.finished
+                recorder.row(**row)
+                if instant.snapshot or finished or keeps_all:
+                    fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+                    fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+                    recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
+                if finished:
+                    break
+                del step, row
+            del kappa, b, problem, solution, surface  # the next step needs their memory
+            if progress is not None:
+                progress(instant.time)
+        for observable in observables:
+            if observable.attributes:
+                recorder.note(**observable.attributes)
+        return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
+
+    def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
+        """Solve the contact problem of a step.
+
+        Raises
+        ------
+        ConvergenceError
+            If the solver's tolerance is not reached, and not for want of an equilibrium.
+        """
+        problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
+        before, given = self.solver.state(), self.config.solver
+        solution = self.solve(problem, time)
+        if not solution.converged and not pulled_off(problem, solution):
+            self.solver.restore(before)  # the state as a whole is then that before the step
+            reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
+            raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
+        return problem, solution
