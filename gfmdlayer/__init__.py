@@ -27,9 +27,20 @@ if TYPE_CHECKING:
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
     from gfmdlayer.interface.electrostatic import Electrostatic
     from gfmdlayer.model import ConvergenceError, simulate
-    from gfmdlayer.punch.indenters import BluntedCone, FlatPunch, RadialProfile
     from gfmdlayer.punch.self_affine import SelfAffine
-    from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+    from gfmdlayer.punch.simple_shapes import (
+        BluntedCone,
+        Cone,
+        Cylinder,
+        Flat,
+        FlatPunch,
+        Parabola,
+        Pyramid,
+        RadialProfile,
+        Sinusoid,
+        Sphere,
+        Wedge,
+    )
     from gfmdlayer.results.reader import open_case, open_results
     from gfmdlayer.simulation import Case
 
@@ -97,16 +108,18 @@ _MODULES = {
     "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
     "gfmdlayer.interface.electrostatic": ("Electrostatic",),
     "gfmdlayer.punch.simple_shapes": (
+        "BluntedCone",
         "Cone",
         "Cylinder",
         "Flat",
+        "FlatPunch",
         "Parabola",
         "Pyramid",
+        "RadialProfile",
         "Sinusoid",
         "Sphere",
         "Wedge",
     ),
-    "gfmdlayer.punch.indenters": ("BluntedCone", "FlatPunch", "RadialProfile"),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
     "gfmdlayer.body.layer": ("LayeredHalfspace",),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.config import Config
-from gfmdlayer.footprint import estimate
+from gfmdlayer.footprint import estimate, keep_pair_seconds
 from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, fault_of_the_body
 from gfmdlayer.observables import Column, columns
 from gfmdlayer.validation.sections import files_named
@@ -155,7 +155,6 @@ class PeriodicContact(Model):
     def warm_up(self, folder: Path | None = None, results: Path | None = None, *, plan: bool = True) -> str:
         """Plan the transforms, keep the seconds of an FFT pair beside the plans, and compile the kernels."""
         from gfmdlayer.files.cache import user_cache
-        from gfmdlayer.grid.pair_time import keep_pair_seconds
         from gfmdlayer.grid.wisdom import planned
 
         wisdom = ""

@@ -25,8 +25,7 @@ from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, MpiRanks, Ranks
-from gfmdlayer.grid.slab_transforms import transforms_of
-from gfmdlayer.grid.slabs import SlabGrid
+from gfmdlayer.grid.slabs import SlabGrid, transforms_of
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.history.adaptive_steps import AdaptiveSteps
 from gfmdlayer.history.error_control import ErrorControl, Integrator

@@ -1,7 +1,7 @@
 """Seconds of cases, from the footprint that their model estimates and from those of finished cases.
 
-Before any case has finished, the seconds are those of one measured FFT pair (`grid.transforms.pair_seconds`)
-times the pairs. Then the median of actual over expected seconds of the finished cases of the same kind
+Before any case has finished, the seconds are those of one measured FFT pair (`footprint.pair_seconds`) times
+the pairs. Then the median of actual over expected seconds of the finished cases of the same kind
 corrects them.
 """
 
@@ -15,6 +15,8 @@ from pathlib import Path
 from statistics import median
 
 from gfmdlayer.config import Config
+from gfmdlayer.files.cache import user_cache
+from gfmdlayer.footprint import pair_seconds
 from gfmdlayer.model import Footprint, model_of
 
 AROUND = 3  # seconds of a pair with the solver's passes around it, over those of the bare pair; measured
@@ -54,9 +56,6 @@ def on_this_machine(config: Config) -> float:
 
 @lru_cache(maxsize=64)
 def _pair_seconds(shape: tuple[int, ...]) -> float:
-    from gfmdlayer.files.cache import user_cache
-    from gfmdlayer.grid.pair_time import pair_seconds
-
     return pair_seconds(shape, user_cache())
 
 

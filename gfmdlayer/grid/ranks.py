@@ -107,7 +107,7 @@ class MpiRanks(Ranks):
 
     Sums are added up in the order of the ranks, whatever the MPI library does: their bits depend only on the
     number of ranks, and are the same on all of them. `control` is a communicator of the same ranks for other
-    messages, `exchanges` has the exchanges of `transposition` by shape and type, `window` the bytes of each
+    messages, `exchanges` has those of `slabs.transposition` by shape and type, `window` the bytes of each
     rank in the memory that they share, with its `mpi4py.MPI.Win`.
     """
 

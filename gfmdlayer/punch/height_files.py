@@ -13,8 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import BoolArray, FloatArray
-from gfmdlayer.files.hdf5_inputs import open_group
-from gfmdlayer.files.tables import LARGEST, TableError, read_columns, read_matrix
+from gfmdlayer.files.tables import LARGEST, TableError, open_group, read_columns, read_matrix
 from gfmdlayer.grid.grid import Grid
 
 

@@ -25,7 +25,7 @@ ELEMENTS: Mapping[str, type[Analytic]] = load_table(
     "gfmdlayer.punch.simple_shapes:Wedge",
     "gfmdlayer.punch.simple_shapes:Pyramid",
     "gfmdlayer.punch.simple_shapes:Flat",
-    "gfmdlayer.punch.indenters:BluntedCone",
+    "gfmdlayer.punch.simple_shapes:BluntedCone",
 )
 
 
@@ -62,7 +62,7 @@ SHAPES: Mapping[str, type[Shape]] = {
         "gfmdlayer.punch.self_affine:SelfAffine",
         "gfmdlayer.punch.measured:Profile",
         "gfmdlayer.punch.measured:Topography",
-        "gfmdlayer.punch.indenters:FlatPunch",
-        "gfmdlayer.punch.indenters:RadialProfile",
+        "gfmdlayer.punch.simple_shapes:FlatPunch",
+        "gfmdlayer.punch.simple_shapes:RadialProfile",
     ),
 }

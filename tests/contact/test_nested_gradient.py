@@ -233,7 +233,7 @@ from mpi4py import MPI
 from gfmdlayer.contact.nested.solver import NestedGradient
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.ranks import MpiRanks
-from gfmdlayer.grid.slab_transforms import SlabTransforms
+from gfmdlayer.grid.slabs import SlabTransforms
 from gfmdlayer.grid.slabs import SlabGrid
 
 ranks = MpiRanks(MPI.COMM_WORLD)

@@ -17,7 +17,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.execution.cost import CostModel, estimate, expected_seconds
 from gfmdlayer.execution.sweep import cases
-from gfmdlayer.grid.pair_time import pair_seconds
+from gfmdlayer.footprint import pair_seconds
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.results.writer import CaseWriter
 

@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import MpiRanks
-from gfmdlayer.grid.slab_transforms import SlabTransforms
+from gfmdlayer.grid.slabs import SlabTransforms
 from gfmdlayer.grid.slabs import SlabGrid
 from gfmdlayer.grid.transforms import Transforms, backward, forward
 

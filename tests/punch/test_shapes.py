@@ -13,12 +13,22 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import Config
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
-from gfmdlayer.punch.indenters import FlatPunch, RadialProfile
 from gfmdlayer.punch.measured import Profile
 from gfmdlayer.punch.revolution import heights
 from gfmdlayer.punch.shape import Analytic, Shape
 from gfmdlayer.punch.shapes import ELEMENTS, SHAPES, Array
-from gfmdlayer.punch.simple_shapes import Cone, Cylinder, Flat, Parabola, Pyramid, Sinusoid, Sphere, Wedge
+from gfmdlayer.punch.simple_shapes import (
+    Cone,
+    Cylinder,
+    Flat,
+    FlatPunch,
+    Parabola,
+    Pyramid,
+    RadialProfile,
+    Sinusoid,
+    Sphere,
+    Wedge,
+)
 
 LINE = Grid((16,), (1.0,))
 ISOLATED = {FlatPunch, RadialProfile}

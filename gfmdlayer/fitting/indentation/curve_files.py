@@ -25,8 +25,7 @@ from typing import Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.files.hdf5_inputs import refuse_other_files
-from gfmdlayer.files.tables import TableError, is_number, read_lines
+from gfmdlayer.files.tables import TableError, is_number, read_lines, refuse_other_files
 from gfmdlayer.fitting.indentation.curve import COLUMNS, ForceCurve, Sizes, allowed, parse_heading, size_of
 
 TEXT = {".csv", ".txt", ".dat", ".tsv"}
