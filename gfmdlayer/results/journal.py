@@ -75,14 +75,8 @@ class Position(NamedTuple):
 class Journal:
     """A recorder that keeps rows and snapshots in memory, and in a file where they become many.
 
-    Parameters
-    ----------
-    path : Path
-        The file; made, in place of an earlier one, when it is first written.
-    grid : Grid, optional
-        The grid of the snapshots, where several ranks share it; the first rank alone writes.
-    held : int
-        Bytes in memory, at most.
+    The file replaces an earlier one when it is first written. Where several ranks share the `grid` of the
+    snapshots, only the first rank writes. `held` are the bytes in memory at most.
     """
 
     def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
@@ -125,13 +119,7 @@ class Journal:
             self.noted |= attributes
 
     def go_on(self, position: Position) -> None:
-        """Go on behind a position of the file.
-
-        Raises
-        ------
-        ValueError
-            If the file is damaged before the position.
-        """
+        """Go on behind a position of the file; a ValueError if the file is damaged before it."""
         if position.size == 0:  # an empty journal has no file
             return
         try:
@@ -145,10 +133,7 @@ class Journal:
     def replay(self, recorder: Recorder) -> None:
         """Pass everything on to another recorder; of the file, one block at a time is in memory.
 
-        Raises
-        ------
-        ResultsError
-            If the file is damaged.
+        A ResultsError if the file is damaged.
         """
         if self._file is not None:
             if not self._is_intact(self._file):
@@ -165,10 +150,7 @@ class Journal:
     def kept(self) -> Position:
         """Bring everything to the disk; return the position behind it.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written; it stays in memory.
+        After an OSError it stays in memory.
         """
         self._append()
         if self._file is not None:
@@ -324,23 +306,10 @@ class Recording:
         attributes: Mapping[str, str | float],
         unit: Callable[[str], str] = str,
     ) -> xarray.Dataset:
-        """Return what has been recorded.
+        """Return the results as `open_case` gives them.
 
-        Parameters
-        ----------
-        coordinates : mapping
-            The grid's coordinates, {"x": x} or {"x": x, "y": y}.
-        columns : sequence of Column
-            Columns that the rows may have.
-        attributes : mapping
-            Attributes of the case, in addition to the provenance.
-        unit : callable
-            Label of a unit, from its words.
-
-        Returns
-        -------
-        xarray.Dataset
-            As `open_case` gives it.
+        `coordinates` of the grid are {"x": x} or {"x": x, "y": y}; `attributes` come in addition to the
+        provenance.
         """
         import xarray
 

@@ -131,23 +131,9 @@ class CaseWriter:
     At the end of its block the file is complete under its name; after an exception the unfinished file is
     removed. Every method raises ResultsError, which names the file, if it cannot be written.
 
-    Parameters
-    ----------
-    path
-        The final name.
-    coordinates
-        Coordinates of the grid, {"x": x} or {"x": x, "y": y}, in the order of the arrays' axes.
-    attributes
-        Attributes of the file. They take precedence over the provenance (versions, commit, host, started,
-        finished, wall_seconds), so that a resumed case keeps the time of its first start.
-    columns
-        Columns that rows may have; by default those that are the same in every case.
-    flush_interval
-        Seconds after which the records are handed to the operating system.
-    elapsed
-        Seconds spent on the case by earlier runs, added to `wall_seconds`.
-    unit
-        Label of a unit, from the words in which it is declared; by default the words themselves.
+    `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
+    provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
+    runs, added to `wall_seconds`. After `flush_interval` seconds the operating system gets the records.
     """
 
     def __init__(
