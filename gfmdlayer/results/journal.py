@@ -96,22 +96,14 @@ class Journal:
             self._rows.append(tuple(values[name] for name in self._columns))
             self._count(sum(map(np.size, values.values())) * 8)
 
-    def snapshot(
-        self,
-        time: float,
-        displacement: FloatArray,
-        pressure: FloatArray,
-        gap: FloatArray,
-        traction: FloatArray | None = None,
-        /,
-    ) -> None:
+    def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
-        fields = displacement, pressure, gap, *([] if traction is None else [traction])
+        given = tuple(field for field in fields if field is not None)
         if self._shared is not None:
-            self._gather(self._shared, time, fields)
+            self._gather(self._shared, time, given)
         else:
-            self._snapshots.append((time, fields))
-            self._count(len(fields) * gap.nbytes)
+            self._snapshots.append((time, given))
+            self._count(sum(field.nbytes for field in given))
 
     def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run; they come at its end, after the last checkpoint."""
@@ -282,18 +274,9 @@ class Recording:
         """Keep the observables of a step."""
         self.rows.append(values)
 
-    def snapshot(
-        self,
-        time: float,
-        displacement: FloatArray,
-        pressure: FloatArray,
-        gap: FloatArray,
-        traction: FloatArray | None = None,
-        /,
-    ) -> None:
+    def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
         """Keep time, displacement, pressure and gap, and the traction if there is attraction."""
-        fields = displacement, pressure, gap, *([] if traction is None else [traction])
-        self.fields.append((time, *fields))
+        self.fields.append((time, *(field for field in fields if field is not None)))
 
     def note(self, **attributes: Attribute) -> None:
         """Keep attributes of the run."""
