@@ -26,14 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
 from gfmdlayer.observables import Column, known_columns
-from gfmdlayer.results.netcdf import (
-    NewFile,
-    add_variable,
-    append,
-    contents,
-    new_file,
-    set_attributes,
-)
+from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
@@ -170,10 +163,7 @@ class CaseWriter:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
             self._stack.__exit__(kind, error, trace)
