@@ -320,7 +320,10 @@ class Case:
                     surface = loading.surface(solution, kappa, b, instant.time)
                 history.advance(surface.spectrum)  # 8, 9
                 guess.remember(
-                    instant.time, getattr(solution, solver.starts_from), solution.gap, kink=instant.breakpoint
+                    instant.time,
+                    getattr(solution, solver.starts_from),
+                    solution.gap,
+                    at_breakpoint=instant.breakpoint,
                 )
                 self.changes.remember(prescribed, problem, solution)
                 row: dict[str, float | FloatArray] = {}

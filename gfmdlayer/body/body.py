@@ -90,6 +90,11 @@ class ViscoelasticLayer:
         """K(q = 0, s = 0), which differs from 0 for a compressible layer on a rigid base."""
         return self.layer.mean_stiffness * self.material.relaxed
 
+    @property
+    def rigid_below(self) -> float:
+        """Depth of a rigid base; inf where there is none."""
+        return self.layer.thickness if math.isinf(self.layer.bulk_modulus) else math.inf
+
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s) of the layer with the modulus G(s), see `Body`."""
         return self.layer.stiffness(waves, self.material.laplace(s))

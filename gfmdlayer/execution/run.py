@@ -233,10 +233,9 @@ def _collect(
 
     Else the notes in it, and the cases that ended well, but could not be read any more.
     """
-    from gfmdlayer.results.gathering import CaseRecord
+    from gfmdlayer.results.gathering import CaseRecord, collect
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError
-    from gfmdlayer.results.sweep_file import collect
 
     try:
         with exclusive(folder.turn):

@@ -13,19 +13,15 @@ import numpy as np
 from gfmdlayer.body.materials import Law, Prony
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.continuous import fit_law
+from gfmdlayer.fitting.laws import Fit, fit, fit_law
 from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Reading, read
-from gfmdlayer.fitting.prony import Fit, fit
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = "os"
-POOR, POOR_RMS = (
-    3.0,
-    0.02,
-)  # a fit is poor if its rms error exceeds both: this many times the least, this value
+POOR, POOR_RMS = 3.0, 0.02  # a fit is poor if its rms error exceeds both: times the least, value
 PLATEAU = 1.2  # beyond this factor from the measured range a modulus is extrapolated
 
 
@@ -45,7 +41,7 @@ def fit_material(
 
     `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
     beside it. `law` is prony or a key of `continuous.MODELS`; `normalise` writes moduli in units of G0;
-    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `prony.fit`.
+    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
     """
     material, picture = _targets(data, out, force)
     measured = read(data, **reading)

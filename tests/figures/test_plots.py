@@ -20,10 +20,9 @@ from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.plot_style import PAPER, SCREEN, Columns, colours
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.snapshot_plots import OVERLAP, Inset, snapshots_figure, waterfall_figure
-from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, collect
 from gfmdlayer.results.reader import case_path, open_case, open_results
 from gfmdlayer.results.schema import ResultsError
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 64, endpoint=False)

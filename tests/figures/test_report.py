@@ -21,8 +21,7 @@ from gfmdlayer.config import Config
 from gfmdlayer.figures.report import cases as page_cases
 from gfmdlayer.figures.report import page as page_module
 from gfmdlayer.figures.report.cases import Listed, kept_rows
-from gfmdlayer.figures.report.page import write_report
-from gfmdlayer.figures.report.payload import html
+from gfmdlayer.figures.report.page import html, write_report
 from gfmdlayer.observables import INDENTATION, Column, known_columns
 from gfmdlayer.observables.contact import TIME
 from gfmdlayer.results.reader import case_path, open_case

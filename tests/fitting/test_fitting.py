@@ -17,8 +17,8 @@ from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.materials import Material, Prony
 from gfmdlayer.config import load
 from gfmdlayer.files.tables import TableError
+from gfmdlayer.fitting.laws import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Measurement, RelaxationCurve, read
-from gfmdlayer.fitting.prony import ACCURACY, MARGIN, Fit, fit
 from gfmdlayer.fitting.report import fit_figure, fit_material
 from gfmdlayer.model import simulate
 from gfmdlayer.results.schema import ResultsError

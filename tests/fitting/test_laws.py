@@ -11,9 +11,8 @@ from gfmdlayer import Config, ConfigError, FractionalZener, HavriliakNegami, Koh
 from gfmdlayer.body.materials import Law
 from gfmdlayer.config.model import digest
 from gfmdlayer.files.tables import TableError
-from gfmdlayer.fitting.continuous import MODELS, fit_law
+from gfmdlayer.fitting.laws import MODELS, fit, fit_law
 from gfmdlayer.fitting.measurement import FitError, MasterCurve, Measurement, RelaxationCurve, read
-from gfmdlayer.fitting.prony import fit
 
 LAWS = [
     FractionalZener(1.0, 100.0, 0.5, 0.6),

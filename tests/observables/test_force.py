@@ -12,9 +12,8 @@ from gfmdlayer.execution.case_run import run_case
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.model import simulate
-from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, collect
 from gfmdlayer.results.reader import open_case, open_results
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.verification.runs import Recording
 
 UNITS = {"length": "mm", "stress": "MPa", "time": "s"}

@@ -20,9 +20,8 @@ from gfmdlayer.execution.status import StatusFile
 from gfmdlayer.execution.sweep import SweepCase
 from gfmdlayer.observables import OBSERVABLES, AcceptedStep, Column, Observable, columns
 from gfmdlayer.observables.observable import Parts
-from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, collect
 from gfmdlayer.results.reader import open_case
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.resumable import State
 
 CONFIG = Config(name="rms").with_values(

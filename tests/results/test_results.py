@@ -18,11 +18,10 @@ import xarray as xr
 from gfmdlayer.observables import Column, known_columns
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import writer
-from gfmdlayer.results.gathering import CaseRecord, dimension_names
+from gfmdlayer.results.gathering import CaseRecord, collect, dimension_names
 from gfmdlayer.results.provenance import git_commit
 from gfmdlayer.results.reader import attributes, case_path, is_complete, open_case, open_results
 from gfmdlayer.results.schema import VARIABLES, ResultsError
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 X = np.linspace(-0.5, 0.5, 16, endpoint=False)

@@ -11,9 +11,8 @@ import pytest
 from gfmdlayer.observables import Column
 from gfmdlayer.observables.observable import Bins
 from gfmdlayer.results import provenance
-from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, collect
 from gfmdlayer.results.reader import case_path, open_results
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter, case_template
 
 TIMES = (0.0, 1.0, 3.0)

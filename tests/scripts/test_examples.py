@@ -16,9 +16,8 @@ from gfmdlayer.config import Config
 from gfmdlayer.execution.folder import MARK
 from gfmdlayer.execution.run import run_sweep
 from gfmdlayer.execution.workers import assemble
-from gfmdlayer.results.gathering import CaseRecord
+from gfmdlayer.results.gathering import CaseRecord, collect
 from gfmdlayer.results.reader import case_path
-from gfmdlayer.results.sweep_file import collect
 from gfmdlayer.results.writer import CaseWriter
 
 EXAMPLES = Path(__file__).parents[2] / "scripts" / "examples"

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from gfmdlayer.cli import main
-from gfmdlayer.verification import checks, verify
-from gfmdlayer.verification.checks import CHECKS
+from gfmdlayer.verification import CHECKS, verify
 from gfmdlayer.verification.rows import Check, Curve, Outcome, Row, carry_out
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "reproduce_paper.py"
@@ -79,7 +78,7 @@ def test_every_check_has_a_title_and_derives_its_bounds(check: Check) -> None:
 def test_a_row_outside_its_bound_gives_exit_status_1(
     find: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(checks, "CHECKS", (Check("Some", good), Check("Some", find)))
+    monkeypatch.setattr("gfmdlayer.verification.CHECKS", (Check("Some", good), Check("Some", find)))
     assert main(["verify", "--out", str(tmp_path / "v")]) == 1
     shown, report = capsys.readouterr().out, (tmp_path / "v" / "verification.md").read_text()
     assert "inside" in shown
