@@ -25,8 +25,7 @@ from gfmdlayer.body.materials import Prony
 from gfmdlayer.fitting.indentation import problem as problems
 from gfmdlayer.fitting.indentation.estimates import BAND, covariance, quantile
 from gfmdlayer.fitting.indentation.problem import LeastSquares, Model, free_parameters
-from gfmdlayer.indentation.solve import on_steps
-from gfmdlayer.indentation.space import History, find_space
+from gfmdlayer.indentation.solve import History, find_space, on_steps
 from gfmdlayer.punch.revolution import paraboloid
 
 RADIUS, DEPTH = 5.0, 0.2  # a contact of about one thickness of the thin layer

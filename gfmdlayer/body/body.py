@@ -53,12 +53,7 @@ class Body(Protocol):
 def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
     """Return the internal variables of a body whose layers may have reduced times of their own.
 
-    Such a body has the method `internal_variables(waves)`, like `LayerStack`.
-
-    Raises
-    ------
-    TypeError
-        If the body does not offer them.
+    Such a body has the method `internal_variables(waves)`, like `LayerStack`; TypeError for any other.
     """
     offered = getattr(body, "internal_variables", None)
     if offered is None:
@@ -94,6 +89,11 @@ class ViscoelasticLayer:
     def mean_stiffness(self) -> float:
         """K(q = 0, s = 0), which differs from 0 for a compressible layer on a rigid base."""
         return self.layer.mean_stiffness * self.material.relaxed
+
+    @property
+    def rigid_below(self) -> float:
+        """Depth of a rigid base; inf where there is none."""
+        return self.layer.thickness if math.isinf(self.layer.bulk_modulus) else math.inf
 
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s) of the layer with the modulus G(s), see `Body`."""

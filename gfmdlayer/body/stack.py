@@ -147,6 +147,11 @@ class LayerStack:
         """K(q = 0, s = 0): not 0 for layers on a rigid base of which one is compressible."""
         return float(self._confined(np.array(0.0)))
 
+    @property
+    def rigid_below(self) -> float:
+        """Depth of a rigid base; inf where there is none."""
+        return sum(layer.thickness for layer in self.layers) if self.rigid else math.inf
+
     def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
         """Return K(q, s), stress per displacement, see `Body`."""
         q, s = np.broadcast_arrays(np.asarray(waves, dtype=float), np.asarray(s))

@@ -12,7 +12,7 @@ punch loses its velocity and its force, and is released when its pressure change
 Two inertias:
 
 uniform
-    One mass for every point.  The stiffest of the n/2 modes sets the time step and the softest the number of
+    One mass for every point.  The stiffest of the n/2 modes sets the time step and the lowest the number of
     iterations. One FFT pair an iteration.
 mass-weighted
     The force of the free points alone is divided, mode by mode, by kappa + kappa_1 before it accelerates

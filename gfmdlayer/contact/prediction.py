@@ -41,9 +41,11 @@ class DisplacementPrediction:
         self._fields: deque[FloatArray] = deque(maxlen=3)
         self._size = size
 
-    def remember(self, time: float, displacement: FloatArray, _: FloatArray, *, kink: bool = False) -> None:
-        """Add an accepted step; after a kink in the trajectory earlier steps are forgotten."""
-        if kink:
+    def remember(
+        self, time: float, displacement: FloatArray, _: FloatArray, *, at_breakpoint: bool = False
+    ) -> None:
+        """Add an accepted step; after a breakpoint of the programme earlier steps are forgotten."""
+        if at_breakpoint:
             self._times.clear()
             self._fields.clear()
         self._times.append(time)
@@ -75,7 +77,9 @@ class PressurePrediction(DisplacementPrediction):
         self._moves = 0  # steps in a row in which the contact changed
         self._contact = 0, size  # points between which it was in the last step
 
-    def remember(self, time: float, pressure: FloatArray, gap: FloatArray, *, kink: bool = False) -> None:
+    def remember(
+        self, time: float, pressure: FloatArray, gap: FloatArray, *, at_breakpoint: bool = False
+    ) -> None:
         """Add an accepted step: the pressure and the gap, one value a point; see the base class."""
         if self._times:
             weights, gaps = _lagrange(self._times, time), _last_three(self._gaps)
@@ -85,9 +89,9 @@ class PressurePrediction(DisplacementPrediction):
             self._mu = squares / predicted if predicted > 0.0 else self._mu
             self._contact = first, end
             self._moves = self._moves + 1 if moved else 0
-        if kink:
+        if at_breakpoint:
             self._gaps.clear()
-        super().remember(time, pressure, gap, kink=kink)
+        super().remember(time, pressure, gap, at_breakpoint=at_breakpoint)
         self._gaps.append(gap)
 
     def at(self, time: float) -> FloatArray:

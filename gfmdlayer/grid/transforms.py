@@ -102,9 +102,9 @@ class Transforms:
         functions = address(self._fftw.execute_dft_r2c), address(self._fftw.execute_dft_c2r)
         self.plans = Plans(self._pair.forward, self._pair.backward, *functions)
 
-    def shorter(self, part: int) -> Transforms:
-        """Transforms of a window with 1/part of the points of each axis, from the same wisdom."""
-        return self.of_shape(tuple(points // part for points in self.shape))
+    def for_window(self, divisor: int) -> Transforms:
+        """Transforms of a window with 1/divisor of the points of each axis, from the same wisdom."""
+        return self.of_shape(tuple(points // divisor for points in self.shape))
 
     def of_shape(self, shape: tuple[int, ...], *, single: bool = False) -> Transforms:
         """Transforms of another shape or precision, from the same wisdom."""
@@ -126,7 +126,7 @@ class Transforms:
 
     def restore(self, state: State) -> None:
         """Use the same plans; ValueError if this FFTW, on this processor, does not make them."""
-        self._wisdom = str(state["wisdom"])  # of shorter transforms too
+        self._wisdom = str(state["wisdom"])  # of the windows too
         if self.description == str(state["plans"]):
             return
         self._plan()

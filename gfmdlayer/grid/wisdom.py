@@ -44,7 +44,7 @@ def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
     """Return the wisdom after all transforms of a grid have been planned."""
     transforms = Transforms(shape, wisdom, threads=threads)
     for part in parts(shape):
-        transforms.shorter(part)
+        transforms.for_window(part)
     for grid in Grid(shape, (1.0,) * len(shape)).nested:
         transforms.of_shape(grid.points, single=True)
     return transforms.wisdom

@@ -44,7 +44,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history import mode_kernels as kernels
+from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable, State
 
 # Part of the change over a step that may be curvature, where no earlier displacement is known:
@@ -183,7 +183,7 @@ class ErrorControl:
         if moving:  # the change over a step that is then rejected serves as well
             self._contact_motion = spectrum - integrator.u
         weights, kappa = self._sums.weights, integrator.stiffness
-        norm = self._sums.total(kernels.stress_norm(weights, kappa, spectrum.view(np.float64)))
+        norm = self._sums.total(_stress_norm(weights, kappa, spectrum.view(np.float64)))
         self._largest_stress = max(self._largest_stress, math.sqrt(norm)) if attracted else 0.0
         ratio = part = 0.0
         for v in (spectrum if deep else None, self._contact_motion):
@@ -194,9 +194,7 @@ class ErrorControl:
                 part = max(part, abs(error_work) / (math.sqrt(squares) * self._largest_stress + _TINY))
             elif work**2 > _NO_CONTACT**2 * squares * norm:
                 ratio = max(ratio, error_work / work, key=abs)
-        square = kernels.displacement_error(
-            weights, kappa, error.view(np.float64), ratio, force.view(np.float64)
-        )
+        square = _displacement_error(weights, kappa, error.view(np.float64), ratio, force.view(np.float64))
         relative = part if attracted else abs(ratio)
         if integrator.slope is not None:
             relative = max(relative, self._tangential_error(integrator.slope * spectrum, force, error))
@@ -241,9 +239,42 @@ class ErrorControl:
         if self._velocity is None:
             return None
         numbers = (each.view(np.float64) for each in (spectrum, self._integrator.u, self._velocity))
-        return kernels.curvature(self._ratio, self._integrator.step, *numbers).view(np.complex128)
+        return _curvature(self._ratio, self._integrator.step, *numbers).view(np.complex128)
 
     @property
     def _ratio(self) -> float:
         """Length of the step over the length of the last two."""
         return self._integrator.step / (self._integrator.step + self._last_step)
+
+
+@kernel(reorder=True)
+def _curvature(
+    ratio: float, step: float, new_u: FloatArray, u: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return dt^2 u''/2 from the last velocity; the ratio is that of this step to the sum of the last two."""
+    found = np.empty(u.size)
+    for i in range(u.size):
+        found[i] = ratio * (new_u[i] - u[i] - step * velocity[i])
+    return found
+
+
+@kernel(reorder=True)
+def _stress_norm(weights: FloatArray, stiffness: FloatArray, u: FloatArray) -> float:
+    """Mean square of stiffness u over the surface."""
+    total = 0.0
+    for k in range(stiffness.size):
+        total += weights[k] * stiffness[k] ** 2 * (u[2 * k] ** 2 + u[2 * k + 1] ** 2)
+    return total
+
+
+@kernel(reorder=True)
+def _displacement_error(
+    weights: FloatArray, stiffness: FloatArray, error: FloatArray, ratio: float, force: FloatArray
+) -> float:
+    """Mean square of (error - ratio force)/stiffness over the surface, where the stiffness is not zero."""
+    total = 0.0
+    for k in range(stiffness.size):
+        if stiffness[k] > 0.0:
+            real, imaginary = error[2 * k] - ratio * force[2 * k], error[2 * k + 1] - ratio * force[2 * k + 1]
+            total += weights[k] * (real * real + imaginary * imaginary) / stiffness[k] ** 2
+    return total

@@ -40,8 +40,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.mode_kernels import exponential
-from gfmdlayer.history.modes import Modes, shortest_time
+from gfmdlayer.history.modes import Modes, exponential, shortest_time
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
 from gfmdlayer.time_functions import Trajectory

@@ -28,8 +28,7 @@ import numpy as np
 from gfmdlayer.arrays import ComplexArray, FloatArray, IntArray
 from gfmdlayer.body.network import InternalVariables
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.history.mode_kernels import LocalModes, exponential
-from gfmdlayer.history.modes import RELEVANT, Modes, Scheme
+from gfmdlayer.history.modes import RELEVANT, LocalModes, Modes, Scheme, exponential
 from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.resumable import State
 

@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.indentation.isolated import IsolatedIndentation
-from gfmdlayer.indentation.space import History
+from gfmdlayer.indentation.solve import History
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
 
 if TYPE_CHECKING:
@@ -86,7 +84,7 @@ def indent(
         raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
     if not work_of_adhesion and history.by_force and history.value.min() < 0:
         raise ValueError(f"force: got {history.value.min():.6g}; must be >= 0 without adhesion")
-    if not history.by_force and history.value.max() >= (floor := _rigid_base(body)):
+    if not history.by_force and history.value.max() >= (floor := getattr(body, "rigid_below", math.inf)):
         raise ValueError(f"depth: got {history.value.max():.6g}; must be above the rigid base, < {floor!r}")
     times = np.unique(np.asarray(snapshots, dtype=float))
     if times.size and not (history.time[0] <= times[0] and times[-1] <= history.time[-1]):
@@ -109,15 +107,6 @@ def indent(
     for line in run.warnings:
         warnings.warn(line, stacklevel=2)
     return xarray.Dataset(data, coordinates, {"error": run.solved.error, "solutions": run.solved.solutions})
-
-
-def _rigid_base(body: Body) -> float:
-    """Depth of the rigid base under the layers; inf where there is none."""
-    if isinstance(body, ViscoelasticLayer) and math.isinf(body.layer.bulk_modulus):
-        return body.layer.thickness
-    if isinstance(body, LayerStack) and body.rigid:
-        return sum(layer.thickness for layer in body.layers)
-    return math.inf
 
 
 def as_revolution(indenter: Any) -> Revolution:

@@ -7,26 +7,129 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
-from gfmdlayer.indentation.profiles import Profiles, profiles
+from gfmdlayer.indentation.compliance import gauss_rule
+from gfmdlayer.indentation.march import Marched
 from gfmdlayer.indentation.solve import (
+    History,
     Indentation,
+    Space,
+    find_space,
     follow,
     in_growing_space,
     on_halved_steps,
     on_steps,
     work_done,
 )
-from gfmdlayer.indentation.space import History, Space, find_space
-from gfmdlayer.punch.revolution import Revolution
+from gfmdlayer.punch.revolution import Revolution, abel_transform, heights
 
-if TYPE_CHECKING:
-    pass
+# Radial profiles of pressure, displacement and gap from the fields of a run.
+#
+#     p(r) = (2/pi) [chi(a)/(a^2 - r^2)^(1/2) - int_r^a chi'(x) dx/(x^2 - r^2)^(1/2)],       r < a
+#     gap(r) = (2/pi) int_a^r [v(x) - depth + H(x)] dx/(r^2 - x^2)^(1/2),                     r > a
+#
+# with v = D*chi + (2/pi) int cos(qx) C*X dq, the Abel transform of the displacement of the surface. A
+# contact with a sharp rim, or with adhesion, has an infinite pressure at its edge.
+
+_NODES = 48  # of Gauss's rule in each integral
+_CENTRE = 1e-6  # part of the reach in place of r = 0, where the pressure under a cone is infinite
+_EDGE = 1e-9  # chi(a), relative to its maximum, from which it is not zero
+
+
+class Profiles(NamedTuple):
+    """Radial profiles at the snapshots: fields of shape (times, points)."""
+
+    time: FloatArray  # (times,)
+    r: FloatArray  # (points,), distances from the axis
+    pressure: FloatArray  # positive where it compresses
+    displacement: FloatArray  # positive upward
+    gap: FloatArray  # infinite beyond the end of an indenter
+
+
+def profiles(found: Indentation, profile: Revolution, times: FloatArray, r: FloatArray) -> Profiles:
+    """Return the profiles of an indentation at ascending times, at which it kept its fields."""
+    assert found.fields is not None
+    assert found.space is not None
+    pressure, displacement, gap = np.zeros((3, times.size, r.size))
+    for k, at in enumerate(np.searchsorted(found.time, times)):
+        surface = _Surface(found.fields, int(at), k, found.space, profile)
+        pressure[k] = surface.pressure(r)
+        displacement[k], gap[k] = surface.displacement_and_gap(r)
+    return Profiles(times, r, pressure, displacement, gap)
+
+
+class _Surface:
+    """The surface at one time, with the radius and the depth of the fields; the columns are extrapolated."""
+
+    def __init__(self, fields: Marched, at: int, snapshot: int, space: Space, profile: Revolution) -> None:
+        nodes = space.nodes
+        self._space, self._profile = space, profile
+        self._a, self._depth = float(fields.radius[at]), float(fields.depth[at])
+        self._x = nodes.spacing * np.arange(fields.chi.shape[1])
+        self._chi = CubicSpline(self._x, fields.chi[snapshot])
+        self._local = fields.local[snapshot]
+        self._coupled = fields.spectrum[snapshot] * space.weights * (2 / math.pi)
+
+    def pressure(self, r: FloatArray) -> FloatArray:
+        """Pressure at these distances; zero outside the contact."""
+        p = np.zeros(r.size)
+        a = self._a
+        inside = r < a
+        if not inside.any():
+            return p
+        near = np.maximum(r[inside], _CENTRE * self._space.nodes.reach)
+        # x = r cosh t makes the integrand smooth.
+        t, w = _gauss(np.zeros(near.size), np.arccosh(np.maximum(a / near, 1.0)))
+        p[inside] = -(self._chi(near[:, np.newaxis] * np.cosh(t), 1) * w).sum(axis=1)
+        edge = float(self._chi(a))
+        if abs(edge) > _EDGE * float(np.abs(self._chi(self._x[self._x < a])).max()):
+            p[inside] += edge / np.sqrt((a - near) * (a + near))
+        return p * (2 / math.pi)
+
+    def displacement_and_gap(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Upward displacement and gap at these distances; the gap is infinite beyond the indenter's end."""
+        h, a = heights(self._profile, r), self._a
+        r = np.maximum(r, _CENTRE * self._space.nodes.reach)
+        gap, outside = np.zeros(r.size), r > a
+        under = outside & np.isfinite(h)
+        t, w = _gauss(np.arcsin(a / r[under]), np.full(int(under.sum()), math.pi / 2))
+        x = r[under][:, np.newaxis] * np.sin(t)
+        gap[under] = ((self._sunk(x) - self._depth + self._H(x)) * w).sum(axis=1) * (2 / math.pi)
+        displacement = np.where(np.isfinite(h), h, 0.0) - self._depth - gap
+        beyond = outside & ~under
+        if beyond.any():
+            t, w = _gauss(np.arcsin(a / r[beyond]), np.full(int(beyond.sum()), math.pi / 2))
+            sunk = (self._sunk(r[beyond][:, np.newaxis] * np.sin(t)) * w).sum(axis=1)
+            t, w = _gauss(np.zeros(int(beyond.sum())), np.arcsin(a / r[beyond]))
+            sunk += ((self._depth - self._H(r[beyond][:, np.newaxis] * np.sin(t))) * w).sum(axis=1)
+            displacement[beyond], gap[beyond] = -sunk * (2 / math.pi), math.inf
+        return displacement, gap
+
+    def _H(self, x: FloatArray) -> FloatArray:
+        """Abel transform of the profile."""
+        found = [abel_transform(self._profile, each) for each in x.ravel().tolist()]
+        return np.array(found).reshape(x.shape)
+
+    def _sunk(self, x: FloatArray) -> FloatArray:
+        """Abel transform of the downward displacement outside the contact."""
+        local = np.interp(x, self._x, self._local, right=0.0)
+        if not self._coupled.size:
+            return np.asarray(local)
+        return np.asarray(local + np.cos(x[..., np.newaxis] * self._space.q) @ self._coupled)
+
+
+def _gauss(begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights between begin and end, each of shape (points, nodes)."""
+    x, w = gauss_rule(_NODES)
+    half = (end - begin)[:, np.newaxis] / 2
+    return begin[:, np.newaxis] + half * (x + 1), half * w
+
 
 DEFAULT_TOLERANCE = 1e-4
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from gfmdlayer.footprint import HEADER, REAL, ROWS, count_steps
 from gfmdlayer.model import PROGRAM, ConvergenceError, Footprint, Model, compile_by, make_body, series_of
-from gfmdlayer.observables.indentation import INDENTATION
+from gfmdlayer.observables.contact import INDENTATION
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.validation.sections import files_named
@@ -60,7 +60,7 @@ class IsolatedContact(Model):
         import numpy as np
 
         from gfmdlayer.indentation.isolated import DEFAULT_TOLERANCE, IsolatedIndentation
-        from gfmdlayer.indentation.space import History
+        from gfmdlayer.indentation.solve import History
 
         config, drive = self.config, self.programme.drive
         grid, time = config.grid, config.time

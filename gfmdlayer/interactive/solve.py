@@ -19,8 +19,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
 from gfmdlayer.model import ConvergenceError
-from gfmdlayer.observables.contact_edges import interpolated_area
-from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
+from gfmdlayer.observables.contact_statistics import closed_gap, in_contact, interpolated_area
 from gfmdlayer.periodic import too_deep
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting

@@ -5,12 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gfmdlayer.observables.adhesion import Adhesion
-from gfmdlayer.observables.contact import ContactMeans, ContactStatistics, Force, Resolution, Temperature
+from gfmdlayer.observables.contact import (
+    INDENTATION,
+    ContactMeans,
+    ContactStatistics,
+    Force,
+    Resolution,
+    Temperature,
+)
 from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
-from gfmdlayer.observables.indentation import INDENTATION
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.config import Config
     from gfmdlayer.config.sections import Histogram
 
+
 TIME = Column("time", "time", "time", origin="from the beginning of the run")
 AREA = Column("contact_area", "relative contact area atilde, contact points / all points",
               symbol=r"\tilde{a}", origin="over the cell")  # fmt: skip
@@ -85,8 +86,7 @@ class Resolution(Observable):
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
-        from gfmdlayer.observables.contact_edges import interpolated_area
-        from gfmdlayer.observables.contact_statistics import in_contact
+        from gfmdlayer.observables.contact_statistics import in_contact, interpolated_area
 
         solution, shape = step.solution, self._grid.shape
         touching = in_contact(step.problem, solution)
@@ -206,3 +206,25 @@ class Temperature(Observable):
         """Return both at the end of the step."""
         temperature = self._reduced_time.temperature(step.time)
         return {"temperature": temperature, "shift_factor": self._reduced_time.shift.factor(temperature)}
+
+
+# Columns of an isolated, axisymmetric indentation; forces and energies are those of the whole contact.
+
+_ENERGY, _SINCE = "force length", "from the beginning of the run"
+
+INDENTATION = (
+    TIME,
+    Column("force", "force on the indenter", "force", symbol="F", origin="of the whole contact"),
+    Column(
+        "depth",
+        "depth of the indenter below the undeformed surface",
+        "length",
+        symbol=r"\delta",
+        origin="from the undeformed surface",
+    ),
+    Column("contact_radius", "radius of the contact", "length", symbol="a", origin="from the axis"),
+    Column("work", "work done by the indenter", _ENERGY, origin=_SINCE),
+    Column("stored", "elastic energy stored", _ENERGY, origin="from the body at rest"),
+    Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
+    Column("energy_residual", "work - stored - dissipated", _ENERGY, origin=_SINCE),
+)

@@ -1,12 +1,15 @@
-"""Points in contact, histograms over them, and their connected patches.
+"""Points in contact, histograms over them, their connected patches, and their area between the points.
 
 A point is in contact if its pressure is larger than its gap, each in the scale of the residual.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
@@ -37,9 +40,7 @@ def closed_gap(problem: Problem, solution: Solution) -> FloatArray:
     return np.where(in_contact(problem, solution), 0.0, solution.gap)
 
 
-def histogram(
-    values: FloatArray, chosen: BoolArray, edges: npt.ArrayLike, ranks: Ranks = ALONE
-) -> FloatArray:
+def histogram(values: FloatArray, chosen: BoolArray, edges: ArrayLike, ranks: Ranks = ALONE) -> FloatArray:
     """Return the part of all points that are chosen and have a value in each bin, lower edge included.
 
     The edges increase to inf. A value below the first edge, by rounding, is in the first bin.
@@ -49,7 +50,7 @@ def histogram(
 
 
 @kernel
-def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> npt.NDArray[np.int64]:
+def _counts(values: FloatArray, chosen: BoolArray, edges: FloatArray) -> NDArray[np.int64]:
     counts = np.zeros(edges.size - 1, np.int64)
     for i in range(values.size):
         if chosen[i]:
@@ -78,3 +79,218 @@ def count_patches(touching: BoolArray, grid: Grid) -> int:
         graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
         patches = int(connected_components(graph, directed=False)[0])
     return ranks.maximum(patches)
+
+
+# The area of contact below the resolution of the grid, from where pressure and gap vanish.
+#
+# Next to the edge of contact of a smooth punch the pressure is proportional to d^(1/2) a distance d inside,
+# and the gap to d^(3/2) outside (Johnson, Contact Mechanics, 1985, ch. 4), so that s = p^2 and q = gap^(2/3)
+# are straight lines through the edge. Along a line of the grid, let s0 and s1 belong to the last points in
+# contact, s0 to the outer one, and q0 and q1 to the first points out of it. In units of the spacing the edge
+# lies beyond the last point in contact
+#
+# * by c = s0/(s0 + mu q0), mu = (s1 - s0)/(q1 - q0), where s and -mu q are one line, and
+# * by 1 - u, u = q0/(q1 - q0), where the line of q alone vanishes.
+#
+# Neither modulus nor history enter. Two corrections:
+#
+# * s and q are curved: by factors 1 + beta d and 1 - (beta/5) d, beta = (pi/l)(2 tan(v/2) - cot v),
+#   v = pi w/l, beside a contact of width w that repeats after l, for a sinusoid (Westergaard, J. Appl. Mech.
+#   6, 1939, A49). Here w and l - w are the lengths of contact and gap along the line; far from other contacts
+#   beta = -1/w.
+# * The discrete fields next to an edge depend on its place between two points, in the same way for every
+#   contact. The edge itself is at
+#
+#       t = -T0 + c^(1/2) + T1 (c - c^(3/2))^(1/2)    or    t = 1 - T0 - u^(3/2) (U0 + U1 u + U2 u^2)
+#
+#   between -T0 and 1 - T0: a point may still carry pressure beyond the edge. The constants were measured on
+#   the periodic parabola with 300 points in contact, where both are within 0.002 of the closed form.
+#
+# A viscoelastic body remembers an edge that moved by less than some points. Then the pressure behind an edge
+# that advances is no square root at the scale of the grid, nor the gap behind an edge that recedes; either
+# places the edge too far out. The smaller t is taken.
+#
+# An edge where pressure and gap do not vanish in this way, like the edge of a flat punch, lies half-way
+# between the points. On a surface in two directions the edge is the polygon through these places on the lines
+# of the grid.
+#
+# The error is of first order in the spacing, like the error of the number of points in contact, which is up
+# to a cell for each edge, but some hundred times smaller.
+
+T0, T1 = 0.1896, 0.0885
+U0, U1, U2 = 0.9021, -0.3620, 0.2695
+WIDEST = 1.25  # u beyond which the gap does not vanish as beside a smooth punch; at t = -T0 it is 1.13
+Line = tuple[int, int, int, int]
+
+FARTHEST = 512  # points along which contact and gap are measured
+
+
+def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray, grid: Grid) -> float:
+    """Return the part of the surface in contact, from fields of the grid's shape; the wall's pressure."""
+    ranks = grid.ranks
+    number = ranks.total(int(touching.sum()))
+    if number in (0, grid.size):
+        return number / grid.size
+    if touching.ndim == 1:
+        points = _length(touching, pressure, gap)
+    else:
+        far, near = (min(grid.points[0], FARTHEST) + 1, 2) if ranks.count > 1 else (0, 0)
+        marks, *fields = (
+            _with_halo(field, rows, grid) for field, rows in ((touching, far), (pressure, near), (gap, near))
+        )
+        shape = touching.shape[0], touching.shape[1]
+        area = _area(marks, fields[0], fields[1], (far, near), shape, grid.points[0])
+        points = ranks.total(float(area))
+    return max(float(points), 0.0) / grid.size
+
+
+def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
+    """Return a field, flat, with some rows of the neighbours before and after those of this rank."""
+    if not rows:
+        return field.ravel()
+    before, after = grid.halo(field, rows, rows)
+    return np.concatenate((before.ravel(), field.ravel(), after.ravel()))
+
+
+@kernel(inner=True)
+def _edge(
+    touching: BoolArray,
+    pressure: FloatArray,
+    gap: FloatArray,
+    line: Line,
+    marks: Line,
+    farthest: int,
+    step: int,
+) -> float:
+    """Place of the edge between a point in contact and the next along a line, in spacings from the point.
+
+    A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
+    `line` that of pressure and gap, `marks` that of `touching`. Contact and gap are measured along `farthest`
+    points; step is 1 or -1.
+    """
+    start, span, many, place = marks
+    first, stride, n, at = line
+    inside = _run(touching, start, span, many, place, -step, farthest)
+    outside = _run(touching, start, span, many, (place + step) % many, step, farthest)
+    s0 = max(pressure[first + at * stride], 0.0) ** 2
+    s1 = max(pressure[first + (at - step) % n * stride], 0.0) ** 2 if inside > 1 else 0.0
+    q0 = max(gap[first + (at + step) % n * stride], 0.0) ** (2.0 / 3.0)
+    q1 = max(gap[first + (at + 2 * step) % n * stride], 0.0) ** (2.0 / 3.0) if outside > 1 else 0.0
+    beta = -1.0 / inside
+    if outside < FARTHEST:
+        angle = math.pi * inside / (inside + outside)
+        beta = math.pi / (inside + outside) * (2.0 * math.tan(angle / 2.0) - 1.0 / math.tan(angle))
+    c, by_both = 0.5, 1.0
+    for _ in range(4):
+        a0, a1 = s0 / (1.0 + beta * min(c, 0.9)), s1 / (1.0 + beta * (1.0 + min(c, 0.9)))
+        b0, b1 = q0 / (1.0 - beta / 5.0 * (1.0 - c)), q1 / (1.0 - beta / 5.0 * (2.0 - c))
+        if not (a1 > a0 and b1 > b0):
+            break
+        c = a0 * (b1 - b0) / (a0 * (b1 - b0) + (a1 - a0) * b0)
+    else:
+        by_both = -T0 + math.sqrt(c) + T1 * math.sqrt(c * (1.0 - math.sqrt(c)))
+    u, by_gap = 0.5, 1.0
+    for _ in range(4):
+        b0, b1 = q0 / (1.0 - beta / 5.0 * u), q1 / (1.0 - beta / 5.0 * (1.0 + u))
+        if not b0 < WIDEST * (b1 - b0):
+            break
+        u = b0 / (b1 - b0)
+    else:
+        by_gap = 1.0 - T0 - u**1.5 * (U0 + U1 * u + U2 * u**2)
+    t = min(by_both, by_gap)
+    return t if t < 1.0 else 0.5
+
+
+@kernel(inner=True)
+def _run(touching: BoolArray, start: int, span: int, many: int, place: int, step: int, farthest: int) -> int:
+    """Points along a line from one on that are all in contact or all out of it, as many as are measured."""
+    state, found = touching[start + place * span], 0
+    while found < farthest and touching[start + place * span] == state:
+        found += 1
+        place += step
+        place = place - many if place == many else (many - 1 if place < 0 else place)
+    return found
+
+
+@kernel
+def _length(touching: BoolArray, pressure: FloatArray, gap: FloatArray) -> float:
+    """Length of the contact of a line, in spacings: one for each point, and the edges beyond their halves."""
+    n, length = touching.size, 0.0
+    for i in range(n):
+        if touching[i]:
+            length += 1.0
+            for step in (-1, 1):
+                if not touching[(i + step) % n]:
+                    line = 0, 1, n, i
+                    length += _edge(touching, pressure, gap, line, line, min(n, FARTHEST), step) - 0.5
+    return length
+
+
+@kernel
+def _area(
+    touching: BoolArray,
+    pressure: FloatArray,
+    gap: FloatArray,
+    before: tuple[int, int],
+    shape: tuple[int, int],
+    period: int,
+) -> float:
+    """Area of the contact of a surface, in cells of the grid, each with a point at its corners.
+
+    The rows are those of a shape; before and after them come further ones, so many in `touching` and in the
+    other fields, or none where the rows are all of the period.
+    """
+    area, t, corners = 0.0, np.empty(4), np.empty(4, np.bool_)
+    (far, near), (rows, columns) = before, shape
+    above = np.empty(columns)  # places of the edge along the sides that the last row of cells has below
+    for i in range(rows):
+        below = i + 1 if far or i + 1 < rows else 0
+        here, there = (far + i) * columns, (far + below) * columns
+        upper, lower = touching[here : here + columns], touching[there : there + columns]
+        for j in range(columns):
+            right = j + 1 if j + 1 < columns else 0
+            first, second, third, other = upper[j], upper[right], lower[j], lower[right]
+            if first == second == third == other:
+                area += first
+                continue
+            # Corners in turn around the cell; side k lies between the corners k and k + 1.
+            corners[0], corners[1], corners[2], corners[3] = first, second, other, third
+            t[0], t[3] = above[j], t[1]
+            for k in range(4):
+                shared = (k == 0 and i > 0) or (k == 3 and j > 0)
+                if shared or corners[k] == corners[(k + 1) & 3]:
+                    continue
+                along_row, forward = k % 2 == 0, corners[k] == (k < 2)
+                step = 1 if forward else -1
+                if along_row:
+                    row, at = i if k == 0 else below, j if forward else right
+                    line, marks = (
+                        ((near + row) * columns, 1, columns, at),
+                        ((far + row) * columns, 1, columns, at),
+                    )
+                    farthest = min(columns, FARTHEST)
+                else:
+                    column, at = right if k == 1 else j, i if forward else below
+                    line = column, columns, rows + 2 * near, near + at
+                    marks = column, columns, rows + 2 * far, far + at
+                    farthest = min(period, FARTHEST)
+                t[k] = _edge(touching, pressure, gap, line, marks, farthest, step)
+            above[j] = t[2]
+            area += _polygon(corners, t, corners.sum())
+    return area
+
+
+@kernel(inner=True)
+def _polygon(corners: BoolArray, t: FloatArray, count: int) -> float:
+    """Part of a cell inside the contact, from the places of the edge along its sides."""
+    area = 1.0 if count == 3 else 0.0
+    for k in range(4):
+        before = (k + 3) & 3
+        differs = corners[k] != corners[(k + 1) & 3] and corners[k] != corners[before]
+        if differs and corners[k]:
+            area += t[k] * t[before] / 2.0  # a corner in contact, alone or opposite another
+        elif differs and count == 3:
+            area -= (1.0 - t[k]) * (1.0 - t[before]) / 2.0
+        elif count == 2 and corners[k] != corners[(k + 1) & 3]:
+            area += 0.0 if differs else t[k] / 2.0
+    return area

@@ -330,7 +330,7 @@ _FILM = "Shenoy and Sharma, Phys. Rev. Lett. 86 (2001) 119"
 _DELAY = "equation of the uniform mode, by an adaptive Runge-Kutta method"
 
 _GAP, _INSULATION, _VOLTAGE = 2e-3, 1e-3, 1.0
-_THICKNESS, _POISSON = 0.05, 0.2  # compressible enough for the uniform mode to be the softest
+_THICKNESS, _POISSON = 0.05, 0.2  # compressible enough for the uniform mode to be the lowest
 _FLAT = {"shape": "sinusoid", "amplitude": 1e-12, "wavelength": 1.0}
 
 
@@ -371,15 +371,15 @@ def pull_in(_quick: bool) -> Iterator[Row]:
 def flat_film(_quick: bool) -> Iterator[Row]:
     """The wavelength at which a flat incompressible film becomes unstable under a punch at a distance.
 
-    The flat state ends where the attraction falls with the gap faster than the softest wave of the film is
+    The flat state ends where the attraction falls with the gap faster than the lowest mode of the film is
     stiff: 6.2229 G/d, at q d = 2.1196. The grid has waves at steps of 2 pi d/L = 0.1 in q d. Heights of 1e-5
     of the gap choose the phase, and lower the threshold by a part of the order of (1e-5)^(2/3).
     """
     period = 2 * math.pi * 10 * _THICKNESS
     q = 2 * math.pi / period * np.arange(1, 65)
     stiffness = LayeredHalfspace(_THICKNESS, 0.5, math.inf).stiffness(q, 1.0)
-    softest = int(np.argmin(stiffness))
-    square = float(stiffness[softest]) * (_GAP + _INSULATION) ** 3
+    lowest = int(np.argmin(stiffness))
+    square = float(stiffness[lowest]) * (_GAP + _INSULATION) ** 3
     motion = {"kind": "approach_retract", "start": -1.5 * _GAP, "depth": 0.0, "final": -2 * _GAP,
               "approach_speed": _GAP, "retract_speed": _GAP}  # fmt: skip
     rough = {

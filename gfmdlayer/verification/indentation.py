@@ -11,8 +11,7 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.indentation.isolated import IsolatedIndentation
-from gfmdlayer.indentation.solve import follow, on_steps
-from gfmdlayer.indentation.space import History
+from gfmdlayer.indentation.solve import History, follow, on_steps
 from gfmdlayer.punch.revolution import Revolution, cone, flat, paraboloid, sphere
 from gfmdlayer.verification.rows import Row
 from gfmdlayer.verification.runs import ONE_STEP, run

@@ -24,7 +24,7 @@ from benchmarks.tables import Cell, Effort, Table
 
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.fire import Fire
-from gfmdlayer.contact.newton import loop, solver
+from gfmdlayer.contact.newton import solver
 from gfmdlayer.contact.newton.passes import begin
 from gfmdlayer.contact.newton.solver import Newton
 from gfmdlayer.contact.problem import Problem, Solution, Solver
@@ -225,7 +225,7 @@ class _Ablation(NamedTuple):
 
 
 def _in_step(**replaced: object) -> dict[str, Any]:
-    return {"_find_step": with_globals(loop._find_step, replaced)}
+    return {"_find_step": with_globals(solver._find_step, replaced)}
 
 
 _ABLATIONS = (
@@ -246,7 +246,7 @@ def _ablations(courses: list[_Course]) -> Table:
         replaced = ablation.loop()
         patches = [
             *ablation.others,
-            *([("iterate", with_globals(loop.iterate, replaced))] if replaced else []),
+            *([("iterate", with_globals(solver.iterate, replaced))] if replaced else []),
         ]
         with ExitStack() as stack:
             for attribute, value in patches:

@@ -19,8 +19,7 @@ from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Zener
 from gfmdlayer.config import Config
-from gfmdlayer.indentation.solve import follow
-from gfmdlayer.indentation.space import History
+from gfmdlayer.indentation.solve import History, follow
 from gfmdlayer.model import simulate, warm_up
 from gfmdlayer.punch.revolution import sphere
 from gfmdlayer.simulation import Case

@@ -72,16 +72,16 @@ def assert_consistent(found: Solution, problem: Problem, shape: tuple[int, ...] 
     # Both solvers divide by kappa and this multiplies by it: rounding is that of the stiffest mode.
     rounding = 1e-12 * max(np.abs(problem.stiffness * spectrum.ravel()).max(), np.abs(found.pressure).max())
     rounding += 1e-15 * problem.stiffness.max() * np.abs(h).max()
-    softest = problem.stiffness[problem.stiffness > 0].min()
+    lowest = problem.stiffness[problem.stiffness > 0].min()
     assert (gap >= 0).all()
-    scale = rounding / softest + 1e-15 * size * max(np.abs(u).max(), np.abs(h).max())
+    scale = rounding / lowest + 1e-15 * size * max(np.abs(u).max(), np.abs(h).max())
     np.testing.assert_allclose(found.spectrum, spectrum.ravel(), atol=scale)
     stress = problem.intercept - problem.stiffness * spectrum.ravel()
     force = np.fft.irfftn(
         stress.reshape(spectrum.shape), s=shape or (size,), axes=tuple(range(spectrum.ndim))
     ).ravel()
     multiplier = found.pressure - force
-    assert np.ptp(multiplier) <= rounding * problem.stiffness.max() / softest
+    assert np.ptp(multiplier) <= rounding * problem.stiffness.max() / lowest
     if problem.mean_is_fixed:
         assert abs(u.mean()) <= 1e-14 * max(np.abs(u).max(), np.abs(h).max())
     elif problem.mean_pressure is None:
@@ -146,7 +146,7 @@ def test_all_solvers_agree_at_equal_residual(dense_contact, shape, condition) ->
         Fire(transforms, mass_weighted=weighted).solve(problem, zero, TOLERANCE) for weighted in (False, True)
     ]
     depth, largest = -answers[0].displacement.min(), answers[0].pressure.max()
-    # A stray pressure of TOLERANCE p_max at the free points moves the softest mode, and all modes with it.
+    # A stray pressure of TOLERANCE p_max at the free points moves the lowest mode, and all modes with it.
     spread = problem.stiffness.max() / problem.kappa_1
     off = 2 * np.sqrt(zero.size) * TOLERANCE * max(1.0, largest / (problem.kappa_1 * depth))
     for found in answers:
@@ -484,7 +484,7 @@ def test_an_elastic_contact_shrinks_as_it_grew(loads: bool, method: Method) -> N
         assert found.converged
         assert_consistent(found, problem)
         prediction.remember(
-            time, found.pressure, problem.obstacle - found.displacement, kink=time == steps - 1
+            time, found.pressure, problem.obstacle - found.displacement, at_breakpoint=time == steps - 1
         )
         # No history: the way back is the way there, to the tolerance through the stiffest mode.
         assert areas.setdefault(step, found.contact_area) == found.contact_area

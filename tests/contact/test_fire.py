@@ -107,11 +107,11 @@ def test_rough_contact_of_a_body_with_a_history(
     assert found.converged
     assert found.residual <= TOLERANCE
     # With the contact set right, a stray pressure of TOLERANCE p_max at the free points or a stray gap of
-    # TOLERANCE depth at the others is all that is wrong: the softest mode turns the one into a displacement,
+    # TOLERANCE depth at the others is all that is wrong: the lowest mode turns the one into a displacement,
     # the stiffest the other into a pressure.
-    softest, stiffest = problem.kappa_1, problem.stiffness.max()
-    scale = max(pressure.max(), softest * -u.min())
-    off = 2 * np.sqrt(u.size) * TOLERANCE * scale / softest * (stiffest / softest)
+    lowest, stiffest = problem.kappa_1, problem.stiffness.max()
+    scale = max(pressure.max(), lowest * -u.min())
+    off = 2 * np.sqrt(u.size) * TOLERANCE * scale / lowest * (stiffest / lowest)
     assert np.abs(found.displacement - u).max() <= off
     assert np.abs(found.pressure - pressure).max() <= off * stiffest
     np.testing.assert_allclose(found.mean_pressure, pressure.mean(), rtol=1e-7)

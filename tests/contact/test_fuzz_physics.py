@@ -128,7 +128,7 @@ def cases(draw: st.DrawFn) -> tuple[dict[str, Any], str | None]:
     tau = material.characteristic_time or material.maxwell_branches[0][1]
     control = draw(st.sampled_from(["depth", "depth", "load"]))
     most = 0.95 * height
-    if control == "load":  # up to what presses the softest mode flat
+    if control == "load":  # up to what presses the lowest mode flat
         kappa, _ = Case(bare).integrator.terms(0.0)
         most = 2 * float(kappa[1:].min()) * height
     # Gaps are known to 1e-16 of the heights. A load that presses less than this over the tolerance deep makes

@@ -297,7 +297,7 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
         )
         assert newton.converged
         assert fire.converged
-        # Both within 1e-9 of the strength; the softest mode less the curvature is a third of kappa_1.
+        # Both within 1e-9 of the strength; the lowest mode less the curvature is a third of kappa_1.
         np.testing.assert_allclose(newton.gap, fire.gap, atol=10 * 1e-9 * law.strength / HALFSPACE[1])
         np.testing.assert_allclose(newton.pressure, fire.pressure, atol=100 * 1e-9 * law.strength)
         assert newton.released_energy == 0
@@ -305,7 +305,7 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
 
 
 def film() -> tuple[Floats, InterfaceLaw, float]:
-    """Stiffness of a film, a law, and the gap at which -w'' is the stiffness of its softest wave."""
+    """Stiffness of a film, a law, and the gap at which -w'' is the stiffness of its lowest mode."""
     q = Grid((N,), (1.0,)).wavenumbers
     kappa = 4.0 * np.where(q > 0, q * (0.2 + (10 / np.maximum(q, 1)) ** 2), 0)
     law = Exponential(work=1.0, range=0.05).interaction()
@@ -332,10 +332,10 @@ def test_a_film_that_is_even_beyond_its_stability_keeps_its_mean_as_the_punch_mo
 ) -> None:
     # Even gaps are in balance at any mean, so that balance does not tell whether the surface has moved.
     kappa, law, gap = film()
-    softest = np.cos(2 * np.pi * int(np.argmin(kappa[1:]) + 1) * np.arange(N) / N)
+    lowest = np.cos(2 * np.pi * int(np.argmin(kappa[1:]) + 1) * np.arange(N) / N)
     before, after = (1 - past) * gap, (1 - 2 * past) * gap
     newton = Newton(Transforms((N,)))
-    found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * softest, 1e-6)
+    found = newton.solve(problem(kappa, np.full(N, after), law), before + uneven * law.range * lowest, 1e-6)
     assert found.converged
     assert abs(found.displacement.mean()) < 1e-12 * law.range
 

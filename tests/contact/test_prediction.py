@@ -59,7 +59,7 @@ def test_the_contact_is_right_to_the_point_where_its_edge_obeys_the_square_root(
     # The contact has to grow for mu to be learned, before it may shrink.
     for time in (-7.0, -6.0, -5.0, -4.0):
         pressure, gap = edge_law(0.3 + 0.05 * time)
-        prediction.remember(time, pressure, gap, kink=time == -4.0)
+        prediction.remember(time, pressure, gap, at_breakpoint=time == -4.0)
     for step in range(1, 5):
         prediction.remember(step, *edge_law(squared_width(step)))
     last, _ = edge_law(squared_width(4))
@@ -80,10 +80,10 @@ def test_a_contact_that_has_not_moved_yet_is_kept() -> None:
     np.testing.assert_array_equal(prediction.at(3) > 0, edge_law(0.3)[0] > 0)
 
 
-def test_a_kink_forgets_what_came_before() -> None:
+def test_steps_before_a_breakpoint_do_not_count() -> None:
     prediction = PressurePrediction(X.size)
     for step in range(6):
-        prediction.remember(step, *edge_law(0.3 + 0.01 * step), kink=step == 5)
+        prediction.remember(step, *edge_law(0.3 + 0.01 * step), at_breakpoint=step == 5)
     np.testing.assert_array_equal(prediction.at(5.7), edge_law(0.35)[0])
     prediction.remember(6, *edge_law(0.37))
     expected, _ = edge_law(0.39)  # two steps make a straight line

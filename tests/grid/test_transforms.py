@@ -59,7 +59,7 @@ def test_plans_of_the_same_wisdom_are_made_once_and_live_as_long_as_they_are_use
     known, expected = first.wisdom, first.forward(u)
     informed = Transforms(shape, known)
     assert Transforms(shape, known).plans == informed.plans
-    assert Transforms((96,), known).shorter(2).plans == informed.plans
+    assert Transforms((96,), known).for_window(2).plans == informed.plans
     forget_wisdom()
     for _ in range(3):  # new plans, which would take the place of old ones that are gone
         Transforms(shape)

@@ -23,8 +23,7 @@ from gfmdlayer.contact.problem import Problem
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.grid.transforms import Transforms
-from gfmdlayer.history.mode_kernels import exponential
-from gfmdlayer.history.modes import Modes
+from gfmdlayer.history.modes import Modes, exponential
 from gfmdlayer.history.sliding_modes import SlidingModes, phi_functions
 from gfmdlayer.time_functions import Constant, Table, distance
 

@@ -9,8 +9,7 @@ import pytest
 
 from gfmdlayer import LayeredHalfspace, Prony
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.solve import Indentation, follow
-from gfmdlayer.indentation.space import History
+from gfmdlayer.indentation.solve import History, Indentation, follow
 from gfmdlayer.punch import revolution
 from gfmdlayer.punch.revolution import Revolution
 

@@ -14,8 +14,15 @@ from gfmdlayer import LayeredHalfspace, Prony, Zener
 from gfmdlayer.body.body import ViscoelasticLayer
 from gfmdlayer.body.materials import Material
 from gfmdlayer.indentation.isolated import IsolatedIndentation
-from gfmdlayer.indentation.solve import follow, on_halved_steps, on_steps, work_done
-from gfmdlayer.indentation.space import History, find_space, make_space
+from gfmdlayer.indentation.solve import (
+    History,
+    find_space,
+    follow,
+    make_space,
+    on_halved_steps,
+    on_steps,
+    work_done,
+)
 from gfmdlayer.punch import revolution
 from gfmdlayer.punch.revolution import Revolution
 

@@ -12,8 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gfmdlayer.config import Config
-from gfmdlayer.history.mode_kernels import exponential
-from gfmdlayer.history.modes import SCHEMES
+from gfmdlayer.history.modes import SCHEMES, exponential
 from gfmdlayer.interface.law import HARD_WALL
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.simulation import Case

@@ -17,9 +17,8 @@ from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.model import simulate
-from gfmdlayer.observables import contact_edges
-from gfmdlayer.observables.contact_edges import T0
-from gfmdlayer.observables.contact_statistics import closed_gap, in_contact
+from gfmdlayer.observables import contact_statistics
+from gfmdlayer.observables.contact_statistics import T0, closed_gap, in_contact
 from gfmdlayer.verification.runs import Recording
 
 Floats = NDArray[np.float64]
@@ -29,7 +28,7 @@ RADIUS = 0.25
 
 def interpolated_area(touching: Any, pressure: Floats, gap: Floats) -> float:
     grid = Grid(touching.shape, (1.0,) * touching.ndim)
-    return contact_edges.interpolated_area(touching, pressure, gap, grid)
+    return contact_statistics.interpolated_area(touching, pressure, gap, grid)
 
 
 def pressed(punch: Floats, load: float) -> tuple[Problem, Solution]:

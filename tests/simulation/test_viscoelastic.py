@@ -218,7 +218,7 @@ def test_units_do_not_matter(units: dict[str, float], integrator: str, run: Run)
     np.testing.assert_array_equal(other_p, p * units.get("moduli", 1.0))
 
 
-# Two solutions within 1e-10 of the exact one: a pressure left over is a displacement by the softest mode and
+# Two solutions within 1e-10 of the exact one: a pressure left over is a displacement by the lowest mode and
 # again a pressure by the stiffest, 128 times as stiff; and as much for the norm over the points.
 CLOSE = 128 * 128 * 1e-10
 

@@ -393,10 +393,10 @@ class Windows:
         while result.iterations < limit and (part := self._largest_part(extent, part)):
             spent, window = self._window(part)
             arguments = window, _origin(extent, window), surface, guess, problem.applied_pressure
-            done, whole, shorter, more, overlap, assessment, state = solve(
+            done, whole, inside, more, overlap, assessment, state = solve(
                 *arguments, tolerance, rounds, limit - result.iterations
             )
-            taken = result.transforms + spent + whole + shorter / part ** len(self._shape)
+            taken = result.transforms + spent + whole + inside / part ** len(self._shape)
             result = WindowResult(taken, result.iterations + more)
             if not done:
                 break
@@ -425,15 +425,15 @@ class Windows:
         if part in self._current:
             return 0, self._made[part][1]
         if part not in self._made:
-            shorter = self._transforms.shorter(part)
-            self._made[part] = shorter, _make_window(shorter, _two(self._shape))
-        shorter, window = self._made[part]
+            transforms = self._transforms.for_window(part)
+            self._made[part] = transforms, _make_window(transforms, _two(self._shape))
+        transforms, window = self._made[part]
         taken = 0 if self._kernel_is_known else 1
         if taken:
             self.make_kernel()
         shared = {name: getattr(self._system, name) for name in ("floor", "load_given", "mean_compliance")}
         window = window._replace(system=window.system._replace(**shared))
-        self._made[part] = shorter, window
+        self._made[part] = transforms, window
         restrict(window, self._kernel, self._system.stiffness)
         self._current.add(part)
         return taken, window

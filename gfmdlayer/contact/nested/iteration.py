@@ -29,8 +29,7 @@ import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.nested import passes
-from gfmdlayer.contact.nested.passes import Move, ParallelPasses
-from gfmdlayer.contact.nested.stencil import REACH, stencil
+from gfmdlayer.contact.nested.passes import REACH, Move, ParallelPasses, stencil
 from gfmdlayer.contact.problem import Problem
 from gfmdlayer.contact.residual import ResidualFloor, scales
 from gfmdlayer.grid.grid import Grid

@@ -27,7 +27,7 @@ Linear systems are solved on the free points by conjugate gradients in single pr
 evaluated in double. The preconditioner is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than
 the body (`passes.precondition`); an iteration takes two FFT pairs. A direction of negative curvature ends
 them and begins a descent. Points that a step drives through the wall are put onto it; if that turns the step
-uphill, a shorter one of the descent takes its place. In balance `lowest_mode` looks for a deformation of
+uphill, a shorter one of the descent takes its place. In balance `find_margin` looks for a deformation of
 negative curvature, which no symmetry hides.
 """
 
@@ -36,18 +36,415 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import FloatArray
-from gfmdlayer.contact.newton.loop import IN_SINGLE, NewtonFields, Progress, hold, is_lost, iterate
-from gfmdlayer.contact.newton.lowest_mode import LowestMode, find_margin, leave
-from gfmdlayer.contact.newton.passes import AdhesiveState, AdhesiveSystem, Step
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.newton.passes import (
+    AdhesiveState,
+    AdhesiveSystem,
+    Step,
+    apply,
+    balance,
+    begin,
+    compare,
+    lost,
+    minimise,
+    move,
+    precondition,
+    set_interaction,
+    set_stress,
+    shorten,
+)
 from gfmdlayer.contact.pressure_form import trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution, project
-from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.grid.transforms import Plans, Transforms
+from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import State
+
+_INEXACT = 0.1  # part of the force that the conjugate gradients may leave, at most
+_WELL_WITHIN = 0.3  # part of the tolerance that they aim at in the end
+_SHORTEST = 1 / 16  # part of the motion of the punch, at least, between two states of a branch
+_CHANGE = 0.5  # largest error of the traction in a step along a branch, over the strength
+_RESOLVED = 0.3  # likewise down the energy
+_LONGER, _SHORTER = 8.0, 4.0  # growth and cut of the steps down the energy, at most
+_TOO_FAR = 0.25  # part of such a step that is taken at least
+_AT_REST = 0.1  # damping, over kappa_1, below which there is none
+_SETTLED = 0.1  # error of the traction in a step without damping at which the descent ends
+_OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
+_HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
+_NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_FAR = 1e300  # range of the hard wall
+_LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
+_OF_SUMS = 1e-12  # likewise over the largest displacement: what rounding leaves of a mean
+_ROUNDING = 1e-13  # of energies, over their parts
+IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
+
+
+class NewtonFields(NamedTuple):
+    """Work arrays."""
+
+    at: AdhesiveState
+    to: AdhesiveState
+    held: FloatArray
+    step: Step
+    spectrum: ComplexArray  # of u
+
+
+class Progress(NamedTuple):
+    """What one call of the loop hands to the next."""
+
+    done: float  # part of the motion of the punch, 1 where the traction that held the surface is gone
+    mean: float  # mean displacement at the beginning of that motion
+    damping: float
+    descends: bool
+    unstable: bool  # whether the descent has met an energy that is not convex
+    drop: float  # sum over the points of the energy lost in this descent
+    released: float  # likewise in those that have ended
+    pulled_off: bool
+    multiplier: float
+    residual: float
+    energy: float  # of the interface, sum over the points; NaN where the state has to be evaluated anew
+    pairs: float
+    iterations: int
+
+
+@kernel
+def is_lost(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
+    """Whether the energy lost in a descent is that of an instability.
+
+    The descent may also set right a step along the branch that has gone astray, by much less than the work of
+    adhesion of one point.
+    """
+    return unstable and drop > _NOTHING * system.strength * system.range
+
+
+@kernel(reorder=True)
+def iterate(  # noqa: C901  # compiled as one, for its many results
+    plans: Plans,
+    single: Plans,
+    system: AdhesiveSystem,
+    fields: NewtonFields,
+    given: Progress,
+    tolerance: float,
+    limit: int,
+) -> Progress:
+    """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
+
+    Where the residual is within the tolerance and the energy known, the spectrum is that of the state.
+    """
+    held, step = fields.held, fields.step
+    at, to, swapped = fields.at, fields.to, False
+    (
+        done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
+        pairs, _,
+    ) = given  # fmt: skip
+    iterations, settled, evaluated = 0, False, np.isnan(energy)
+    if evaluated:
+        set_stress(plans, system, at, fields.spectrum, step.spectrum)
+        energy = set_interaction(system, at)
+        pairs += 1.0
+    while True:
+        target = done if descends else 1.0
+        residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
+        mean = (1.0 - target) * mean0
+        lack = _lack(at.u, mean, mean0) if mean0 != 0.0 else 0.0
+        # A flat surface is in balance at any mean: the residual does not tell whether it has moved.
+        if (done == 1.0 and residual <= tolerance and lack == 0.0) or iterations == limit or pulled_off:
+            break
+        aim = tolerance * max(system.strength, step.pressure.max())
+        if descends and done < 1.0 and lack == 0.0 and (largest <= aim or settled):
+            released += drop if is_lost(system, drop, unstable) else 0.0
+            descends, unstable, drop, damping = False, False, 0.0, 0.0
+            continue
+        iterations += 1
+        inexact = min(_INEXACT, np.sqrt(residual)) if done == 1.0 else _INEXACT
+        spent, least = _find_step(single, system, at, step, damping, lack, _WELL_WITHIN * aim, inexact)
+        pairs += IN_SINGLE * spent
+        if least < 0.0:
+            done = done if descends else min(1.0, done + _SHORTEST)
+            descends, settled, unstable = True, False, True
+            # Where there is no curvature at all, as of a punch that is pulled off, a step by the range.
+            damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
+            continue
+        move(system, at, step, mean, to)
+        set_stress(plans, system, to, fields.spectrum, step.spectrum)
+        after = set_interaction(system, to)
+        pairs, evaluated = pairs + 1.0, False
+        first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+        most, way = (_RESOLVED if descends else _CHANGE), 1.0
+        if error > most:
+            way = 0.9 * np.sqrt(most / error)
+        if done == target and lack == 0.0 and last > _OVERSHOT * abs(first):
+            way = min(way, first / (first - last))
+        if way < 1.0:
+            if done < target and way < _TOO_FAR and way * (target - done) < _SHORTEST:
+                descends, settled, done, damping = True, False, min(1.0, done + _SHORTEST), system.kappa_1
+                continue
+            shorten(at, way, to)
+            after = set_interaction(system, to)
+            _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
+        change = elastic + after - energy
+        uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
+        if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
+            # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
+            descends, settled = True, False
+            damping = max(_SHORTER * damping, _AT_REST * system.kappa_1)
+            if damping > _HOPELESS * (system.kappa_1 + max(at.curvature.max(), -at.curvature.min())):
+                break
+            continue
+        at, to, swapped, energy, evaluated = to, at, not swapped, after, way == 1.0
+        if not descends:
+            done += way * (target - done)
+            continue
+        if lack == 0.0:
+            drop -= change
+            unstable = unstable or last < first  # the energy falls ever more steeply
+        settled = damping == 0.0 and way == 1.0 and error < _SETTLED
+        # The error grows as the square of the step, and the step as the inverse of the damping.
+        damping *= min(max(np.sqrt(error / _RESOLVED), 1.0 / _LONGER), 1.0) / way
+        damping = 0.0 if damping < _AT_REST * system.kappa_1 else damping
+        if system.load < 0.0 and not system.mean_is_fixed:
+            pulled_off = lost(system, at)
+    if swapped:
+        _copy(at, to)
+    iterations += given.iterations
+    residual = np.inf if lack != 0.0 else residual
+    return Progress(
+        done,
+        mean0,
+        damping,
+        descends,
+        unstable,
+        drop,
+        released,
+        pulled_off,
+        multiplier,
+        residual,
+        energy if evaluated or residual > tolerance else np.nan,
+        pairs,
+        iterations,
+    )
+
+
+@kernel(reorder=True, inner=True)
+def _lack(u: FloatArray, mean: float, mean0: float) -> float:
+    """Find what the mean has yet to make up of its change in the step, as a sum over the points."""
+    total, largest = 0.0, 0.0
+    for i in range(u.size):
+        total += u[i]
+        largest = max(largest, abs(u[i]))
+    lack = mean * u.size - total
+    return lack if abs(lack) > (_LIFTED * abs(mean0) + _OF_SUMS * largest) * u.size else 0.0
+
+
+@kernel(reorder=True, inner=True)
+def _find_step(
+    single: Plans,
+    system: AdhesiveSystem,
+    at: AdhesiveState,
+    step: Step,
+    damping: float,
+    lack: float,
+    floor: float,
+    inexact: float,
+) -> tuple[int, float]:
+    """Solve for a step; return the FFT pairs and the least curvature, as `minimise`."""
+    pairs = begin(single, system, at.curvature, step, damping, lack)
+    # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
+    unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
+    stiff = 2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300)))  # to which no digit is lost
+    for i in range(d.size):
+        d[i], force[i] = d[i] * (stiff / unit), force[i] / unit
+        step.stiffness[i] /= stiff
+    for k in range(step.kappa.size):
+        step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
+    step.point[0] *= stiff
+    turns, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
+    for i in range(d.size):
+        d[i] *= unit / stiff
+    return pairs + 2 * turns, least * stiff
+
+
+@kernel(inner=True)
+def _copy(source: AdhesiveState, target: AdhesiveState) -> None:
+    for i in range(source.u.size):
+        target.u[i] = source.u[i]
+        target.stress[i] = source.stress[i]
+        target.traction[i] = source.traction[i]
+        target.curvature[i] = source.curvature[i]
+
+
+@kernel(reorder=True)
+def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields) -> float:
+    """Find the traction that holds a surface where it is; return its energy as `set_interaction`."""
+    at, held, step = fields.at, fields.held, fields.step
+    set_stress(plans, system, at, fields.spectrum, step.spectrum)
+    energy = set_interaction(system, at)
+    held[:] = 0.0
+    balance(system, at, held, 0.0, step)
+    total, count = 0.0, 0.0
+    for i in range(held.size):
+        held[i] = step.free[i] * step.pressure[i]
+        total += held[i]
+        count += step.free[i]
+    if system.mean_is_fixed and count > 0.0:
+        for i in range(held.size):
+            held[i] -= step.free[i] * total / count
+    return energy
+
+
+# The lowest mode of the free points: whether a state is a minimum, and how far from an instability.
+#
+# The margin of a state is the least of
+#
+#     x.(K + w'')x / x.(K + kappa_1/2)x
+#
+# over all displacements x of the free points. Without attraction it is 1 or more; where a branch ends it
+# falls to zero as the square root of the distance to that point. A state in balance may be no minimum: an
+# even film stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by
+# itself, by preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517),
+# and kept from step to step, so that one turn of two FFT pairs follows it. Single precision knows the ratio
+# to 1e-6.
+
+_MOST = 30  # turns
+_STEADY = 0.02, 0.003  # fall of the margin in a turn, over itself and in all, at which it is known
+_KICK = 0.3  # change of the traction, over the strength, by which a state that is no minimum is left
+_KICKS = 8  # trials, each with a quarter of the last change
+
+
+class LowestMode(NamedTuple):
+    """The lowest mode x, and work arrays of the search for it, in single precision."""
+
+    x: Any
+    before: Any
+    d: Any
+    Kd: Any
+
+
+@kernel(reorder=True)
+def find_margin(
+    single: Plans, system: AdhesiveSystem, at: AdhesiveState, step: Step, lowest: LowestMode
+) -> tuple[float, float, float, int]:
+    """Improve the lowest mode.
+
+    Returns the margin, an upper bound which more turns lower; the curvature x.(K + w'')x and the attraction
+    -x.w''x over the sum of x^2; and the FFT pairs.
+    """
+    free, curvature, half, n = step.free, at.curvature, 0.5 * system.kappa_1, at.u.size
+    Kx, slope, w, Kw = step.direction, step.force, step.z, step.applied
+    x, before, d, Kd = lowest
+    begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
+    d[:], Kd[:] = 0.0, 0.0
+    _admit(system, free, x)
+    apply(single, step.kappa, x, step.work, Kx)
+    pairs, margin, last, across = 1, np.inf, np.inf, 1.0
+    for turn in range(_MOST + 1):
+        xHx, xBx = 0.0, 0.0
+        for i in range(n):
+            xHx += x[i] * (Kx[i] + curvature[i] * x[i])
+            xBx += x[i] * (Kx[i] + half * x[i])
+        if not xBx > 0.0:
+            return 1.0, 1.0, 0.0, pairs
+        last, margin = margin, xHx / xBx
+        if turn == _MOST or (turn > 0 and last - margin < _STEADY[0] * abs(margin) + _STEADY[1]):
+            break
+        for i in range(n):
+            before[i] = slope[i]
+            slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (curvature[i] - margin * half) * x[i])
+        _admit(system, free, slope)
+        precondition(single, step, slope, w)
+        _admit(system, free, w)
+        apply(single, step.kappa, w, step.work, Kw)
+        pairs += 2
+        previous, across, change = across, 0.0, 0.0
+        for i in range(n):
+            across += slope[i] * w[i]
+            change += (slope[i] - before[i]) * w[i]
+        beta = max(change / previous, 0.0) if turn > 0 else 0.0
+        xHd, dHd, xBd, dBd = 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            d[i], Kd[i] = beta * d[i] - w[i], beta * Kd[i] - Kw[i]
+            xHd += d[i] * (Kx[i] + curvature[i] * x[i])
+            dHd += d[i] * (Kd[i] + curvature[i] * d[i])
+            xBd += d[i] * (Kx[i] + half * x[i])
+            dBd += d[i] * (Kd[i] + half * d[i])
+        share = _lowest(xHx, xHd, dHd, xBx, xBd, dBd)
+        size = xBx + 2.0 * share * xBd + share * share * dBd
+        if not size > 0.0:
+            break
+        scale = 1.0 / np.sqrt(size)
+        for i in range(n):
+            x[i] = scale * (x[i] + share * d[i])
+            Kx[i] = scale * (Kx[i] + share * Kd[i])
+    square, attraction = 0.0, 0.0
+    for i in range(n):
+        square += x[i] * x[i]
+        attraction -= curvature[i] * x[i] * x[i]
+    return margin, xHx / square, attraction / square, pairs
+
+
+@kernel(inner=True)
+def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: float) -> float:
+    """Share s at which x + s d has the lowest ratio of H to B."""
+    # The derivative of the ratio vanishes: a s^2 + b s + c = 0.
+    a, b, c = dHd * xBd - xHd * dBd, dHd * xBx - xHx * dBd, xHd * xBx - xHx * xBd
+    root = np.sqrt(max(b * b - 4.0 * a * c, 0.0))
+    # Of both roots the one at which it rises afterwards: 2 a s + b > 0.
+    if b >= 0.0:
+        return -2.0 * c / (b + root) if b + root > 0.0 else 0.0
+    return (root - b) / (2.0 * a) if a != 0.0 else 0.0
+
+
+@kernel(reorder=True, inner=True)
+def _admit(system: AdhesiveSystem, free: FloatArray, x: Any) -> None:
+    """Take away what the constraints do not let move."""
+    total, count = 0.0, 0.0
+    for i in range(x.size):
+        x[i] *= free[i]
+        total += x[i]
+        count += free[i]
+    mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
+    for i in range(x.size):
+        x[i] -= mean * free[i]
+
+
+@kernel(reorder=True)
+def leave(
+    plans: Plans, system: AdhesiveSystem, at: AdhesiveState, to: AdhesiveState, step: Step, x: Any
+) -> tuple[float, int]:
+    """Leave a state that is no minimum along x, to the side where the energy is lower.
+
+    Returns the change of the energy, sum over the points, and the FFT pairs.
+    """
+    n, strongest = x.size, 1e-300
+    for i in range(n):
+        strongest = max(strongest, abs(at.curvature[i] * x[i]))
+    far, energy, pairs = _KICK * system.strength / strongest, set_interaction(system, at), 0
+    mean = at.u.mean() if system.mean_is_fixed else 0.0
+    for _ in range(_KICKS):
+        best, side = 0.0, 0.0
+        for sign in (1.0, -1.0, 0.0):
+            if sign == 0.0 and (side == 0.0 or side == -1.0):
+                break  # neither is lower, or the last is
+            for i in range(n):
+                step.d[i] = (sign if sign != 0.0 else side) * far * x[i]
+            move(system, at, step, mean, to)
+            set_stress(plans, system, to, step.spectrum, step.spectrum)
+            pairs += 1
+            change = set_interaction(system, to) - energy
+            for i in range(n):
+                change -= (0.5 * (at.stress[i] + to.stress[i]) + system.load) * (to.u[i] - at.u[i])
+            if change < best:
+                best, side = change, sign
+        if best < 0.0:
+            for i in range(n):
+                at.u[i] = to.u[i]
+            return best, pairs
+        far *= 0.25
+    return 0.0, pairs
+
 
 _CHUNK = 1 << 18  # points moved between two looks at signals, some 20 ms with the transforms of an iteration
 

@@ -34,8 +34,7 @@ from gfmdlayer.fitting.indentation.curve import CurveError, Drive, ForceCurve
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.indentation.indent import as_revolution
 from gfmdlayer.indentation.model import IsolatedContact
-from gfmdlayer.indentation.solve import on_halved_steps
-from gfmdlayer.indentation.space import History, LeftGridError, Space, find_space, make_space
+from gfmdlayer.indentation.solve import History, LeftGridError, Space, find_space, make_space, on_halved_steps
 from gfmdlayer.validation.problems import shown, unknown_key
 
 # The force of a model at the rows of a measured curve.
