@@ -44,22 +44,11 @@ def kernel(function: Function) -> Function: ...
 @overload
 def kernel(*, reorder: bool = False, inner: bool = False) -> Callable[[Function], Function]: ...
 def kernel(function: Any = None, *, reorder: bool = False, inner: bool = False) -> Any:
-    """Compile a function by Numba, without the interpreter's lock and with a cache on the disk.
+    """Compile a function by Numba at its first call, without the interpreter's lock, cached on the disk.
 
-    Parameters
-    ----------
-    function : callable
-        What to compile, at its first call.
-    reorder : bool
-        Whether sums may be reordered (`FASTMATH`), as vector units need it.
-    inner : bool
-        Whether other kernels alone call it. It then has no entry for Python, which takes longer to compile
-        than a short kernel where many arrays come in groups.
-
-    Returns
-    -------
-    callable
-        The compiled function, or a decorator where only options are given.
+    `reorder` allows to reorder sums (`FASTMATH`), as vector units need it. An `inner` kernel is called only
+    by other kernels: it has no entry for Python, which takes longer to compile than a short kernel where many
+    arrays come in groups.
     """
     if function is None:
         return lambda decorated: _compiled(decorated, reorder, inner)
@@ -109,18 +98,7 @@ def compiling() -> Iterator[None]:
 
 @cache
 def source_digest(module: Path) -> str:
-    """Digest of a module's source and of those of the package that it imports, directly or not.
-
-    Parameters
-    ----------
-    module : Path
-        The file of the module.
-
-    Returns
-    -------
-    str
-        Hexadecimal SHA-256, the same wherever the package lies.
-    """
+    """SHA-256 of a module's source and of those of the package that it imports, directly or not."""
     found: set[Path] = set()
     waiting = [module]
     while waiting:

@@ -205,19 +205,7 @@ class Model(ABC):
 def model_of(
     config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks | None = None
 ) -> Model:
-    """Return the model of a case.
-
-    Parameters
-    ----------
-    config : Config
-        The configuration of one case.
-    wisdom : str, optional
-        FFTW wisdom, where the bits of another run are to be reproduced.
-    threads : int
-        Threads that the transforms of a large grid may use.
-    ranks : Ranks, optional
-        The processes that compute the case together.
-    """
+    """Return the model of a case; the arguments are those of `Model`."""
     module, _, name = config.geometry.model.partition(":")
     made: Model = getattr(import_module(module), name)(config, wisdom, threads, ranks)
     return made

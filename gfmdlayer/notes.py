@@ -30,12 +30,7 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
 
     These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
     tables that end before the run does, a ramp that is not completed, defaults beside numbers in other units,
-    and interface laws that the grid does not resolve.
-
-    Raises
-    ------
-    TableError
-        If a file cannot be used.
+    and interface laws that the grid does not resolve. TableError if a file cannot be used.
     """
     every = list(configs)
     measured = dict.fromkeys(
@@ -50,13 +45,7 @@ def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
 
 
 def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
-    """Yield notes on the tables of cases that end before their runs do.
-
-    Raises
-    ------
-    TableError
-        If a table cannot be used.
-    """
+    """Yield notes on the tables of cases that end before their runs do."""
     from gfmdlayer.programme import Programme
 
     every = (
@@ -70,13 +59,7 @@ def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
 
 
 def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
-    """Yield notes on trajectories of which the equal steps of backward Euler pass over a part.
-
-    Raises
-    ------
-    TableError
-        If a table cannot be used.
-    """
+    """Yield notes on trajectories of which the equal steps of backward Euler pass over a part."""
     seen = set()
     for config in configs:
         given, time = config.trajectory, config.time

@@ -36,11 +36,7 @@ from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import Interaction
-from gfmdlayer.model import (
-    ConvergenceError,
-    make_body,
-    series_of,
-)
+from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
@@ -160,13 +156,7 @@ class Case:
 
     @cached_property
     def punch(self) -> FloatArray:
-        """Height of the punch above its lowest point, one value a point.
-
-        Raises
-        ------
-        TableError
-            If the heights come from a file that cannot be used, or are not finite.
-        """
+        """Height of the punch above its lowest point, one value a point; TableError from an unusable file."""
         with self.grid.ranks.agreeing(TableError):
             return np.ravel(fitting("the punch", self.config.punch.heights(self.grid), self.grid.shape))
 
@@ -359,13 +349,7 @@ class Case:
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
-        """Solve the contact problem of a step.
-
-        Raises
-        ------
-        ConvergenceError
-            If the solver's tolerance is not reached, and not for want of an equilibrium.
-        """
+        """Solve the contact problem of a step; ConvergenceError unless solved or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
         before, given = self.solver.state(), self.config.solver
         solution = self.solve(problem, time)

@@ -66,21 +66,9 @@ class Table:
 
     @classmethod
     def read(cls, file: Path, quantity: str, row_error: RowError | None = None) -> Table:
-        """Read the columns time and ``quantity``; the times start at 0 and increase.
+        """Read the columns time and `quantity`; the times start at 0 and increase, or TableError.
 
-        Parameters
-        ----------
-        file : Path
-            The file.
-        quantity : str
-            Name of the second column, for the messages.
-        row_error : callable, optional
-            From the numbers of a row to the reason why they cannot be used, if any.
-
-        Raises
-        ------
-        TableError
-            Naming file and line.
+        `row_error` returns the reason why the numbers of a row cannot be used, if any.
         """
         from gfmdlayer.files.tables import TableError, read_columns
 

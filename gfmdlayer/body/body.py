@@ -53,12 +53,7 @@ class Body(Protocol):
 def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
     """Return the internal variables of a body whose layers may have reduced times of their own.
 
-    Such a body has the method `internal_variables(waves)`, like `LayerStack`.
-
-    Raises
-    ------
-    TypeError
-        If the body does not offer them.
+    Such a body has the method `internal_variables(waves)`, like `LayerStack`; TypeError for any other.
     """
     offered = getattr(body, "internal_variables", None)
     if offered is None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gfmdlayer.body.materials import Law, PronySeries
+from gfmdlayer.body.materials import Law, PronySeries, TwoModuli
 from gfmdlayer.validation.fields import MustBe, NotNegative, Positive, strict
 from gfmdlayer.validation.problems import Problem
 
@@ -54,48 +54,18 @@ class ContinuousLaw(Law):
         )
 
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
-        """Return the Prony series that replaces the law, see `exponential_sums.prony_series`.
-
-        Raises
-        ------
-        ValueError, ArithmeticError
-            The range is empty; no series of a reasonable number of branches keeps to the tolerance.
-        """
+        """Return the Prony series that replaces the law, see `exponential_sums.prony_series`."""
         from gfmdlayer.body.exponential_sums import prony_series
 
         return prony_series(self, shortest, longest, self.tolerance if tolerance is None else tolerance)
 
 
-class _RelaxingLaw(ContinuousLaw):
+class _RelaxingLaw(TwoModuli, ContinuousLaw):
     """A law between two moduli, G(s) = Ginf - (Ginf - G0) R(s tau)."""
 
-    G0: Positive = 1.0
-    """relaxed shear modulus, for slow loads: pressure"""
-    Ginf: Positive = 10.0
-    """instantaneous shear modulus, for fast loads: pressure"""
-    tau: Positive = 1.0
-    """relaxation time: time"""
-
-    def problems(self) -> Iterator[Problem]:
-        """Refuse a modulus that grows with time."""
-        if self.Ginf < self.G0:
-            allowed = "must be a number >= G0 (relaxation softens)"
-            yield Problem(("Ginf",), f"got {self.Ginf!r}, below G0 = {self.G0!r}; {allowed}", ("G0",))
-
-    @property
-    def relaxed(self) -> float:
-        """Modulus G0."""
-        return self.G0
-
-    @property
-    def glassy(self) -> float:
-        """Modulus Ginf."""
-        return self.Ginf
-
-    @property
-    def characteristic_time(self) -> float:
-        """Relaxation time tau."""
-        return self.tau
+    def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
+        """G(t) by a contour integral."""
+        return _inverse_laplace(self, t)
 
 
 class HavriliakNegami(_RelaxingLaw):
@@ -132,10 +102,6 @@ class HavriliakNegami(_RelaxingLaw):
         """Modulus G(s)."""
         return _havriliak_negami(self, s, self.alpha, self.gamma)
 
-    def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
-        """G(t) by a contour integral."""
-        return _inverse_laplace(self, t)
-
 
 class FractionalZener(_RelaxingLaw):
     """G(s) = G0 + (Ginf - G0) (s tau)^a/(1 + (s tau)^a): a springpot in the place of the Zener dashpot.
@@ -164,10 +130,6 @@ class FractionalZener(_RelaxingLaw):
     def laplace(self, s: ArrayLike) -> NDArray[Any]:
         """Modulus G(s)."""
         return _havriliak_negami(self, s, self.exponent, 1.0)
-
-    def relaxation_modulus(self, t: ArrayLike) -> FloatArray:
-        """G(t) by a contour integral."""
-        return _inverse_laplace(self, t)
 
 
 class Kohlrausch(_RelaxingLaw):

@@ -224,30 +224,17 @@ class Elastic(Material):
         return ()
 
 
-class Zener(Material):
-    """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
+class TwoModuli(Law):
+    """A law that relaxes from the modulus Ginf to G0, in times around tau."""
 
-    One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
-
-    Examples
-    --------
-    >>> material = gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0)
-    >>> material.relaxation_modulus([0.0, 2.0])
-    array([10.        ,  4.31091497])
-    >>> gfmdlayer.Config(name="a", layer={"material": material}).layer.material.tau
-    2.0
-    """
-
-    model: Literal["zener"] = "zener"
-    """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
     G0: Positive = 1.0
     """relaxed shear modulus, for slow loads: pressure"""
     Ginf: Positive = 10.0
     """instantaneous shear modulus, for fast loads: pressure"""
     tau: Positive = 1.0
-    """relaxation time at constant strain: time"""
+    """relaxation time: time"""
 
-    __init__ = Material.__init__
+    __init__ = Law.__init__
 
     def problems(self) -> Iterator[Problem]:
         """Refuse a modulus that grows with time."""
@@ -266,14 +253,36 @@ class Zener(Material):
         return self.Ginf
 
     @property
-    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
-        """The branch (Ginf - G0, tau), or nothing where the two moduli are equal."""
-        return ((self.Ginf - self.G0, self.tau),) if self.Ginf > self.G0 else ()
-
-    @property
     def characteristic_time(self) -> float:
         """Relaxation time tau."""
         return self.tau
+
+
+class Zener(TwoModuli, Material):
+    """Standard linear solid, Eq. (5): G(t) = G0 + (Ginf - G0) exp(-t/tau).
+
+    One branch of modulus Ginf - G0, Eqs. (4) to (6). Equal moduli make the material elastic.
+
+    Examples
+    --------
+    >>> material = gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0)
+    >>> material.relaxation_modulus([0.0, 2.0])
+    array([10.        ,  4.31091497])
+    >>> gfmdlayer.Config(name="a", layer={"material": material}).layer.material.tau
+    2.0
+    """
+
+    model: Literal["zener"] = "zener"
+    """G(t) = G0 + (Ginf - G0) exp(-t/tau)"""
+    tau: Positive = 1.0
+    """relaxation time at constant strain: time"""
+
+    __init__ = Law.__init__
+
+    @property
+    def maxwell_branches(self) -> tuple[tuple[float, float], ...]:
+        """The branch (Ginf - G0, tau), or nothing where the two moduli are equal."""
+        return ((self.Ginf - self.G0, self.tau),) if self.Ginf > self.G0 else ()
 
 
 class Branch(Section):

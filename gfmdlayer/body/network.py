@@ -48,26 +48,13 @@ class Network:
 
     The surface stiffness is K(q, s) = free G_1(s) + g.g - g.B (1 + B^T B + s theta)^-1 B^T g, with the
     modulus G_1 of the uppermost layer.
-
-    Attributes
-    ----------
-    free : ndarray, shape (nq,)
-        Stiffness of the uppermost layer alone, for a unit modulus.
-    force : ndarray, shape (nq, redundant)
-        g.
-    coupling : ndarray, shape (nq, redundant, internal)
-        B.
-    times : ndarray, shape (internal,)
-        Retardation times theta_j of the materials, in the viscosities of the internal variables.
-    layer : ndarray of int, shape (internal,)
-        The layer whose material has this time, counted from the surface.
     """
 
-    free: FloatArray
-    force: FloatArray
-    coupling: FloatArray
-    times: FloatArray
-    layer: IntArray
+    free: FloatArray  # (nq,): stiffness of the uppermost layer alone, for a unit modulus
+    force: FloatArray  # g, (nq, redundant)
+    coupling: FloatArray  # B, (nq, redundant, internal)
+    times: FloatArray  # (internal,): retardation times theta_j of the materials
+    layer: IntArray  # (internal,): the layer whose material has this time, counted from the surface
 
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
@@ -88,39 +75,20 @@ class Network:
 
 
 class InternalVariables(NamedTuple):
-    """The internal variables of a body whose layers may have reduced times of their own, at wavenumbers q.
+    """The internal variables of a body whose layers may have reduced times of their own, at wavenumbers q."""
 
-    Attributes
-    ----------
-    uppermost : Spectrum
-        Relaxed stiffness of the body, and modes of the uppermost layer parallel to the network, shape (nq,).
-    network : Network
-        The other internal variables, at different wavenumbers where they are not negligible.
-    number : ndarray of int, shape (nq,)
-        Place of each q in the network; -1 where the network is negligible.
-    laws : tuple of int
-        For each layer of the network the number of its law, counted from the surface.
-    """
-
-    uppermost: Spectrum
-    network: Network
-    number: IntArray
-    laws: tuple[int, ...]
+    uppermost: Spectrum  # relaxed stiffness; modes of the uppermost layer, parallel to the network
+    network: Network  # the other internal variables, at different wavenumbers where they are not negligible
+    number: IntArray  # (nq,): place of each q in the network; -1 where the network is negligible
+    laws: tuple[int, ...]  # for each layer of the network the number of its law, counted from the surface
 
 
 def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> VectorSpectrum:
     """Return the modes of a network on which n displacements of the surface act.
 
-    K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g.
-
-    Parameters
-    ----------
-    force : ndarray, shape (nq, redundant, n)
-        g, real or complex.
-    coupling : ndarray, shape (nq, redundant, internal)
-        B.
-    times : ndarray, shape (internal,)
-        theta.
+    K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g, with
+    `force` g, real or complex, (nq, redundant, n), `coupling` B (nq, redundant, internal), `times` theta
+    (internal,).
     """
     softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
     relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
@@ -161,24 +129,12 @@ def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArr
 
 
 class Member(NamedTuple):
-    """The springs of one layer or halfspace, and its material.
+    """The springs of one layer or halfspace, and its material."""
 
-    Attributes
-    ----------
-    springs : Springs
-        Springs for a unit modulus.
-    material : Material
-        Shear response.
-    first : int
-        The first of the displacements that strain them.
-    confined : float
-        Compression per pressure of a layer that cannot widen, for a unit modulus; 0 where it does not count.
-    """
-
-    springs: Springs
+    springs: Springs  # for a unit modulus
     material: Material
-    first: int
-    confined: float
+    first: int  # the first of the displacements that strain them
+    confined: float  # compression per pressure of a layer that cannot widen, for a unit modulus; 0: ignored
 
 
 def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displacements: int) -> Network:

@@ -125,20 +125,11 @@ class VectorSpectrum:
     The components are displacements of the surface, and the tractions that do work on them: normal alone,
     normal and along the wave, or all three. K is Hermitian at real s; a component that is i times a real one
     makes it real. Each mode has one scalar state, driven by v^H u. A scalar mode of weight w is v = w^(1/2).
-
-    Attributes
-    ----------
-    relaxed : ndarray, shape (*q.shape, n, n)
-        K_0(q) = K(q, s = 0), Hermitian, not negative.
-    vectors : ndarray, shape (modes, *q.shape, n)
-        v_j(q); zero where a mode is left out.
-    times : ndarray, shape (modes, *q.shape)
-        theta_j(q) > 0.
     """
 
-    relaxed: NDArray[Any]
-    vectors: NDArray[Any]
-    times: FloatArray
+    relaxed: NDArray[Any]  # K_0(q), Hermitian, not negative, shape (*q.shape, n, n)
+    vectors: NDArray[Any]  # v_j(q), zero where a mode is left out, shape (modes, *q.shape, n)
+    times: FloatArray  # theta_j(q) > 0, shape (modes, *q.shape)
 
     @classmethod
     def of(cls, spectrum: Spectrum) -> VectorSpectrum:

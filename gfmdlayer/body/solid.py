@@ -158,15 +158,7 @@ def _with_laws(section: Any, materials: Iterator[Material]) -> Any:
 
 
 def fault(body: Body, waves: Wavevectors) -> str:
-    """Return why a body does not keep the promises of `Body` at some waves, if so.
-
-    Parameters
-    ----------
-    body : Body
-        The body.
-    waves : Wavevectors, shape (nq,)
-        Waves of the grid, q = 0 the first.
-    """
+    """Return why a body does not keep the promises of `Body` at waves of shape (nq,), q = 0 first, if so."""
     import numpy as np
 
     from gfmdlayer.body.wavevectors import Wavevectors

@@ -60,15 +60,7 @@ def _pair_seconds(shape: tuple[int, ...]) -> float:
 
 
 class CostModel:
-    """Seconds of a case, from those of finished cases.
-
-    Parameters
-    ----------
-    finished : iterable of (Config, float)
-        Finished cases and their seconds.
-    expected : callable
-        Estimate of the seconds of a case, up to a factor for each kind.
-    """
+    """Seconds of a case, from those of finished cases; `expected` is right up to a factor for each kind."""
 
     def __init__(
         self,

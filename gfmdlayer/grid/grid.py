@@ -192,19 +192,10 @@ NOWHERE: tuple[Stretch, Stretch] = ((0, 0), (0, 0))
 
 @kernel
 def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stretch, Stretch]:
-    """Shortest periodic intervals of the two axes that hold all points with pressure.
+    """Shortest periodic intervals of rows and of columns that hold all points with pressure > 0.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (rows * columns,)
-        Pressure; what is not positive, or NaN, counts as none.
-    shape : tuple of int
-        Rows and columns of the surface; a line has one row.
-
-    Returns
-    -------
-    tuple of two (int, int)
-        First row and number of rows, first column and number of columns; `NOWHERE` without pressure.
+    `pressure` has the shape (rows * columns,), and `shape` is (rows, columns); a line has one row. Without
+    pressure the intervals are `NOWHERE`.
     """
     rows, columns = shape
     in_row, in_column = np.zeros(rows), np.zeros(columns)

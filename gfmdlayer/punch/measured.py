@@ -25,13 +25,7 @@ class Profile(Shape):
     """.npy, or text with columns x and height"""
 
     def heights(self, grid: Grid) -> FloatArray:
-        """Heights of the file above the lowest, of the grid's shape.
-
-        Raises
-        ------
-        TableError
-            If the file does not hold finite heights for exactly the points of the grid.
-        """
+        """Heights above the lowest; TableError unless the file holds a finite one for each grid point."""
         from gfmdlayer.punch.height_files import read_profile
 
         return read_profile(self.file, grid)
@@ -43,15 +37,7 @@ class Profile(Shape):
 
 
 class Topography(Shape):
-    """A measured surface, whose summits touch first, and the steps that make it periodic.
-
-    Attributes
-    ----------
-    unit
-        Length of the file's unit.
-    taper
-        Part of the period over which the heights fade out.
-    """
+    """A measured surface, whose summits touch first, and the steps that make it periodic."""
 
     rough: ClassVar[bool] = True
 
@@ -73,13 +59,7 @@ class Topography(Shape):
     """fourier: to the points of the grid"""
 
     def heights(self, grid: Grid) -> FloatArray:
-        """Depths below the highest summit, of the grid's shape.
-
-        Raises
-        ------
-        TableError
-            If the file cannot be used.
-        """
+        """Depths below the highest summit, of the grid's shape; TableError if the file cannot be used."""
         return self._made_periodic(grid)[0]
 
     def notes(self, cell: Cell) -> list[str]:

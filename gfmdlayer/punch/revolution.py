@@ -28,24 +28,12 @@ _ROUNDING = 1e-6
 
 
 class Revolution(NamedTuple):
-    """A convex profile of revolution that touches at r = 0.
+    """A convex profile of revolution that touches at r = 0; arrays of shape (pieces,)."""
 
-    Attributes
-    ----------
-    rim : float
-        Radius at which the indenter ends; inf where it does not.
-    sphere : float
-        Radius of a sphere; 0 for the profiles that follow from the slopes.
-    knots : ndarray, shape (n,)
-        Radii at which the pieces begin; the first is 0.
-    constant, linear : ndarray, shape (n,)
-        Slope h'(r) = constant + linear r of each piece.
-    """
-
-    rim: float
-    sphere: float
-    knots: FloatArray
-    constant: FloatArray
+    rim: float  # radius at which the indenter ends; inf where it does not
+    sphere: float  # radius of a sphere; 0 for the profiles that follow from the slopes
+    knots: FloatArray  # radii at which the pieces begin; the first is 0
+    constant: FloatArray  # slope h'(r) = constant + linear r of each piece
     linear: FloatArray
 
 

@@ -85,20 +85,9 @@ class Analytic(Shape):
         return None
 
     def heights(self, grid: Grid, counts: tuple[int, ...] = (1,)) -> FloatArray:
-        """Heights on the grid.
+        """Heights of the grid's shape; `counts` copies fill the cell along each axis.
 
-        Parameters
-        ----------
-        grid : Grid
-            The grid.
-        counts : tuple of int
-            Copies that fill the cell along each axis, one after the other; the last number stands for the
-            axes that follow, too.
-
-        Returns
-        -------
-        ndarray
-            Of the grid's shape.
+        The last number also stands for the axes that follow.
         """
         import numpy as np
 

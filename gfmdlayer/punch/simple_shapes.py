@@ -51,13 +51,7 @@ class Parabola(Analytic):
         return sum(length**2 for length in cell.period) / (24 * self.radius)
 
     def revolution(self) -> Revolution:
-        """The paraboloid.
-
-        Raises
-        ------
-        ValueError
-            If it has two radii.
-        """
+        """The paraboloid; ValueError if it has two radii."""
         from gfmdlayer.punch.revolution import paraboloid
 
         return paraboloid(single("radius", self.radius))
@@ -162,13 +156,7 @@ class Flat(Analytic):
         return Problem(("width",), message, ("edge_radius",))
 
     def revolution(self) -> Revolution:
-        """The flat disc and the parabola outside.
-
-        Raises
-        ------
-        ValueError
-            If it is a rectangle.
-        """
+        """The flat disc and the parabola outside; ValueError for a rectangle."""
         from gfmdlayer.punch.revolution import of_pieces
 
         face, slope = single("width", self.width) / 2, 1 / self.edge_radius

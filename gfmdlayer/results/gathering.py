@@ -205,27 +205,9 @@ class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
     The first pass, here, finds the common times, columns and shared attributes of the cases; the second,
-    `curves`, reads the columns.
-
-    Parameters
-    ----------
-    records : sequence of CaseRecord
-        The cases, in the order of their numbers.
-    keys : sequence of str
-        The swept keys, dotted, in the order of the dimensions.
-    listed : bool
-        Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
-    unit : callable
-        Label of a unit, from its words.
-
-    Attributes
-    ----------
-    failed : dict
-        Number -> reason of the cases without results.
-    dimensions, shape : tuple
-        Names and lengths of the dimensions of the cases.
-    places : list of tuple
-        Indices of each case along them.
+    `curves`, reads the columns. `keys` are in the order of the dimensions; cases that are `listed` lie along
+    the one dimension `case`, even where they happen to be a product. `failed` has the reason for each case
+    without results, `places` the indices of each case along `dimensions`.
     """
 
     def __init__(

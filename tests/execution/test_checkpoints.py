@@ -14,8 +14,7 @@ import pytest
 
 from gfmdlayer import observables
 from gfmdlayer.config import Config
-from gfmdlayer.execution import case_run as cases
-from gfmdlayer.execution import checkpoints, interrupts, status
+from gfmdlayer.execution import case_run, interrupts, status
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.growth import claimed
 from gfmdlayer.execution.interrupts import Stopped
@@ -204,7 +203,7 @@ def test_a_checkpoint_of_version_0_2_is_named_as_one(tmp_path: Path) -> None:
 
 
 def run(folder: Folder, every: float = 0.0) -> str:
-    return cases.run_case(CASE, folder, checkpoint_every=every).state
+    return case_run.run_case(CASE, folder, checkpoint_every=every).state
 
 
 def arrays(folder: Folder) -> dict[str, bytes]:
@@ -342,8 +341,8 @@ def test_checkpoints_come_at_the_interval_and_cost_little(
         written.append(next(clock))
 
     monkeypatch.setattr(checkpoint, "write_checkpoint", write)
-    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: next(clock))
-    kept = checkpoints.Checkpoints(folder, 7, "abc", 1.0, lambda _: None)
+    monkeypatch.setattr(case_run.time, "monotonic", lambda: next(clock))
+    kept = case_run.Checkpoints(folder, 7, "abc", 1.0, lambda _: None)
     kept.journal([])
     kept.resume(CompositeState())
     for step in range(1000):

@@ -90,7 +90,7 @@ KILLED_AT = """
 import os, signal, sys
 from mpi4py import MPI
 from gfmdlayer.cli import main
-from gfmdlayer.execution.checkpoints import Checkpoints
+from gfmdlayer.execution.case_run import Checkpoints
 advance = Checkpoints.advance
 
 def killed_at(self, time):
