@@ -14,11 +14,12 @@ counts as the depth at which it would just touch.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
@@ -47,29 +48,6 @@ class Surface:
         return self.found - self.shift if self.shift else self.found
 
 
-class Loading(Resumable, Protocol):
-    """The quantity that is prescribed over time, and the punch."""
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The prescribed quantity as a function of time."""
-        ...
-
-    def problem(
-        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
-    ) -> Problem:
-        """Return the contact problem at the end of a step, from slopes, intercepts and loss stiffness."""
-        ...
-
-    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
-        """Surface and depth that belong to a solution."""
-        ...
-
-    def detach(self, time: float, end: float) -> bool:
-        """Detach a punch that is pulled off at a time; return whether it comes back before the end."""
-        ...
-
-
 @dataclass
 class DetachedInterval:
     """Times between which the punch is out of reach."""
@@ -83,13 +61,23 @@ class DetachedInterval:
 
 
 @dataclass(frozen=True)
-class _Prescribed:
-    """A punch, by its height above its lowest point, and its trajectory."""
+class Loading(Resumable):
+    """The punch, and the quantity that is prescribed over time."""
 
-    punch: FloatArray
+    punch: FloatArray  # height above its lowest point, one value a point
     trajectory: Trajectory
     interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
+
+    @abstractmethod
+    def problem(
+        self, kappa: FloatArray, b: ComplexArray, time: float, loss_stiffness: FloatArray | None = None
+    ) -> Problem:
+        """Return the contact problem at the end of a step, from slopes, intercepts and loss stiffness."""
+
+    @abstractmethod
+    def surface(self, solution: Solution, kappa: FloatArray, b: ComplexArray, time: float, /) -> Surface:
+        """Return surface and depth that belong to a solution."""
 
     @cached_property
     def height(self) -> float:
@@ -107,7 +95,7 @@ class _Prescribed:
         return DetachedInterval()
 
     def detach(self, time: float, end: float) -> bool:
-        """Detach the punch; return whether it comes back before the end."""
+        """Detach a punch that is pulled off at a time; return whether it comes back before the end."""
         corners = [time, *(point for point in self.trajectory.breakpoints if time < point < end), end]
         for before, after in pairwise(corners):
             if self.trajectory(after) > 0:
@@ -134,7 +122,7 @@ class _Prescribed:
 
 
 @dataclass(frozen=True)
-class DepthControl(_Prescribed):
+class DepthControl(Loading):
     """The depth of the punch is prescribed."""
 
     def problem(
@@ -153,7 +141,7 @@ class DepthControl(_Prescribed):
 
 
 @dataclass(frozen=True)
-class LoadControl(_Prescribed):
+class LoadControl(Loading):
     """The mean pressure is prescribed."""
 
     def problem(
