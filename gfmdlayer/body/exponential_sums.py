@@ -37,11 +37,9 @@ FLOOR = 0.1  # part of the tolerance that the relaxed modulus of a series has at
 NARROWEST = 10.0  # range of times
 MOST_BRANCHES = 100
 FEWER = 4  # attempts with one branch less
-# Measured over all laws, exponents from 0.2 to 0.97 and 3 to 12 decades.
-PER_DECADE = 12  # samples of the fit
-BRANCHES = (
-    0.095  # for each unit of the range in ln t and of the logarithm of 10/tolerance times d ln G/d ln t
-)
+# Measured over all laws, exponents from 0.2 to 0.97 and 3 to 12 decades. The branches are those for each unit
+# of the range in ln t and of the logarithm of 10/tolerance times d ln G/d ln t.
+PER_DECADE, BRANCHES = 12, 0.095  # samples of the fit
 MORE = math.log(1.5)  # logarithm of the factor by which a branch reduces the error
 ITERATIONS, UNWEIGHTED = 100, 8
 LONGEST_STEP = 1.0  # of ln tau

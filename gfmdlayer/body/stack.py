@@ -269,8 +269,5 @@ def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
     for k, weights, times in local:
         all_weights[: weights.size, k], all_times[: weights.size, k] = weights, times
     own_rows = np.repeat(own_times[:, np.newaxis], q.size, axis=1)
-    weights, times = (
-        np.concatenate((np.concatenate(own, axis=1), all_weights)),
-        np.vstack((own_rows, all_times)),
-    )
-    return Spectrum(relaxed, weights, times, error)
+    weights = np.concatenate((np.concatenate(own, axis=1), all_weights))
+    return Spectrum(relaxed, weights, np.vstack((own_rows, all_times)), error)

@@ -87,14 +87,11 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        with ranks(comm, prepare) as pool:
-            yield pool
-    elif jobs > 1:
-        with processes(jobs) as pool:
-            yield pool
+        chosen: AbstractContextManager[WorkerPool | None] = ranks(comm, prepare)
     else:
-        with alone() as pool:
-            yield pool
+        chosen = processes(jobs) if jobs > 1 else alone()
+    with chosen as pool:
+        yield pool
 
 
 @contextmanager
