@@ -24,7 +24,7 @@ from gfmdlayer.time_functions import Constant, RampHold, Table, Trajectory
 
 if TYPE_CHECKING:
     from gfmdlayer.history.reduced_time import ReducedTime
-    from gfmdlayer.interface.law import InterfaceLaw
+    from gfmdlayer.interface.law import Interaction
 
 
 class Programme:
@@ -86,7 +86,7 @@ class Programme:
         return found
 
     @cached_property
-    def interface(self) -> InterfaceLaw:
+    def interface(self) -> Interaction:
         """Interaction of surface and punch across the gap beside the hard wall, voltages included."""
         from gfmdlayer.interface.law import total
 

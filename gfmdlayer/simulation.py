@@ -35,7 +35,7 @@ from gfmdlayer.history.reduced_time import ReducedTime
 from gfmdlayer.history.sliding_modes import SlidingModes
 from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
-from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
 from gfmdlayer.observables import AcceptedStep, Observable, observables
 from gfmdlayer.observables.contact_statistics import closed_gap
@@ -60,7 +60,7 @@ class Parts(TypedDict, total=False):
     punch: FloatArray
     trajectory: Trajectory
     velocity: Constant | Table | None
-    interface: InterfaceLaw
+    interface: Interaction
     loading: Loading
     integrator: Integrator
     steps: Steps
@@ -171,7 +171,7 @@ class Case:
         return self.programme.velocity
 
     @property
-    def interface(self) -> InterfaceLaw:
+    def interface(self) -> Interaction:
         """Interaction of surface and punch across the gap, beside the hard wall."""
         return self.programme.interface
 

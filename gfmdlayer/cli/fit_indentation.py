@@ -23,10 +23,7 @@ EXAMPLE = (
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
-        "data",
-        metavar="DATA",
-        nargs="+",
-        help="files of curves (text, HDF5, AFM formats), or folders",
+        "data", metavar="DATA", nargs="+", help="files of curves (text, HDF5, AFM formats), or folders"
     )
     parser.add_argument(
         "--model",

@@ -73,10 +73,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "values in a range, thickness=0.1:0.5",
     )
     parser.add_argument(
-        "--x",
-        metavar="NAME",
-        default="",
-        help="time (default), a column, or a swept key; map: a swept key",
+        "--x", metavar="NAME", default="", help="time (default), a column, or a swept key; map: a swept key"
     )
     parser.add_argument(
         "--y",

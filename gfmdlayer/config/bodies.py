@@ -26,9 +26,7 @@ from gfmdlayer.validation.problems import InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_files, load_table
 
 # The first is meant where `kind` is left out.
-BODIES: dict[str, type[Solid]] = load_table(
-    "gfmdlayer.config.layers:Layers",
-)
+BODIES: dict[str, type[Solid]] = load_table("gfmdlayer.config.layers:Layers")
 
 
 class BodyFile(Section):
@@ -85,11 +83,7 @@ def _dumped(body: Solid, info: SerializationInfo) -> dict[str, Any]:
 def _of_file(given: Any) -> Solid:
     """Return the body of the class in a file.
 
-    Raises
-    ------
-    InconsistentError
-        The file cannot be read or run, or has not one class; or its keys have other values. The messages name
-        the file with the line, or the key.
+    The messages of an InconsistentError name the file with the line, or the key.
     """
     if isinstance(given, _OfFile):
         return given  # type: ignore[return-value]
@@ -131,10 +125,7 @@ def _restored(source: _Source, state: Any) -> Solid:
 def body_class(source: bytes, path: str) -> type[Solid]:
     """Run the code of a file, and return the class of the body in it.
 
-    Raises
-    ------
-    ValueError
-        If the code fails, or has not one class that derives from `Solid`; the message names file and line.
+    A ValueError if the code fails, or has not one class that derives from `Solid`; it names file and line.
     """
     module = ModuleType(f"gfmdlayer_body_{hashlib.sha256(source + path.encode()).hexdigest()[:16]}")
     module.__file__, module.__loader__ = path, _Source(source, path)  # type: ignore[assignment]

@@ -44,9 +44,7 @@ from gfmdlayer.validation.problems import Problem, shown
 from gfmdlayer.validation.sections import Section
 
 Points = Annotated[
-    int,
-    Field(strict=True, ge=8, lt=MANY),
-    MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]"),
+    int, Field(strict=True, ge=8, lt=MANY), MustBe("a whole number >= 8 and < 2^31, or two of them, [nx, ny]")
 ]
 Length = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or two of them, [Lx, Ly]")]
 Tolerance = Annotated[float, strict, Field(ge=1e-13, lt=1), MustBe("a number >= 1e-13 and < 1")]
@@ -180,8 +178,7 @@ def whole_steps(time: float, step: float) -> bool:
 
 Spacing = Annotated[float, strict, Field(gt=0), MustBe("a number > 0, finite, or a list of times")]
 Rows = Annotated[
-    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")],
-    number_or_list,
+    Annotated[Spacing, Tag("number")] | Annotated[tuple[NotNegative, ...], Tag("list")], number_or_list
 ]
 Bins = Annotated[int, Field(strict=True, ge=1, le=1000), MustBe("a whole number from 1 to 1000")]
 Snapshots = Annotated[

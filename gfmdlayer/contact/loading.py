@@ -24,7 +24,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import mean
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.resumable import Resumable, State
 from gfmdlayer.time_functions import Trajectory
 
@@ -33,27 +33,13 @@ Values = TypeVar("Values", FloatArray, ComplexArray)
 
 @dataclass(frozen=True)
 class Surface:
-    """Displacement of the surface and depth of the punch.
+    """Displacement of the surface and depth of the punch."""
 
-    Attributes
-    ----------
-    found : ndarray, one value a point
-        Displacement as the solver found it; length.
-    spectrum : ndarray of complex
-        Its unnormalised transform.
-    depth : float
-        Of the punch, below the height at which it touches the surface at rest; length.
-    response : float
-        The quantity that is not prescribed: the mean pressure, or the depth.
-    shift : float
-        Height at which the solver found it.
-    """
-
-    found: FloatArray
-    spectrum: ComplexArray
-    depth: float
-    response: float
-    shift: float = 0.0
+    found: FloatArray  # one value a point, displacement as the solver found it; length
+    spectrum: ComplexArray  # its unnormalised transform
+    depth: float  # of the punch, below the height at which it touches the surface at rest; length
+    response: float  # the quantity that is not prescribed: the mean pressure, or the depth
+    shift: float = 0.0  # height at which the solver found the displacement
 
     @property
     def displacement(self) -> FloatArray:
@@ -102,7 +88,7 @@ class _Prescribed:
 
     punch: FloatArray
     trajectory: Trajectory
-    interface: InterfaceLaw = HARD_WALL
+    interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
 
     @cached_property

@@ -64,15 +64,7 @@ class PivotedState(NamedTuple):
 
 
 class Pivoting:
-    """The linear algebra of one problem.
-
-    Attributes
-    ----------
-    transforms : int
-        Pairs of Fourier transforms so far.
-    rounds : int
-        Contact sets tried.
-    """
+    """The linear algebra of one problem; counts FFT pairs (`transforms`) and contact sets (`rounds`)."""
 
     def __init__(self, problem: Problem, transforms: Transforms, tolerance: float) -> None:
         self._problem, self._plans, self._tolerance = problem, transforms, tolerance
@@ -83,9 +75,8 @@ class Pivoting:
         stiff = problem.stiffness > 0
         self._compliance = (stiff / np.where(stiff, self._stiffness, 1)).astype(np.complex128)
         self._free_gap = problem.obstacle - self._field(self._compliance * problem.intercept)
-        self._influence: FloatArray | None = (
-            None  # gap at each point of a pressure at the first, for elimination
-        )
+        # Gap at each point of a pressure at the first one, for elimination.
+        self._influence: FloatArray | None = None
 
     def solve(self, contact: BoolArray) -> tuple[PivotedState, PivotedState]:
         """Return the state of the contact set without contradiction, or of the last one tried, in two forms.

@@ -97,10 +97,7 @@ def set_pressure(at: Iterate, system: System, problem: Problem, start: FloatArra
 def trivial_solution(problem: Problem, transforms: Transforms) -> Solution | None:
     """Return the solution for no load, a flat punch, or no room in the cell; None elsewhere.
 
-    Raises
-    ------
-    ValueError
-        If the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
+    ValueError if the punch displaces more than the cell holds, mean(h) < 0 for a body of fixed mean.
     """
     h = problem.obstacle
     if problem.mean_pressure == 0.0 and not problem.interface.attracts:

@@ -28,7 +28,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.contact.residual import Assessment, ResidualFloor, assess_over
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.grid.sums import mean
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable
 
@@ -55,7 +55,7 @@ class Problem:
         Imaginary part of kappa, which `LossStiffnessSolver` solves for; zero at q = 0.
     height : float
         Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
-    interface : InterfaceLaw
+    interface : Interaction
         Interaction across the gap, beside u <= h.
     ranks : Ranks
         The processes of whose grid these are the points and modes.
@@ -67,7 +67,7 @@ class Problem:
     mean_pressure: float | None = None
     loss_stiffness: FloatArray | None = None
     height: float = 0.0
-    interface: InterfaceLaw = HARD_WALL
+    interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
 
     @cached_property
@@ -235,23 +235,17 @@ def make_solution(
     Parameters
     ----------
     problem : Problem
-        The problem that was solved.
-    displacement, pressure : ndarray, one value a point
+        The solved problem.
+    displacement, pressure, spectrum : ndarray
         The state, as in `Solution`.
-    spectrum : ndarray of complex
-        Unnormalised transform of the displacement.
     spent : tuple of int
         FFT pairs and iterations.
     within : float
         Largest residual of a solution.
     assessment : tuple of float, optional
-        What `assess` returns, of the whole surface, where it is known.
+        Result of `residual.assess` for the whole surface, where it is known.
     gap : ndarray, optional
         h - u, where it is known.
-
-    Returns
-    -------
-    Solution
     """
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
@@ -301,10 +295,7 @@ _ROUNDING = 2.3e-16
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
     """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
 
-    Raises
-    ------
-    ValueError
-        If both cannot hold: the punch displaces more than the cell holds, mean(h) < 0.
+    ValueError if both are impossible: the punch displaces more than the cell holds, mean(h) < 0.
     """
     np.minimum(u, h, out=u)
     if mean_is_fixed and not _zero_mean(u, h, ranks):

@@ -55,27 +55,13 @@ def curves_figure(
     y: Sequence[str] = (),
     time: Time | None = None,
 ) -> Figure:
-    """Draw columns of results, a panel for each, against time, another column, or a swept key.
+    """Draw columns of results, a panel for each, against time, another column, or a swept key `x`.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        A sweep or a case, as the reader opens it.
-    columns : 1 or 2
-        Width of the figure in columns of a journal; in one column the panels are stacked.
-    style : Style
-        Fonts and lines, and the size of a column.
-    log_time : bool
-        Whether the time axis is logarithmic; it then begins at the first row after t = 0.
-    inset : Inset, optional
-        Punch and surface at chosen times, drawn into the first panel and marked on the curve of their case.
-    x : str
-        Time, a column, or a swept key.
-    y : sequence of str
-        Columns; by default contact area and mean pressure, or depth under a prescribed load, and friction.
-    time : float or str, optional
-        Against a swept key: the time, in the units of the config, or "max" or "min", the extremes over time;
-        by default "end".
+    `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
+    default contact area and mean pressure, or depth under a prescribed load, and friction. A logarithmic time
+    axis begins at the first row after t = 0. The inset shows punch and surface at chosen times, in the first
+    panel. Against a swept key, `time` is in the units of the config, or "max" or "min", the extremes over
+    time; by default "end".
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
@@ -235,7 +221,7 @@ def _zoom(axes: Axes) -> None:
 
 
 def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
-    """Draw one case; return its areas in words, that of the loop first."""
+    """Draw one case; return its areas in words, the area of the loop first."""
     y = column_name(case, y)
     along, up = quantity(case["depth"], case.attrs), quantity(case[y], case.attrs)
     depth, values = case["depth"].to_numpy(), case[y].to_numpy()

@@ -51,19 +51,9 @@ def map_figure(
 ) -> Figure:
     """Draw columns over two swept keys, at one time or at their extremes over time.
 
-    Parameters
-    ----------
-    sweep : Dataset
-        A sweep over two keys or more, as the reader opens it.
-    time : float or str, optional
-        In the units of the config, where the row nearest to it is drawn; "max" and "min", the extremes over
-        all rows; by default "end", the last row.
-    style : Style
-        Fonts and lines, and the size of a column.
-    x, y : str
-        Swept keys along the axes, by default the first two; further keys stay at their middle values.
-    z : sequence of str
-        Columns, by default those of the curves.
+    `x` and `y` are by default the first two swept keys; further keys stay at their middle values. `z` are
+    columns, by default those of the curves. `time` is in the units of the config, where the nearest row is
+    drawn; or "max" or "min", the extremes over all rows; by default "end", the last row.
     """
     x, y = _axes(sweep, x, y)
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]

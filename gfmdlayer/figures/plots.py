@@ -31,76 +31,33 @@ Kind = Literal["curves", "loop", "snapshots", "waterfall", "map", "movie", "body
 
 
 class Options(TypedDict, total=False):
-    """What is drawn, and how.
+    """What is drawn, and how. Times are in the units of the config."""
 
-    Attributes
-    ----------
-    kind : str
-        curves: columns against time. loop: force against depth. snapshots: the surface at the snapshot
-        times. waterfall: pressure profiles through time. map: columns over two swept keys. movie:
-        displacement and pressure. body: the layers and their moduli, also of a configuration that has not
-        been run. By default the curves and, as NAME-snapshots, the snapshots if there are any; with x or y
-        the curves alone.
-    select : mapping
-        Swept key -> the value of the cases that are drawn, of which the nearest is taken, or a range.
-    x : str
-        Of curves: time, a column, or a swept key. Of a map: a swept key.
-    y : sequence of str
-        Of curves: columns, in a panel each; by default contact area and mean pressure, or depth where the
-        load is prescribed, and any friction. Of a loop: a column, by default the force. Of a map: a swept
-        key.
-    z : sequence of str
-        Of a map: columns.
-    time : float or str
-        Of a map, or of curves against a swept key: in the units of the config, or end (the default), or the
-        extremes max and min.
-    case : int
-        Number of the case whose snapshots are drawn; by default all of a few, or some, or the first.
-    inset : sequence of float
-        Times of snapshots, in the units of the config, at which the curves' inset shows punch and surface.
-    log_time : bool
-        Whether the curves' time axis is logarithmic.
-    fps : int
-        Frames of a movie in a second.
-    style : str
-        paper, for the columns of a journal, or screen, for a talk.
-    """
-
+    # curves: columns against time. loop: force against depth. snapshots: the surface at the snapshot times.
+    # waterfall: pressure profiles through time. map: columns over two swept keys. movie: displacement and
+    # pressure. body: the layers and their moduli, also of a configuration that has not been run. By default
+    # the curves and, as NAME-snapshots, the snapshots if there are any; with x or y only the curves.
     kind: Kind | None
-    select: Mapping[str, Wanted]
-    x: str
+    select: Mapping[str, Wanted]  # swept key -> value of the cases, of which the nearest is taken, or a range
+    x: str  # of curves: time, a column, or a swept key; of a map: a swept key
+    # Of curves: columns, each with a panel; by default contact area and mean pressure, or depth under a
+    # prescribed load, and any friction. Of a loop: a column, by default the force. Of a map: a swept key.
     y: Sequence[str]
-    z: Sequence[str]
-    time: Time | None
-    case: int | None
-    inset: Sequence[float]
-    log_time: bool
-    fps: int | None
-    style: Literal["paper", "screen"]
+    z: Sequence[str]  # columns of a map
+    time: Time | None  # of a map, or of curves against a swept key; end (the default), max or min over time
+    case: int | None  # whose snapshots are drawn; by default all of a few, some, or the first
+    inset: Sequence[float]  # times of snapshots at which the curves' inset shows punch and surface
+    log_time: bool  # of the curves
+    fps: int | None  # frames of a movie in a second
+    style: Literal["paper", "screen"]  # for the columns of a journal, or for a talk
 
 
 def plot_results(path: str | Path, out: str | Path | None = None, **options: Unpack[Options]) -> list[Path]:
-    """Draw results.
+    """Draw results: a folder, or the file of one case; return the paths of the pictures.
 
-    Parameters
-    ----------
-    path : str or Path
-        The folder of results, or the file of one case.
-    out : str or Path, optional
-        The picture, .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named
-        after the results and lies with them.
-    **options
-        See `Options`.
-
-    Returns
-    -------
-    list of Path
-        The pictures.
-
-    Raises
-    ------
-    ResultsError
-        If there are no results, or none of this kind, or the picture cannot be written.
+    `out` is a .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named after
+    the results and lies with them. A ResultsError if there are no results, or none of this kind, or the
+    picture cannot be written.
     """
     if unknown := options.keys() - Options.__annotations__.keys():
         raise TypeError(f"plot_results has no options {', '.join(sorted(unknown))}")
@@ -187,7 +144,7 @@ def _one(names: Sequence[str], figure: str) -> str:
 
 
 def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str, options: Options) -> Path:
-    """Return the path of a picture that lies with the results and is named after them and what it shows."""
+    """Return the path of a picture beside the results, named after them and its contents."""
     columns = [*options.get("y", ()), *(["over", options["x"]] if options.get("x") else [])]
     ending = suffix if kind == "movie" else f"-{kind}{suffix}"
     if kind == "curves":

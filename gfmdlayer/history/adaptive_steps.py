@@ -68,17 +68,9 @@ class _Position:
 class AdaptiveSteps:
     """Steps chosen during the run: `accepts` judges each before the next is yielded.
 
-    Parameters
-    ----------
-    control : ErrorControl
-        Estimates the error of a step, and holds the tolerance.
-    stops : sequence of Instant
-        Times to land on, from the start to the end.
-    slowdown : float
-        Factor by which relaxation times are longer at the start than `control.shortest_time`.
-    least : float, float
-        Smallest scales of response and depth. The scale of the depth is the range of an interface that
-        attracts, and zero for a hard wall.
+    They land on the `stops`, from the start to the end. `slowdown` is the factor by which relaxation times
+    are longer at the start than `control.shortest_time`. `least` has the smallest scales of response and
+    depth; the scale of the depth is the range of an interface that attracts, and zero for a hard wall.
     """
 
     def __init__(

@@ -105,19 +105,11 @@ class Integrator(Resumable, Protocol):
 
 
 class ErrorControl:
-    """Controls the error of an integrator whose steps vary in length, and corrects its history.
+    """Controls the error of an integrator with the exponential scheme and steps that vary in length.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        With the exponential scheme.
-    sums : Sums
-        Sums over the grid.
-    tolerance : float
-        Largest error of the mean pressure relative to its largest value so far (of the depth, in load
-        control), and of the displacement relative to the largest depth so far.
-    curved : bool
-        Whether the stress of a step includes the curvature, see above.
+    The tolerance is the largest error of the mean pressure relative to its largest value so far (of the
+    depth, in load control), and of the displacement relative to the largest depth so far. `curved`: the
+    stress of a step includes the curvature, see above.
     """
 
     def __init__(self, integrator: Integrator, sums: Sums, tolerance: float, *, curved: bool = False) -> None:
@@ -161,22 +153,11 @@ class ErrorControl:
     def error(
         self, spectrum: ComplexArray, *, moving: bool, deep: bool, attracted: bool = False
     ) -> tuple[float, float]:
-        """Estimate the error of the step of the last `terms`.
+        """Estimate the error of the step of the last `terms`, which ends with this transform of u.
 
-        Parameters
-        ----------
-        spectrum : ndarray of complex, shape (nq,)
-            Transform of the displacement at the end of the step.
-        moving, deep : bool
-            Whether the punch moves over the step, and whether its depth is comparable to the largest so far.
-        attracted : bool
-            Whether the interface attracts.
-
-        Returns
-        -------
-        float, float
-            Relative error of the mean pressure (at given load, of the depth; of the stress, where the
-            interface attracts) or of the tangential force; root mean square error of the displacement.
+        `moving`: the punch moves over the step; `deep`: its depth is comparable to the largest so far.
+        Returns the relative error of the mean pressure (at given load, of the depth; of the stress, where the
+        interface attracts) or of the tangential force; and the root mean square error of the displacement.
         """
         integrator, error = self._integrator, self._truncation_error(spectrum)
         force = integrator.force(spectrum)

@@ -21,7 +21,7 @@ import numpy as np
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.contact.problem import Problem, Solution
 from gfmdlayer.grid.sums import Sums
-from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.interface.law import Interaction
 from gfmdlayer.kernels import LANES, kernel
 from gfmdlayer.resumable import State
 
@@ -38,7 +38,7 @@ class Change:
 class Changes:
     """Compares each step with the last accepted one, if the interface attracts at any time."""
 
-    def __init__(self, interface: InterfaceLaw, sums: Sums) -> None:
+    def __init__(self, interface: Interaction, sums: Sums) -> None:
         self._interface, self._sums = interface, sums
         self._gap: FloatArray | None = None
         self._drive = 0.0, 0.0  # prescribed depth or load, and strength of the interface

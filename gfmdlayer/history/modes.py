@@ -272,14 +272,7 @@ SCHEMES: dict[str, Scheme] = {"backward_euler": backward_euler, "exponential": e
 class Modes:
     """The relaxing modes of a surface: their history, stiffness and energy; see `error_control.Integrator`.
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Relaxing modes at the grid's wavevectors.
-    scheme : callable
-        `exponential` or `backward_euler`.
-    sums : Sums, optional
-        Sums over the grid; energies are means over its surface. By default every wave has weight one.
+    Energies are means over the surface of the grid. Without `sums` every wave has weight one.
     """
 
     stiffness: FloatArray

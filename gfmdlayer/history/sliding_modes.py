@@ -63,27 +63,12 @@ class Waves(NamedTuple):
 class SlidingModes(Modes):
     """The relaxing modes of a surface in the frame of a punch that moves along it, by the exponential scheme.
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Relaxing modes at the grid's wavevectors.
-    sums : Sums
-        Sums over the grid.
-    wavenumbers_x : ndarray, shape (2, *q.shape)
-        Wavenumbers along x of the two waves whose mean is the mode; mostly they are the same.
-    velocity : callable
-        v at a time, linear in time over each step.
-
-    Attributes
-    ----------
-    loss_stiffness : ndarray, shape (nq,)
-        Imaginary part of the stiffness at the end of the step of the last `terms`.
-    slope : ndarray of complex, shape (nq,)
-        i q, with the mean q of the two waves of a mode.
+    `wavenumbers_x`, shape (2, *q.shape): wavenumbers along x of the two waves whose mean is the mode; mostly
+    they are the same. `velocity`: v at a time, linear in time over each step.
     """
 
-    loss_stiffness: FloatArray
-    slope: ComplexArray
+    loss_stiffness: FloatArray  # (nq,), imaginary part of the stiffness at the end of the step
+    slope: ComplexArray  # (nq,), i q, with the mean q of the two waves of a mode
 
     def __init__(
         self, spectrum: Spectrum, sums: Sums, *, wavenumbers_x: FloatArray, velocity: Trajectory

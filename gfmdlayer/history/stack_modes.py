@@ -52,16 +52,8 @@ class _Axes(NamedTuple):
 class StackModes(Modes):
     """The relaxing modes of a stack whose layers have reduced times of their own.
 
-    Parameters
-    ----------
-    internal : InternalVariables
-        The internal variables of the body at the grid's wavenumbers.
-    scheme, sums
-        As for `Modes`.
-    reduced_times : sequence of ReducedTime or None
-        Of each law of the body; None for one whose times do not change. Elastic layers below need none.
-    halved : bool
-        Whether each step is corrected for ratios that change within it, for steps of varying length.
+    `reduced_times` has one for each law of the body, None where the times do not change; elastic layers below
+    need none. `halved`: each step is corrected for ratios that change within it, for steps of varying length.
     """
 
     def __init__(

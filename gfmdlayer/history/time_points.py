@@ -64,18 +64,10 @@ class Steps(Resumable, Protocol):
     def accepts(
         self, spectrum: ComplexArray, response: float, depth: float, change: Change | None = None
     ) -> bool:
-        """Return whether the last step is accurate enough.
+        """Return whether the last step is accurate enough, by the transform of the displacement at its end.
 
-        Parameters
-        ----------
-        spectrum : ndarray of complex, shape (nq,)
-            Transform of the displacement at its end.
-        response : float
-            Mean pressure at a prescribed depth, depth under a prescribed load.
-        depth : float
-            Depth of the punch.
-        change : Change, optional
-            Over the step, where the interface attracts.
+        The response is the mean pressure at a prescribed depth, the depth under a prescribed load. `change`
+        is given where the interface attracts.
         """
         ...
 

@@ -110,13 +110,7 @@ def indent(
 
 
 def as_revolution(indenter: Any) -> Revolution:
-    """Return the profile of an indenter that is given in any of the ways of `indent`.
-
-    Raises
-    ------
-    ValueError
-        If it is no convex body of revolution.
-    """
+    """Return the profile of an indenter, see `indent`; ValueError if it is no convex body of revolution."""
     if isinstance(indenter, Revolution):
         return indenter
     if isinstance(indenter, Mapping):

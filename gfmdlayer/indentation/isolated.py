@@ -143,40 +143,18 @@ _CHECKED = 400  # radii at which it is looked for
 
 @dataclass(frozen=True)
 class IsolatedIndentation:
-    """A rigid indenter of revolution that is pressed into a body.
-
-    Parameters
-    ----------
-    body : Body
-        The body.
-    profile : Revolution
-        The indenter.
-    history : History
-        What is prescribed.
-    tolerance : float
-        Error of force, depth and contact radius, relative to the largest of each.
-    step : float, optional
-        Largest length of equal steps; without it the steps are chosen for the tolerance.
-    adhesion : float
-        Work of adhesion, of an elastic body.
-    snapshots, stops : sequence of float
-        Times to land on; profiles are kept at the snapshots.
-    points : int
-        Radial points of the profiles.
-    extent : float, optional
-        Radius up to which they reach; by default twice the largest contact radius, about.
-    """
+    """A rigid indenter of revolution that is pressed into a body."""
 
     body: Body
     profile: Revolution
-    history: History
-    tolerance: float = DEFAULT_TOLERANCE
-    step: float | None = None
-    adhesion: float = 0.0
-    snapshots: Sequence[float] = ()
-    stops: Sequence[float] = ()
-    points: int = 256
-    extent: float | None = None
+    history: History  # prescribed depth or force
+    tolerance: float = DEFAULT_TOLERANCE  # error of force, depth and radius, relative to their largest
+    step: float | None = None  # largest length of equal steps; None: steps are chosen for the tolerance
+    adhesion: float = 0.0  # work of adhesion, of an elastic body
+    snapshots: Sequence[float] = ()  # times to land on, at which profiles are kept
+    stops: Sequence[float] = ()  # further times to land on
+    points: int = 256  # radial points of the profiles
+    extent: float | None = None  # radius up to which they reach; None: about twice the largest contact radius
 
     @cached_property
     def _space(self) -> Space:
@@ -192,10 +170,7 @@ class IsolatedIndentation:
     def solved(self) -> Indentation:
         """Force, depth, contact radius and energies over time.
 
-        Raises
-        ------
-        ArithmeticError
-            If a contact radius is not found, or the tolerance is not reached.
+        ArithmeticError if a contact radius is not found, or the tolerance is not reached.
         """
         if self.step is not None:
             return self._on_equal_steps(self.step)

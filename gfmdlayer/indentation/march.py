@@ -210,7 +210,7 @@ def _loss(h: float, T: float, old: float, before: float, after: float) -> float:
     return yy * y * y + yc * y * c + cc * c * c
 
 
-class Sweep(NamedTuple):
+class EdgeMotion(NamedTuple):
     """A moving edge: the coordinate H + slope x, in which it moves evenly through a step, at either end."""
 
     slope: float
@@ -219,15 +219,15 @@ class Sweep(NamedTuple):
 
 
 @kernel(inner=True)
-def _sweep(profile: Revolution, small: float, large: float) -> Sweep:
+def _sweep(profile: Revolution, small: float, large: float) -> EdgeMotion:
     """Return how the edge moves between two radii; a flat end comes into contact at once."""
     slope = _FRONT if small > 0 else 0.0
     H_small = abel_transform(profile, small) + slope * small
-    return Sweep(slope, H_small, abel_transform(profile, large) + slope * large)
+    return EdgeMotion(slope, H_small, abel_transform(profile, large) + slope * large)
 
 
 @kernel(inner=True)
-def _swept(sweep: Sweep, x: float, H: float) -> float:
+def _swept(sweep: EdgeMotion, x: float, H: float) -> float:
     """Part of the step for which a growing contact has covered x, or a shrinking one will."""
     if sweep.large == sweep.small:
         return 1.0

@@ -382,24 +382,12 @@ def follow(
     snapshots: Sequence[float] = (),
     space: Space | None = None,
 ) -> Indentation:
-    """Follow a history on steps chosen for a tolerance.
+    """Follow a history on steps chosen for a tolerance, on nodes from `find_space` unless they are given.
 
-    Parameters
-    ----------
-    tolerance : float
-        Error of force, depth and contact radius, relative to the largest of each; `error` of the result is
-        above it if it was not reached.
-    stops, snapshots : sequence of float
-        Times to land on; fields are kept at the snapshots.
-    space : Space, optional
-        Nodes in q and x; by default from `find_space`.
-
-    Raises
-    ------
-    ValueError
-        If the body does not support an isolated load.
-    ArithmeticError
-        If a contact radius is not found.
+    The tolerance is the error of force, depth and contact radius, relative to the largest of each; `error` of
+    the result is above it if it was not reached. Steps land on `stops` and `snapshots`; fields are kept at
+    the snapshots. Raises ValueError if the body does not support an isolated load, ArithmeticError if a
+    contact radius is not found.
     """
     space = space or find_space(body, profile, history, tolerance, adhesion)
     kept = np.unique(np.array(snapshots, dtype=float))

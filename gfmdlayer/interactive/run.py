@@ -401,7 +401,7 @@ def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Resu
 def _run_in_folder(
     config: Config, out: Path, progress: bool | None, jobs: int, threads: int
 ) -> xarray.Dataset:
-    """Run the cases as the command line does; return what its reader opens."""
+    """Run the cases as the command line does; return the opened results."""
     refuse_foreign_folder(Folder(out))
     config = on_disk(config, out / "arrays")
     _warn(notes(case.config for case in cases(config)), 4)

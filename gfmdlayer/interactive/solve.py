@@ -17,7 +17,7 @@ from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interface.interface import Interface
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw
+from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables.contact_statistics import closed_gap, in_contact, interpolated_area
 from gfmdlayer.periodic import too_deep
@@ -59,7 +59,7 @@ def solve(
     force: float | None = None,
     period: float | tuple[float, float] = 1.0,
     points: int | tuple[int, ...] | None = None,
-    interface: Interface | Mapping[str, Any] | Sequence[Any] | InterfaceLaw = HARD_WALL,
+    interface: Interface | Mapping[str, Any] | Sequence[Any] | Interaction = HARD_WALL,
     **options: Unpack[Options],
 ) -> xarray.Dataset:
     """Solve the contact of a rigid punch with an elastic body in a periodic cell.
@@ -148,7 +148,7 @@ def solve(
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
-    law: InterfaceLaw = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
+    law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
     if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
@@ -168,14 +168,14 @@ def solve(
 
 
 def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
-    """Return the points of the grid, where nothing else is given those of an array."""
+    """Return the points of the grid, by default the points of an array of heights."""
     if points is not None:
         return points
     return POINTS if callable(punch) or isinstance(punch, Shape | Mapping) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:
-    """Return grid, solver and what else is given by its keys, punch or interface, checked."""
+    """Return the checked configuration of grid, solver, and a punch or an interface given by its keys."""
     try:
         return from_python({"name": "solve", "grid": grid, "solver": solver, **given})
     except ConfigError as error:
@@ -188,7 +188,7 @@ def _prescribed(
     mean_pressure: float | None,
     force: float | None,
     area: float,
-    interface: InterfaceLaw,
+    interface: Interaction,
 ) -> tuple[str, float]:
     """Return the kind of control and the depth or the mean pressure."""
     values = {"depth": depth, "mean_pressure": mean_pressure, "force": force}

@@ -30,20 +30,12 @@ EXPONENTIAL, LENNARD_JONES, INVERSE_SQUARE, COHESIVE_ZONE = range(4)
 
 
 class Terms(NamedTuple):
-    """The terms of a law.
+    """The terms of a law, one value a term."""
 
-    Attributes
-    ----------
-    form : ndarray of int, one value a term
-        `EXPONENTIAL`, `LENNARD_JONES`, `INVERSE_SQUARE` or `COHESIVE_ZONE`.
-    stress, length, width : ndarray, one value a term
-        Of the form; the width of a cohesive zone's ramp, else without meaning.
-    """
-
-    form: IntArray
+    form: IntArray  # `EXPONENTIAL`, `LENNARD_JONES`, `INVERSE_SQUARE` or `COHESIVE_ZONE`
     stress: FloatArray
     length: FloatArray
-    width: FloatArray
+    width: FloatArray  # of a cohesive zone's ramp, else without meaning
 
 
 # The exponential is zero from here on: 2e-28 of its value in contact.

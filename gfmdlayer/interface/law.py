@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -22,74 +21,24 @@ from gfmdlayer.interface.forms import Terms
 from gfmdlayer.time_functions import Table
 
 
-class InterfaceLaw(Protocol):
-    """Energy and traction of an interface, functions of the gap and perhaps of the time.
+@dataclass(frozen=True, eq=False)
+class Interaction:
+    """An interface law, which does not depend on time; in `Driven` and `Total` it may.
 
-    Where the law depends on time, all but `at` and `breakpoints` are those of its largest strength.
+    Where it does, all but `at` and `breakpoints` are those of its largest strength.
     """
 
-    @property
-    def attracts(self) -> bool:
-        """Whether there is a traction at all."""
-        ...
-
-    @property
-    def terms(self) -> Terms:
-        """The law as compiled code takes it, see `forms.interact`."""
-        ...
-
-    @property
-    def work(self) -> float:
-        """Work of adhesion, -w(0): energy per area."""
-        ...
-
-    @property
-    def strength(self) -> float:
-        """Largest traction, or a bound on it in a sum of laws: pressure."""
-        ...
-
-    @property
-    def range(self) -> float:
-        """Gap over which the traction falls, work over strength; infinite for the hard wall: length."""
-        ...
+    terms: Terms  # as compiled code takes them, see `forms.interact`
+    work: float  # work of adhesion, -w(0): energy per area
+    strength: float  # largest traction, or a bound on it in a sum of laws: pressure
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which the law or its slope in time jumps."""
-        ...
-
-    def at(self, time: float) -> InterfaceLaw:
-        """Return the law at a time; the same object for one that does not depend on time."""
-        ...
-
-    def energy(self, gap: FloatArray) -> FloatArray:
-        """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
-        ...
-
-    def traction(self, gap: FloatArray) -> FloatArray:
-        """Traction dw/dg, positive where it attracts."""
-        ...
-
-    def curvature(self, gap: FloatArray) -> FloatArray:
-        """Curvature d^2w/dg^2, a stiffness per area."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Interaction:
-    """An interface law: its terms, work of adhesion -w(0), and largest traction or a bound on it."""
-
-    terms: Terms
-    work: float
-    strength: float
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """None: the law does not depend on time."""
         return ()
 
     def at(self, time: float) -> Interaction:  # noqa: ARG002
-        """Return the law itself."""
+        """Return the law at a time; the same object for one that does not depend on time."""
         return self
 
     @property
@@ -99,11 +48,11 @@ class Interaction:
 
     @property
     def range(self) -> float:
-        """Work over strength; infinite without a traction."""
+        """Gap over which the traction falls, work over strength; infinite for the hard wall: length."""
         return self.work / self.strength if self.attracts else float("inf")
 
     def energy(self, gap: FloatArray) -> FloatArray:
-        """Energy w(g) per area, in the shape of the gap."""
+        """Energy w(g) per area, in the shape of the gap; it falls as the gap closes."""
         return self._sum("add_energy", gap)
 
     def traction(self, gap: FloatArray) -> FloatArray:
@@ -111,7 +60,7 @@ class Interaction:
         return self._sum("add_traction", gap)
 
     def curvature(self, gap: FloatArray) -> FloatArray:
-        """Curvature d^2w/dg^2."""
+        """Curvature d^2w/dg^2, a stiffness per area."""
         return self._sum("add_curvature", gap)
 
     def times(self, factor: float) -> Interaction:

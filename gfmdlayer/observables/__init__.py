@@ -64,13 +64,7 @@ def columns(config: Config) -> tuple[Column, ...]:
 
 
 def known_columns() -> dict[str, Column]:
-    """Return the columns of periodic contacts that are the same in every case that has them, by name.
-
-    Raises
-    ------
-    ValueError
-        If two observables declare columns of the same name.
-    """
+    """Return the columns of periodic contacts that are the same in every case that has them, by name."""
     found: dict[str, Column] = {}
     for observable in OBSERVABLES.values():
         for column in observable.COLUMNS:

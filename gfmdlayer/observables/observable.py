@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.transforms import Transforms
+    from gfmdlayer.history.error_control import Integrator
     from gfmdlayer.history.reduced_time import ReducedTime
-    from gfmdlayer.interface.law import InterfaceLaw
+    from gfmdlayer.interface.law import Interaction
     from gfmdlayer.time_functions import Constant, Table
 
 Value: TypeAlias = "float | FloatArray"
@@ -31,22 +32,12 @@ Value: TypeAlias = "float | FloatArray"
 
 @dataclass(frozen=True)
 class Bins:
-    """Bins of a distribution, a dimension of the result files.
+    """Bins of a distribution, a dimension of the result files."""
 
-    Parameters
-    ----------
-    name : str
-        Of the dimension; its coordinates are NAME and NAME_end, the lower and upper ends of the bins.
-    quantity, units : str
-        Quantity whose distribution it is.
-    edges : tuple of float
-        Increasing; one more than there are bins.
-    """
-
-    name: str
-    quantity: str
+    name: str  # of the dimension; its coordinates NAME and NAME_end are the lower and upper ends of the bins
+    quantity: str  # with the distribution
     units: str
-    edges: tuple[float, ...]
+    edges: tuple[float, ...]  # increasing; one more than there are bins
 
 
 @dataclass(frozen=True)
@@ -93,20 +84,6 @@ class Column:
         return {"long_name": self.long_name, "units": self.units}
 
 
-class Energy(Protocol):
-    """An integrator that knows the energy of its modes."""
-
-    @property
-    def stored(self) -> float:
-        """Elastic energy per area after the last step."""
-        ...
-
-    @property
-    def dissipated(self) -> float:
-        """Heat per area since the beginning."""
-        ...
-
-
 @dataclass(slots=True)
 class AcceptedStep:
     """An accepted step.
@@ -119,8 +96,8 @@ class AcceptedStep:
         The contact problem at its end.
     surface : Surface
         Displacement of the surface and depth of the punch.
-    energy : Energy
-        Of the body after the step.
+    energy : Integrator
+        With the energies `stored` and `dissipated` of the body after the step, per area.
     row : dict
         Columns measured so far, by the observables before this one in the table.
     """
@@ -129,7 +106,7 @@ class AcceptedStep:
     problem: Problem
     solution: Solution
     surface: Surface
-    energy: Energy
+    energy: Integrator
     row: dict[str, Value]
 
 
@@ -154,7 +131,7 @@ class Parts(Protocol):
         ...
 
     @property
-    def interface(self) -> InterfaceLaw:
+    def interface(self) -> Interaction:
         """Interaction of surface and punch across the gap, at any time."""
         ...
 

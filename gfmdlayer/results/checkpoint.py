@@ -52,12 +52,8 @@ def write_checkpoint(
 ) -> None:
     """Write the states of all ranks; each rank calls this with its own.
 
-    `made_by` says all else on which the bits of later results depend: input, versions, processor.
-
-    Raises
-    ------
-    OSError
-        On the first rank, if the file cannot be written; the checkpoint before is then still there.
+    `made_by` has all else on which the bits of later results depend: input, versions, processor. An OSError
+    on the first rank leaves the checkpoint before in place.
     """
     arrays = {name: np.asarray(values) for name, values in state.items()}
     names = ranks.all_of(list(arrays))
@@ -77,10 +73,8 @@ def write_checkpoint(
 def read_checkpoint(path: Path, made_by: Mapping[str, str], ranks: Ranks = ALONE) -> Checkpoint:
     """Read a checkpoint; each rank calls this and gets its own state.
 
-    Raises
-    ------
-    CheckpointError
-        On all ranks, if the file is damaged, or if other input, versions, ranks or another processor made it.
+    A CheckpointError on all ranks, if the file is damaged, or if other input, versions, ranks or another
+    processor made it.
     """
     with ExitStack() as stack:
         file: BinaryIO | None = None

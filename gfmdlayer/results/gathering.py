@@ -205,27 +205,9 @@ class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
     The first pass, here, finds the common times, columns and shared attributes of the cases; the second,
-    `curves`, reads the columns.
-
-    Parameters
-    ----------
-    records : sequence of CaseRecord
-        The cases, in the order of their numbers.
-    keys : sequence of str
-        The swept keys, dotted, in the order of the dimensions.
-    listed : bool
-        Whether the cases are a list, along the one dimension `case` even where they happen to be a product.
-    unit : callable
-        Label of a unit, from its words.
-
-    Attributes
-    ----------
-    failed : dict
-        Number -> reason of the cases without results.
-    dimensions, shape : tuple
-        Names and lengths of the dimensions of the cases.
-    places : list of tuple
-        Indices of each case along them.
+    `curves`, reads the columns. `keys` are in the order of the dimensions; cases that are `listed` lie along
+    the one dimension `case`, even where they happen to be a product. `failed` has the reason for each case
+    without results, `places` the indices of each case along `dimensions`.
     """
 
     def __init__(
@@ -257,7 +239,7 @@ class Gathered:
         }
 
     def _add(self, record: CaseRecord, common: _CommonTimes) -> bool:
-        """Read what the cases have in common; False if the case is not complete."""
+        """Read times, columns and attributes of a case; False if it is not complete."""
         try:
             with _open(record) as case:
                 times = case.values("time")
@@ -538,7 +520,7 @@ def labelled(
     listed: bool = False,
     unit: Callable[[str], str] = str,
 ) -> xarray.Dataset:
-    """Return cases in memory as `open_results` gives those of a folder, with fields if their grids agree."""
+    """Return cases in memory as `open_results` returns a folder, with fields if their grids agree."""
     import xarray
 
     sweep = Gathered(records, keys, listed, unit)

@@ -56,7 +56,7 @@ class Recorder(Protocol):
         traction: FloatArray | None = None,
         /,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape; the traction with attraction alone."""
+        """Record the surface at a time, by arrays of the grid's shape; the traction only with attraction."""
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -75,14 +75,8 @@ class Position(NamedTuple):
 class Journal:
     """A recorder that keeps rows and snapshots in memory, and in a file where they become many.
 
-    Parameters
-    ----------
-    path : Path
-        The file; made, in place of an earlier one, when it is first written.
-    grid : Grid, optional
-        The grid of the snapshots, where several ranks share it; the first rank alone writes.
-    held : int
-        Bytes in memory, at most.
+    The file replaces an earlier one when it is first written. Where several ranks share the `grid` of the
+    snapshots, only the first rank writes. `held` are the bytes in memory at most.
     """
 
     def __init__(self, path: Path, grid: Grid | None = None, held: int = HELD) -> None:
@@ -102,22 +96,14 @@ class Journal:
             self._rows.append(tuple(values[name] for name in self._columns))
             self._count(sum(map(np.size, values.values())) * 8)
 
-    def snapshot(
-        self,
-        time: float,
-        displacement: FloatArray,
-        pressure: FloatArray,
-        gap: FloatArray,
-        traction: FloatArray | None = None,
-        /,
-    ) -> None:
+    def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
-        fields = displacement, pressure, gap, *([] if traction is None else [traction])
+        given = tuple(field for field in fields if field is not None)
         if self._shared is not None:
-            self._gather(self._shared, time, fields)
+            self._gather(self._shared, time, given)
         else:
-            self._snapshots.append((time, fields))
-            self._count(len(fields) * gap.nbytes)
+            self._snapshots.append((time, given))
+            self._count(sum(field.nbytes for field in given))
 
     def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run; they come at its end, after the last checkpoint."""
@@ -125,13 +111,7 @@ class Journal:
             self.noted |= attributes
 
     def go_on(self, position: Position) -> None:
-        """Go on behind a position of the file.
-
-        Raises
-        ------
-        ValueError
-            If the file is damaged before the position.
-        """
+        """Go on behind a position of the file; a ValueError if the file is damaged before it."""
         if position.size == 0:  # an empty journal has no file
             return
         try:
@@ -145,10 +125,7 @@ class Journal:
     def replay(self, recorder: Recorder) -> None:
         """Pass everything on to another recorder; of the file, one block at a time is in memory.
 
-        Raises
-        ------
-        ResultsError
-            If the file is damaged.
+        A ResultsError if the file is damaged.
         """
         if self._file is not None:
             if not self._is_intact(self._file):
@@ -165,10 +142,7 @@ class Journal:
     def kept(self) -> Position:
         """Bring everything to the disk; return the position behind it.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written; it stays in memory.
+        After an OSError it stays in memory.
         """
         self._append()
         if self._file is not None:
@@ -195,7 +169,7 @@ class Journal:
         self._size = 0
 
     def _append(self) -> None:
-        """Write what is in memory."""
+        """Write the rows and snapshots in memory."""
         arrays = []
         if self._rows:
             columns = [np.array(values) for values in zip(*self._rows, strict=True)]
@@ -229,7 +203,7 @@ class Journal:
                 pass
 
     def _write(self, parts: Iterator[Any]) -> None:
-        """Write bytes and arrays behind what is good; if that fails, they are not good."""
+        """Write bytes and arrays behind the good part; after an error they are no part of it."""
         if self._file is None:
             self._path.unlink(missing_ok=True)  # a dying process may still be writing to it
             self._file = _opened(self._path, "x+b")
@@ -300,18 +274,9 @@ class Recording:
         """Keep the observables of a step."""
         self.rows.append(values)
 
-    def snapshot(
-        self,
-        time: float,
-        displacement: FloatArray,
-        pressure: FloatArray,
-        gap: FloatArray,
-        traction: FloatArray | None = None,
-        /,
-    ) -> None:
+    def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
         """Keep time, displacement, pressure and gap, and the traction if there is attraction."""
-        fields = displacement, pressure, gap, *([] if traction is None else [traction])
-        self.fields.append((time, *fields))
+        self.fields.append((time, *(field for field in fields if field is not None)))
 
     def note(self, **attributes: Attribute) -> None:
         """Keep attributes of the run."""
@@ -324,23 +289,10 @@ class Recording:
         attributes: Mapping[str, str | float],
         unit: Callable[[str], str] = str,
     ) -> xarray.Dataset:
-        """Return what has been recorded.
+        """Return the results as `open_case` gives them.
 
-        Parameters
-        ----------
-        coordinates : mapping
-            The grid's coordinates, {"x": x} or {"x": x, "y": y}.
-        columns : sequence of Column
-            Columns that the rows may have.
-        attributes : mapping
-            Attributes of the case, in addition to the provenance.
-        unit : callable
-            Label of a unit, from its words.
-
-        Returns
-        -------
-        xarray.Dataset
-            As `open_case` gives it.
+        `coordinates` of the grid are {"x": x} or {"x": x, "y": y}; `attributes` come in addition to the
+        provenance.
         """
         import xarray
 

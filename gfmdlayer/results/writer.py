@@ -26,14 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
 from gfmdlayer.observables import Column, known_columns
-from gfmdlayer.results.netcdf import (
-    NewFile,
-    add_variable,
-    append,
-    contents,
-    new_file,
-    set_attributes,
-)
+from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
 from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
@@ -131,23 +124,9 @@ class CaseWriter:
     At the end of its block the file is complete under its name; after an exception the unfinished file is
     removed. Every method raises ResultsError, which names the file, if it cannot be written.
 
-    Parameters
-    ----------
-    path
-        The final name.
-    coordinates
-        Coordinates of the grid, {"x": x} or {"x": x, "y": y}, in the order of the arrays' axes.
-    attributes
-        Attributes of the file. They take precedence over the provenance (versions, commit, host, started,
-        finished, wall_seconds), so that a resumed case keeps the time of its first start.
-    columns
-        Columns that rows may have; by default those that are the same in every case.
-    flush_interval
-        Seconds after which the records are handed to the operating system.
-    elapsed
-        Seconds spent on the case by earlier runs, added to `wall_seconds`.
-    unit
-        Label of a unit, from the words in which it is declared; by default the words themselves.
+    `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
+    provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
+    runs, added to `wall_seconds`. After `flush_interval` seconds the operating system gets the records.
     """
 
     def __init__(
@@ -184,10 +163,7 @@ class CaseWriter:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
             self._stack.__exit__(kind, error, trace)

@@ -32,7 +32,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Exponential, LennardJones
 from gfmdlayer.interface.forms import EXPONENTIAL
-from gfmdlayer.interface.law import InterfaceLaw
+from gfmdlayer.interface.law import Interaction
 from gfmdlayer.punch.self_affine import SelfAffine
 
 EFFORT = Effort(points=(1 << 10, 1 << 12, 1 << 14, 1 << 16), steps=60, repetitions=3)
@@ -51,7 +51,7 @@ class _Course(NamedTuple):
     name: str
     grid: Grid
     height: FloatArray
-    law: InterfaceLaw
+    law: Interaction
     depths: FloatArray
 
     def problems(self) -> Iterator[Problem]:
@@ -119,7 +119,7 @@ def _late(side: int, depths: FloatArray) -> FloatArray:
     return depths[turn : turn + 1 + _LATE] if side > _SIDES[0] else depths
 
 
-def _law(reach: float) -> InterfaceLaw:
+def _law(reach: float) -> Interaction:
     return Exponential(work=_WORK, range=reach).interaction()
 
 

@@ -267,9 +267,7 @@ def test_both_refuse_the_same_types_and_ranges(content: str) -> None:
 
 
 @pytest.mark.parametrize("content", SOUND)
-def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(
-    content: str,
-) -> None:
+def test_both_refuse_a_key_that_does_not_exist_and_the_lack_of_one_that_must(content: str) -> None:
     data = plain(content)
     sections = {place[:-1] for place in places(data) if isinstance(place[-1], str)}
     for section in sections:

@@ -17,7 +17,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
 from gfmdlayer.interface.electrostatic import Electrostatic
-from gfmdlayer.interface.law import HARD_WALL, InterfaceLaw, total
+from gfmdlayer.interface.law import HARD_WALL, Interaction, total
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ TRANSFORMS = {shape: Transforms(shape) for shape in (LINE, SURFACE)}
 def problem(
     kappa: Floats,
     h: Floats,
-    law: InterfaceLaw,
+    law: Interaction,
     load: float | None = None,
     b: NDArray[np.complex128] | None = None,
 ) -> Problem:
@@ -52,7 +52,7 @@ def dense(kappa: Floats, shape: tuple[int, ...]) -> Floats:
     return rows.reshape(len(unit), -1)
 
 
-def random_law(rng: np.random.Generator) -> InterfaceLaw:
+def random_law(rng: np.random.Generator) -> Interaction:
     """Any law, from much stronger than the body to much weaker."""
     stress, length = 10 ** rng.uniform(-3, 1), 10 ** rng.uniform(-3, -0.5)
     work = stress * length
@@ -175,7 +175,7 @@ ADHESIVE = Exponential(work=1e-3, range=4e-3).interaction()
 def follow(
     solver: Solver,
     h: Floats,
-    law: InterfaceLaw,
+    law: Interaction,
     values: Sequence[float],
     *,
     loaded: bool = False,
@@ -223,7 +223,7 @@ TWO_BUMPS = np.minimum(3 * (X - 0.25) ** 2, 3 * (X + 0.25) ** 2 + 5e-4)
     ids=["snapped in", "pulled off", "two bumps", "rough", "rough under load", "rough, Lennard-Jones"],
 )
 def test_landings_depend_neither_on_the_time_step_nor_on_the_start(
-    h: Floats, law: InterfaceLaw, turns: Sequence[float], loaded: bool
+    h: Floats, law: Interaction, turns: Sequence[float], loaded: bool
 ) -> None:
     tolerance, solver = 1e-7, Newton(Transforms((N,)))
     given: dict[str, Any] = {"loaded": loaded, "tolerance": tolerance}
@@ -304,7 +304,7 @@ def test_newton_and_fire_agree_where_the_minimum_is_unique() -> None:
         assert newton.mean_pressure == pytest.approx(fire.mean_pressure, abs=1e-8 * law.strength)
 
 
-def film() -> tuple[Floats, InterfaceLaw, float]:
+def film() -> tuple[Floats, Interaction, float]:
     """Stiffness of a film, a law, and the gap at which -w'' is the stiffness of its lowest mode."""
     q = Grid((N,), (1.0,)).wavenumbers
     kappa = 4.0 * np.where(q > 0, q * (0.2 + (10 / np.maximum(q, 1)) ** 2), 0)
@@ -389,7 +389,7 @@ def test_a_hard_wall_is_a_law_like_others() -> None:
 @pytest.mark.parametrize(
     "law", [ADHESIVE, Dugdale(work=1e-3, stress=0.3).interaction()], ids=["exponential", "dugdale"]
 )
-def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law: InterfaceLaw) -> None:
+def test_the_same_punch_lands_alike_on_a_line_and_on_a_surface(law: Interaction) -> None:
     n, grid = 64, Grid((64, 8), (1.0, 1.0))
     line, surface = Newton(Transforms((n,))), Newton(Transforms((n, 8)))
     h = 2 * grid.coordinates[0] ** 2

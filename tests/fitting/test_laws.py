@@ -142,10 +142,7 @@ def test_fitted_file_is_the_material_of_a_layer(
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (
-            "layer: {material: {model: zenner}}\n",
-            "wrong.yaml:1:27: layer.material.model: got the text",
-        ),
+        ("layer: {material: {model: zenner}}\n", "wrong.yaml:1:27: layer.material.model: got the text"),
         ("material: {model: zener, Ginf: 0.1}\n", "wrong.yaml:1:32: material.Ginf: got 0.1, below G0"),
         ("layer: {thickness: 1}\n", "wrong.yaml:1:1: has no material"),
         ("layer: [\n", "wrong.yaml:2:1: not YAML"),

@@ -399,10 +399,7 @@ def test_doubts_about_a_configuration_are_warnings_at_the_line_of_the_call(optio
     with pytest.warns(UserWarning, match="the ramp is not completed") as caught:
         gfmdlayer.run(config, **options)
     assert [(Path(each.filename), str(each.message)) for each in caught if "ramp" in str(each.message)] == [
-        (
-            Path(__file__),
-            "trajectory.ramp_time = 2 is beyond time.end = 1: the ramp is not completed",
-        )
+        (Path(__file__), "trajectory.ramp_time = 2 is beyond time.end = 1: the ramp is not completed")
     ]
     assert {Path(each.filename) for each in caught} == {Path(__file__)}
 

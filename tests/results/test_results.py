@@ -380,10 +380,7 @@ def test_snapshots_on_different_grids_are_not_put_together(tmp_path: Path) -> No
     collect(tmp_path, records, ["a.b"])
     with CaseWriter(records[1].source, {"x": X[:8]}) as other:
         other.snapshot(1.0, X[:8], X[:8])
-    with (
-        open_results(tmp_path) as data,
-        pytest.raises(ResultsError, match=r"0001\.h5: displacement of"),
-    ):
+    with open_results(tmp_path) as data, pytest.raises(ResultsError, match=r"0001\.h5: displacement of"):
         data["displacement"].load()
     with CaseWriter(records[1].source, {"x": X}) as other:
         for time in open_case(records[0].source)["snapshot"].values:

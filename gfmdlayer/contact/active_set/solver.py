@@ -72,13 +72,7 @@ class ActiveSet:
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
-    def __init__(
-        self,
-        transforms: Transforms,
-        *,
-        windows: bool = True,
-        rounds: int = _ROUNDS,
-    ) -> None:
+    def __init__(self, transforms: Transforms, *, windows: bool = True, rounds: int = _ROUNDS) -> None:
         self._transforms, self._rounds = transforms, rounds
         field, spectrum = transforms.empty_field, transforms.empty_spectrum
         self._at, self._free, self._gap0 = Iterate(field(), field(), spectrum()), spectrum(), field()

@@ -236,22 +236,15 @@ _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the 
 
 
 class NestedGradient:
-    """The solver for the steps of one run, on a grid or else on that of the transforms, of period 1.
+    """The solver for the steps of one run, on a grid or else on the grid of the transforms, of period 1.
 
-    Attributes
-    ----------
-    spent : tuple of float
-        Pairs of transforms of the last step in double and in single precision, those of coarser grids as
-        parts.
+    `spent` counts the FFT pairs of the last step in double and in single precision, those of coarser grids as
+    parts.
     """
 
     starts_from: ClassVar[Literal["displacement", "pressure"]] = "pressure"
 
-    def __init__(
-        self,
-        transforms: Transforms,
-        grid: Grid | None = None,
-    ) -> None:
+    def __init__(self, transforms: Transforms, grid: Grid | None = None) -> None:
         self._transforms = transforms
         self._grid = grid or Grid(transforms.shape, (1.0,) * len(transforms.shape))
         self._fine: Level | None = None
@@ -312,7 +305,7 @@ class NestedGradient:
         self._failures, self._part = int(state["failures"]), float(state["part"])
         self._active_set = None
         if any(key.startswith("active_set.") for key in state):
-            self._active_set = self._make_active_set()
+            self._active_set = ActiveSet(self._transforms, windows=False)
             CompositeState(active_set=self._active_set).restore(state)
 
     def compile(self) -> None:
@@ -409,15 +402,12 @@ class NestedGradient:
             assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
 
-    def _make_active_set(self) -> ActiveSet:
-        return ActiveSet(self._transforms, windows=False)
-
     def _by_active_set(
         self, problem: Problem, start: FloatArray, spent: tuple[int, int], tolerance: float, limit: int
     ) -> Solution:
         """Leave the problem to the active set, after some pairs and iterations."""
         pairs, iterations = spent
-        solver = self._active_set or self._make_active_set()
+        solver = self._active_set or ActiveSet(self._transforms, windows=False)
         found = solver.solve(problem, start, tolerance, max(limit - iterations, 1))
         if found.converged:
             self._active_set = solver
