@@ -30,7 +30,7 @@ from gfmdlayer.body.materials import Prony, PronySeries
 if TYPE_CHECKING:
     from gfmdlayer.body.materials import Law
 
-AIM = 0.93  # part of the tolerance at the samples of the fit, which leaves room for what lies between them
+AIM = 0.93  # part of the tolerance at the samples of the fit, which leaves room for the error between them
 REMAINDER = 0.02  # part of the tolerance that may lie between the samples of the bound
 CURVATURE = 1.67  # of an exponential, see above
 FLOOR = 0.1  # part of the tolerance that the relaxed modulus of a series has at least
@@ -146,7 +146,7 @@ class _Fit:
         return np.asarray(np.interp(parts * integral[-1], integral, logarithms))
 
     def _columns(self, logarithms: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Responses of the relaxed spring and the branches, and the derivatives of the latter by ln tau."""
+        """Responses of the relaxed spring and the branches, and the derivatives of these by ln tau."""
         tau = np.exp(logarithms)
         y, z = np.divide.outer(self._times, tau), 1j / np.divide.outer(self._samples, tau)
         scales, decay = self._scales(logarithms), np.exp(-y)

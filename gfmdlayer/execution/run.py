@@ -207,7 +207,7 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
-    """Return the expected seconds of the cases to be run, by those of finished ones."""
+    """Return the expected seconds of the cases to be run, from finished ones."""
     undone = {case.index for case in work.undone}
     done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
     model = CostModel.of_files(done)

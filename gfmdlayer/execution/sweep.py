@@ -45,11 +45,11 @@ class Earlier:
 class SweepCase:
     """One simulation of a sweep."""
 
-    index: int  # its number, that of its file
+    index: int  # its number, and the number of its file
     config: Config  # its configuration, without a sweep
     values: dict[str, object]  # the swept keys, dotted, and their values in this case
     earlier: Earlier | None = None  # a complete case from whose state this one goes on
-    # its configuration as it is stored, where `config` names copies of the input files
+    # its stored configuration, where `config` names copies of the input files
     given: Config | None = None
 
 
@@ -123,7 +123,7 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
 
 
 def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tuple[str, str]]:
-    """Check each combination of the sections that decide what is possible once."""
+    """Check each combination of the decisive sections once."""
     from gfmdlayer.grid.ranks import ALONE
     from gfmdlayer.model import model_of
 

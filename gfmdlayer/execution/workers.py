@@ -30,7 +30,7 @@ SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of t
 
 
 class LauncherError(Exception):
-    """The processes were started in a way that cannot work; the message says what to do."""
+    """The processes were started in a way that cannot work; the message names the remedy."""
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,7 @@ def dimension(words: str) -> tuple[str, str]:
 
 @cache
 def meanings(section: type[BaseModel]) -> dict[str, str]:
-    """Return what the fields of a section mean, by the names that users write."""
+    """Return the meanings of the fields of a section, by the names that users write."""
     found: dict[str, str] = {}
     for base in reversed(section.__mro__):
         own = set(vars(base).get("__annotations__", ())) & set(section.model_fields)
