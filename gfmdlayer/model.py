@@ -1,4 +1,4 @@
-"""What execution and results know of a case: a `Model`, chosen by the geometry of the contact.
+"""The interface of a case to execution and results: a `Model`, chosen by the geometry of the contact.
 
 A model turns the configuration of one case into rows and snapshots. The commands, the processes of a sweep
 and the result files use this protocol only; a further geometry is one class with it, and one line in
@@ -199,13 +199,13 @@ class Model(ABC):
         progress: Callable[[float], None] | None = None,
         resume: Callable[[CompositeState], None] | None = None,
     ) -> list[str]:
-        """Compute the case into a recorder; arguments and result are those of `gfmdlayer.simulate`."""
+        """Compute the case into a recorder; arguments and result like `gfmdlayer.simulate`."""
 
 
 def model_of(
     config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks | None = None
 ) -> Model:
-    """Return the model of a case; the arguments are those of `Model`."""
+    """Return the model of a case; `Model` takes the same arguments."""
     module, _, name = config.geometry.model.partition(":")
     made: Model = getattr(import_module(module), name)(config, wisdom, threads, ranks)
     return made

@@ -188,7 +188,7 @@ class PeriodicContact(Model):
 def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
     """Return why a punch cannot reach a depth, or "": the mean displacement of most bodies is zero.
 
-    `mean_height` is that of the punch above its lowest point, `mean_stiffness` that of the `Body`.
+    `mean_height` belongs to the punch, above its lowest point, `mean_stiffness` to the `Body`.
     """
     if mean_stiffness > 0 or depth < mean_height:
         return ""

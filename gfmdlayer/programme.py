@@ -30,26 +30,14 @@ if TYPE_CHECKING:
 class Programme:
     """The imposed quantities of a case as functions of time.
 
-    Parameters
-    ----------
-    config : Config
-        The configuration.
-    drive : Trajectory, optional
-        Depth or mean pressure over time, in place of that of the configuration.
-    **given
-        `velocity`, `interface` or `reduced_time`, likewise.
-
-    Raises
-    ------
-    TableError
-        At the first use of a quantity whose file cannot be used.
+    A `drive` (depth or mean pressure), `velocity`, `interface` or `reduced_time` replaces the one of the
+    configuration. TableError at the first use of a quantity whose file cannot be used.
     """
 
     def __init__(self, config: Config, drive: Trajectory | None = None, **given: object) -> None:
         self.config = config
-        vars(self).update(
-            {**given, **({} if drive is None else {"drive": drive})}
-        )  # before cached properties
+        own = {} if drive is None else {"drive": drive}
+        vars(self).update({**given, **own})  # where the cached properties look first
 
     @cached_property
     def drive(self) -> Trajectory:
@@ -82,10 +70,7 @@ class Programme:
     def temperature(self) -> Constant | Table | None:
         """Temperature of the body in degrees Celsius; None without `temperature`.
 
-        Raises
-        ------
-        TableError
-            If a value of the file is outside of the range of a shift, or the file ends before the run.
+        TableError if a value of the file is outside of the range of a shift, or the file ends before the run.
         """
         given, end = self.config.temperature, self.config.time.end
         if given is None:
@@ -140,9 +125,8 @@ class Programme:
     def breakpoints(self) -> tuple[float, ...]:
         """Times t > 0 at which the slope of an imposed quantity jumps; not sorted."""
         thermal = next((each.temperature for each in self.reduced_times if each is not None), None)
-        attracts = self.config.interfaces or "interface" in vars(
-            self
-        )  # the law of a hard wall needs no import
+        # The law of a hard wall needs no import.
+        attracts = self.config.interfaces or "interface" in vars(self)
         every = self.drive, self.velocity, self.interface if attracts else None, thermal
         return tuple(time for each in every if each is not None for time in each.breakpoints)
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 class Parts(TypedDict, total=False):
-    """Parts that may be given in place of those of the configuration."""
+    """Parts that may replace those from the configuration."""
 
     grid: Grid
     transforms: Transforms

@@ -1,4 +1,4 @@
-"""What is prescribed over time: depth of the punch or mean pressure on it, and its velocity."""
+"""Prescribed functions of time: depth of the punch or mean pressure on it, and its velocity."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the body is: materials, the elastic layered halfspace, its relaxation spectrum."""
+"""The body: materials, the elastic layered halfspace, its relaxation spectrum."""

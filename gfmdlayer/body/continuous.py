@@ -45,7 +45,7 @@ class ContinuousLaw(Law):
     """largest relative error of the Prony series that replaces the law"""
 
     def roughly(self, longest: float) -> tuple[float, tuple[tuple[float, float], ...]]:
-        """Return as branches what relaxes in each part of some decades before the time."""
+        """Return one branch for the relaxation in each part of some decades before the time."""
         times = [longest * 10 ** (-_DECADES * i / _BRANCHES) for i in range(_BRANCHES + 1)]
         moduli = self.relaxation_modulus(times).tolist()
         return moduli[0], tuple(

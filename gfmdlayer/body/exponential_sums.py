@@ -30,18 +30,16 @@ from gfmdlayer.body.materials import Prony, PronySeries
 if TYPE_CHECKING:
     from gfmdlayer.body.materials import Law
 
-AIM = 0.93  # part of the tolerance at the samples of the fit, which leaves room for what lies between them
+AIM = 0.93  # part of the tolerance at the samples of the fit, which leaves room for the error between them
 REMAINDER = 0.02  # part of the tolerance that may lie between the samples of the bound
 CURVATURE = 1.67  # of an exponential, see above
 FLOOR = 0.1  # part of the tolerance that the relaxed modulus of a series has at least
 NARROWEST = 10.0  # range of times
 MOST_BRANCHES = 100
 FEWER = 4  # attempts with one branch less
-# Measured over all laws, exponents from 0.2 to 0.97 and 3 to 12 decades.
-PER_DECADE = 12  # samples of the fit
-BRANCHES = (
-    0.095  # for each unit of the range in ln t and of the logarithm of 10/tolerance times d ln G/d ln t
-)
+# Measured over all laws, exponents from 0.2 to 0.97 and 3 to 12 decades. The branches are those for each unit
+# of the range in ln t and of the logarithm of 10/tolerance times d ln G/d ln t.
+PER_DECADE, BRANCHES = 12, 0.095  # samples of the fit
 MORE = math.log(1.5)  # logarithm of the factor by which a branch reduces the error
 ITERATIONS, UNWEIGHTED = 100, 8
 LONGEST_STEP = 1.0  # of ln tau
@@ -148,7 +146,7 @@ class _Fit:
         return np.asarray(np.interp(parts * integral[-1], integral, logarithms))
 
     def _columns(self, logarithms: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Responses of the relaxed spring and the branches, and the derivatives of the latter by ln tau."""
+        """Responses of the relaxed spring and the branches, and the derivatives of these by ln tau."""
         tau = np.exp(logarithms)
         y, z = np.divide.outer(self._times, tau), 1j / np.divide.outer(self._samples, tau)
         scales, decay = self._scales(logarithms), np.exp(-y)

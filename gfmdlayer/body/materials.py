@@ -8,7 +8,7 @@ a dashpot G_k tau_k), so that
 
 after Petrenko et al., Materials Physics and Mechanics 52 (2024) 60-68. G(s) is s times the Laplace transform
 of G(t), Eq. (2): the modulus that takes an elastic solution to the viscoelastic one. Moduli and times may be
-in any units; those of the results follow. Laws with a continuous spectrum are replaced by such a series.
+in any units; the results have the same. Laws with a continuous spectrum are replaced by such a series.
 
 A law is a section of the configuration and a Python object at once; `gfmdlayer.body.materials` lists them.
 """

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from gfmdlayer.body.materials import Law, Material
 from gfmdlayer.validation.problems import Problem
-from gfmdlayer.validation.sections import Kind, Section, sections_in
+from gfmdlayer.validation.sections import Kind, replaced, sections_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -88,8 +88,9 @@ class Solid(Kind):
         accuracy : float
             Relative error of K(q, s) up to which relaxing modes may be merged.
         """
-        body: Body = _with_laws(self, iter(materials))
-        return body
+        series = iter(materials)
+        body: Any = replaced(self, lambda value: next(series) if isinstance(value, Law) else value)
+        return cast("Body", body)
 
     @property
     def unit(self) -> float:
@@ -141,20 +142,6 @@ class Solid(Kind):
         if not self.isolated:
             message = "given with grid.geometry: axisymmetric, which this body does not allow; must be layers"
             yield Problem(("body",), message)
-
-
-def _with_laws(section: Any, materials: Iterator[Material]) -> Any:
-    """Return a section with the next of the materials in place of each law in it."""
-
-    def replaced(value: Any) -> Any:
-        if isinstance(value, Law):
-            return next(materials)
-        if isinstance(value, tuple):
-            return tuple(map(replaced, value))
-        return _with_laws(value, materials) if isinstance(value, Section) else value
-
-    new = {key: replaced(value) for key, value in vars(section).items()}
-    return section.model_copy(update=new)
 
 
 def fault(body: Body, waves: Wavevectors) -> str:

@@ -3,7 +3,7 @@
 The stiffness K(q, s) of the surface follows from the impedance of the base, which is carried upwards by a
 linear map of its minors through each layer (`springs.minors`); without shear traction K = q det Z/Z_UU. No
 term overflows, and the result has nearly all digits from thin layers to thick ones and for any ratio of
-moduli. Its relaxing modes are those of a network of springs and dashpots (`network`).
+moduli. Its relaxing modes belong to a network of springs and dashpots (`network`).
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class LayerStack:
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
         """Return the relaxing modes at the wavevectors, of any shape.
 
-        They are found once for each magnitude. Modes other than those of the uppermost layer have weight zero
+        They are found once for each magnitude. Modes of the other layers than the uppermost have weight zero
         where their weights sum to no more than `NEGLIGIBLE` of the relaxed stiffness, and are merged to the
         `accuracy` of the stack.
         """
@@ -269,8 +269,5 @@ def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
     for k, weights, times in local:
         all_weights[: weights.size, k], all_times[: weights.size, k] = weights, times
     own_rows = np.repeat(own_times[:, np.newaxis], q.size, axis=1)
-    weights, times = (
-        np.concatenate((np.concatenate(own, axis=1), all_weights)),
-        np.vstack((own_rows, all_times)),
-    )
-    return Spectrum(relaxed, weights, times, error)
+    weights = np.concatenate((np.concatenate(own, axis=1), all_weights))
+    return Spectrum(relaxed, weights, np.vstack((own_rows, all_times)), error)

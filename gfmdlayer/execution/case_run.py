@@ -454,7 +454,7 @@ def warm_up(
 
 # Ranks of a case fail together: an error of one of them ends the case on all.
 
-PATIENCE = 8.0  # seconds in which the other ranks come to the same error, or to the end
+PATIENCE = 8.0  # seconds in which the other ranks reach the same error, or the end
 _POLL = 0.002  # seconds between two looks at the other ranks
 
 
@@ -484,7 +484,7 @@ def ending_together(ranks: Ranks) -> Iterator[None]:
 
 
 def _first_error(ranks: Any, said: str, error: Exception | None) -> str:
-    """Return what the first rank with an error says, when all have come here."""
+    """Return the error of the first rank that has one, when all have arrived here."""
     request, begun = ranks.control.Ibarrier(), time.monotonic()
     while not request.Test():
         if error is not None and time.monotonic() - begun > PATIENCE:

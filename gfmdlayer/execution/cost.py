@@ -1,4 +1,4 @@
-"""Seconds of cases, from the footprint that their model estimates and from those of finished cases.
+"""Seconds of cases, from the footprint that their model estimates and from finished cases.
 
 Before any case has finished, the seconds are those of one measured FFT pair (`footprint.pair_seconds`) times
 the pairs. Then the median of actual over expected seconds of the finished cases of the same kind
@@ -30,7 +30,7 @@ def estimate(config: Config) -> Footprint:
 
 
 def total(costs: Iterable[Footprint], part: float = 1.0) -> Footprint:
-    """Add up cases, which may be a part of all; the memory is that of the largest, as they run in turn."""
+    """Add up cases, which may be a part of all; the memory is the largest of all, as they run in turn."""
     every = list(costs)
     return Footprint(
         steps=round(sum(cost.steps for cost in every) / part),
@@ -43,7 +43,7 @@ def total(costs: Iterable[Footprint], part: float = 1.0) -> Footprint:
 
 
 def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
-    """Estimate the seconds of a case on one core, from those of an FFT pair of the grid."""
+    """Estimate the seconds of a case on one core from the seconds of an FFT pair of the grid."""
     cost = estimate(config)
     transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
     return CASE_SECONDS + cost.seconds + transforms
@@ -60,7 +60,7 @@ def _pair_seconds(shape: tuple[int, ...]) -> float:
 
 
 class CostModel:
-    """Seconds of a case, from those of finished cases; `expected` is right up to a factor for each kind."""
+    """Expected seconds of a case, from finished cases; `expected` is right up to a factor for each kind."""
 
     def __init__(
         self,

@@ -51,7 +51,7 @@ WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
 
 class FolderError(Exception):
-    """A folder cannot be used for these results; the message says why and what to do."""
+    """A folder cannot be used for these results; the message names the reason and a remedy."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def is_result(path: str | Path) -> bool:
 def read_config(
     path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
 ) -> Config:
-    """Read a configuration, or that of a case's result file, and check its numbers and input files."""
+    """Read a configuration, from YAML or a case's result file, and check its numbers and input files."""
     return stored_config(path, overrides, inspect) if is_result(path) else load(path, overrides, inspect)
 
 

@@ -6,7 +6,7 @@ a run that is killed at any moment leaves the folder as sound as before. Cases t
 stay in place, and are found again when it has them once more.
 
 A configuration may differ from that of the folder in its sweep, its end, its snapshots, its output times and
-`output.keep_state`, or in anything that leaves some case as it is. Any other one is refused.
+`output.keep_state`, or in anything that leaves some case unchanged. Any other one is refused.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Growth:
     """The cases of a configuration in a results folder."""
 
     numbers: Sequence[int]  # numbers of their files, in the order of the sweep
-    changed: bool = False  # whether the configuration differs from that of the folder
+    changed: bool = False  # whether the configuration is not the folder's
     # number -> why a case of the same swept values, which the folder holds, is not this case
     reasons: Mapping[int, str] = field(default_factory=dict)
     left: Sequence[int] = ()  # complete cases of the folder that the sweep does not have
@@ -228,7 +228,7 @@ _OF_A_CASE = re.compile(
 )
 _STATE = re.compile(r"(\d{4,})\.(checkpoint(\d+[ab])?|journal\d*)")
 _OF_A_RUN = re.compile(rf"stop(-\d+-of-\d+)?|probe{_PART}")
-_FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # those of a run that was killed in its first instant
+_FOLDERS = ("cases", "arrays", "inputs", "wisdom")  # left by a run that was killed in its first instant
 _LOCK = re.compile(r"\.lock-\d+-of-\d+|\.turn|\.admission|\.collection")  # the last two of version 0.2
 
 

@@ -99,7 +99,7 @@ def disk_warnings(directory: Path, needed: float) -> list[str]:
 def memory_warnings(each: float, number: int = 1, instead: str = "fewer grid.points") -> list[str]:
     """Warn of processes that need more bytes than they may have, by the estimate `each` of one of them.
 
-    The message names what to take `instead`.
+    The message advises to take `instead`.
     """
     for limit, whose, together in memory_limits():
         if (needed := each * (number if together else 1)) > limit:

@@ -171,11 +171,6 @@ def _find_work(folder: Folder, own: Sequence[SweepCase], only_failed: bool) -> _
     return _Work(own, undone, todo)
 
 
-def _done(work: _Work) -> list[SweepCase]:
-    undone = {case.index for case in work.undone}
-    return [case for case in work.own if case.index not in undone]
-
-
 def _is_done(case: SweepCase, folder: Folder) -> bool:
     from gfmdlayer.results.reader import attributes, is_complete
 
@@ -212,8 +207,10 @@ def _warnings(work: _Work, pool: WorkerPool, folder: Folder) -> list[str]:
 
 
 def _expected_seconds(work: _Work, folder: Folder) -> dict[int, float]:
-    """Return the expected seconds of the cases to be run, by those of finished ones."""
-    model = CostModel.of_files({folder.case(case.index): case.config for case in _done(work)})
+    """Return the expected seconds of the cases to be run, from finished ones."""
+    undone = {case.index for case in work.undone}
+    done = {folder.case(case.index): case.config for case in work.own if case.index not in undone}
+    model = CostModel.of_files(done)
     return {case.index: model.seconds(case.config) for case in work.todo}
 
 

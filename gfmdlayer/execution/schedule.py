@@ -84,7 +84,7 @@ class Numbered(Protocol):
 
 
 class Labelled(Numbered, Protocol):
-    """An item with values that tell it from the others."""
+    """An item with values that distinguish it from the others."""
 
     @property
     def values(self) -> dict[str, object]:
@@ -169,7 +169,7 @@ class Schedule:
         if error is None:
             self._end(future.result())
         elif isinstance(error, BrokenExecutor) and not self._folder.case(item.index, "running").exists():
-            self._returned.put(item)  # its worker died with that of another case
+            self._returned.put(item)  # its worker died with another case
         else:
             reason = f"its process ended: {type(error).__name__}: {error}"
             self._end(Outcome(item.index, "failed", reason))

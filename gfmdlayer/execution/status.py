@@ -1,4 +1,4 @@
-"""Progress of running cases and of a whole sweep, as files in the results folder tell it.
+"""Progress of running cases and of a whole sweep, from files in the results folder.
 
 The process that computes a case writes cases/NNNN.running at most once a second. The progress display and
 `gfmdlayer status` read these files, so that they work for processes on any host.

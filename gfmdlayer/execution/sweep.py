@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, overload
 
 from gfmdlayer.body.temperature import shifts
 from gfmdlayer.config import Config, ConfigError
@@ -22,12 +22,10 @@ from gfmdlayer.config.sweeps import as_label, axes
 from gfmdlayer.execution import interrupts, preflight
 from gfmdlayer.execution.cost import estimate
 from gfmdlayer.model import PROGRAM
-from gfmdlayer.validation.sections import Section
+from gfmdlayer.validation.sections import Part, replaced
 
 if TYPE_CHECKING:
     from gfmdlayer.grid.ranks import Ranks
-
-Part = TypeVar("Part", bound=Section)
 
 EXAMINED = 2_000  # cases that are examined before a run, at most: about two seconds
 CASE_BYTES = 6_500  # of a case that waits in a run, measured; it is made in a third of a millisecond
@@ -47,11 +45,11 @@ class Earlier:
 class SweepCase:
     """One simulation of a sweep."""
 
-    index: int  # its number, that of its file
+    index: int  # its number, and the number of its file
     config: Config  # its configuration, without a sweep
     values: dict[str, object]  # the swept keys, dotted, and their values in this case
     earlier: Earlier | None = None  # a complete case from whose state this one goes on
-    # its configuration as it is stored, where `config` names copies of the input files
+    # its stored configuration, where `config` names copies of the input files
     given: Config | None = None
 
 
@@ -125,7 +123,7 @@ def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[s
 
 
 def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tuple[str, str]]:
-    """Check each combination of the sections that decide what is possible once."""
+    """Check each combination of the decisive sections once."""
     from gfmdlayer.grid.ranks import ALONE
     from gfmdlayer.model import model_of
 
@@ -144,18 +142,7 @@ def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tu
 
 def with_files(section: Part, files: Mapping[Path, Path]) -> Part:
     """Return a section that names other files, in itself and in all sections below it."""
-
-    def replaced(value: Any) -> Any:
-        if isinstance(value, Section):
-            return with_files(value, files)
-        if isinstance(value, tuple):
-            return tuple(map(replaced, value))
-        return files.get(value, value) if isinstance(value, Path) else value
-
-    new = {key: replaced(value) for key, value in vars(section).items()}
-    return section.model_copy(
-        update={key: new[key] for key, value in vars(section).items() if value != new[key]}
-    )
+    return replaced(section, lambda value: files.get(value, value) if isinstance(value, Path) else value)
 
 
 def label(values: dict[str, object]) -> str:

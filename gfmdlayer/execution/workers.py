@@ -30,7 +30,7 @@ SWITCH_INTERVAL = 0.0005  # seconds; with Python's 0.005 ranks wait a tenth of t
 
 
 class LauncherError(Exception):
-    """The processes were started in a way that cannot work; the message says what to do."""
+    """The processes were started in a way that cannot work; the message names the remedy."""
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,11 @@ def assemble(jobs: int = 1, prepare: Callable[[], None] | None = None) -> Iterat
     if comm is not None and comm.Get_size() > 1:
         if jobs > 1:
             raise LauncherError("--jobs N and mpirun exclude each other: leave --jobs out")
-        with ranks(comm, prepare) as pool:
-            yield pool
-    elif jobs > 1:
-        with processes(jobs) as pool:
-            yield pool
+        chosen: AbstractContextManager[WorkerPool | None] = ranks(comm, prepare)
     else:
-        with alone() as pool:
-            yield pool
+        chosen = processes(jobs) if jobs > 1 else alone()
+    with chosen as pool:
+        yield pool
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""How the curves of a sweep are told apart: by colour, by line style, by a legend or a colour bar.
+"""How the curves of a sweep differ: by colour, by line style, by a legend or a colour bar.
 
 The first swept key differs in colour, the second in line style; where the second has more values than there
 are line styles and the first has not, they change places. Further keys are held at their middle values. The
@@ -164,7 +164,7 @@ def family(sweep: Dataset, along: str = "") -> Family:
 
 
 def _of_product(sweep: Dataset, names: list[str]) -> Family:
-    """Tell the values of one key apart by colour, those of a second by line style."""
+    """Distinguish the values of one key by colour, the values of a second by line style."""
     shades, titles, bar = _coloured(sweep[names[0]])
     if len(names) == 1:
         dashes = [line_style(0 if bar else i) for i in range(len(shades))]
@@ -183,7 +183,7 @@ def _of_product(sweep: Dataset, names: list[str]) -> Family:
 
 
 def _of_list(sweep: Dataset) -> Family:
-    """Tell the cases of a list apart by a numeric key of many values, or each by its title."""
+    """Distinguish the cases of a list by a numeric key of many values, or each by its title."""
     keys = [key for key in swept(sweep) if len(set(key.to_numpy().tolist())) > 1]
     many = next((key for key in keys if key.dtype.kind in "if" and _has_many(key)), None)
     if many is None:

@@ -221,7 +221,7 @@ def _zoom(axes: Axes) -> None:
 
 
 def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alone: bool) -> list[str]:
-    """Draw one case; return its areas in words, that of the loop first."""
+    """Draw one case; return its areas in words, the area of the loop first."""
     y = column_name(case, y)
     along, up = quantity(case["depth"], case.attrs), quantity(case[y], case.attrs)
     depth, values = case["depth"].to_numpy(), case[y].to_numpy()

@@ -144,7 +144,7 @@ def _one(names: Sequence[str], figure: str) -> str:
 
 
 def _beside(path: Path, dataset: Dataset, kind: Kind, suffix: str, options: Options) -> Path:
-    """Return the path of a picture that lies with the results and is named after them and what it shows."""
+    """Return the path of a picture beside the results, named after them and its contents."""
     columns = [*options.get("y", ()), *(["over", options["x"]] if options.get("x") else [])]
     ending = suffix if kind == "movie" else f"-{kind}{suffix}"
     if kind == "curves":

@@ -39,7 +39,7 @@ def case_dimensions(dataset: Dataset) -> list[str]:
 
 
 def value_titles(coordinate: DataArray) -> list[str]:
-    """Return the values of a swept key, each with its symbol and unit; mappings stand alone."""
+    """Return the values of a swept key, each with its symbol and unit; a mapping has neither."""
     values = np.atleast_1d(coordinate.to_numpy()).tolist()
     drawn, power = quantity(coordinate), 0
     if drawn.unit and coordinate.dtype.kind in "if":

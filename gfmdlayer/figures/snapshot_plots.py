@@ -104,7 +104,7 @@ def at_times(case: Dataset, times: Sequence[float]) -> Dataset:
 
 
 def section(case: Dataset) -> Dataset:
-    """Cut a surface along x, through its highest pressure at the last snapshot; a line stays as it is."""
+    """Cut a surface along x, through its highest pressure at the last snapshot; a line does not change."""
     if "y" not in case.dims:
         return case
     pressure = case["pressure"].isel(snapshot=-1)

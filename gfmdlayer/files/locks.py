@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-# Files in folders where other users may write: no link is followed, and what is read may be anything.
+# Files in folders where other users may write: no link is followed, and a file may hold anything.
 
 _LARGEST = 1 << 22  # bytes of a small file
 
@@ -118,7 +118,7 @@ def open_for_writing(path: Path) -> bool:
 
 
 def born(process: int | None = None) -> str:
-    """Return when a process began, which tells it from a later one of the same number.
+    """Return when a process began, which distinguishes it from a later one of the same number.
 
     Empty where that is unknown, and of a process that has ended and is still listed, because the one that
     started it has not asked how: in a container that may be for ever.

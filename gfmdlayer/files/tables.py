@@ -25,7 +25,7 @@ Line = tuple[int, str, list[str]]  # number, text and words
 
 
 class TableError(ValueError):
-    """A file of numbers cannot be used; the message names file, line if any, and what is allowed."""
+    """A file of numbers cannot be used; the message names file, line if any, and allowed values."""
 
 
 def read_columns(
@@ -90,7 +90,7 @@ def read_matrix(path: Path) -> FloatArray:
 def _read_at_once(path: Path) -> FloatArray | None:
     """Return rows of equally many numbers by NumPy's reader; None where it finds anything else.
 
-    It takes a tenth of the time of the readers here, which then say what is wrong, and where.
+    It takes a tenth of the time of the readers here, which then name the error and its line.
     """
     import numpy as np
 
@@ -198,7 +198,7 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
         lists[word] = NumberList(numbers, found, line, column, in_lines)
         dash = " " * indents.pop() + "- " if in_lines else ""
         blank = "\n" * found.count("\n")
-        if not in_lines and not _LAST.match(content, match.end() + 1):  # what follows keeps its column
+        if not in_lines and not _LAST.match(content, match.end() + 1):  # the rest keeps its column
             last = found.rpartition("\n")[2]
             blank += " " * (len(last) if blank else len(last) - len(word))
         parts += [content[end : match.start()], dash, word, blank]
@@ -207,7 +207,7 @@ def shortened(content: str) -> tuple[str, dict[str, NumberList]]:
 
 
 def _candidates(content: str) -> Iterator[tuple[re.Match[str], bool]]:
-    """Yield what may be lists of numbers, in their order."""
+    """Yield possible lists of numbers, in their order."""
     flow, block = _FLOW.finditer(content), _BLOCK.finditer(content)
     every = [(match, False) for match in flow] + [(match, True) for match in block]
     yield from sorted(every, key=lambda each: each[0].start())

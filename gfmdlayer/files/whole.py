@@ -73,7 +73,7 @@ def write_text(path: Path, text: str, durable: bool = True, replace: bool = True
 
 
 def cannot_be_written(error: OSError) -> str:
-    """Return why a file cannot be written, with its name where the system tells it."""
+    """Return why a file cannot be written, with its name where the system gives it."""
     named = f": {error.filename}" if error.filename else ""
     return f"cannot be written ({error.strerror or error}{named})"
 

@@ -183,7 +183,7 @@ def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
     attributes: Mapping[str, str],
 ) -> Path:  # fmt: skip
-    """Write the map from the files of its curves; `reasons` are those of the failed ones."""
+    """Write the map from the files of its curves; `reasons` are the errors of failed curves."""
     layout = _layout([case.entry.position for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)

@@ -40,7 +40,7 @@ def fit_material(
     """Fit a law to a file of measurements, write the material and a figure, and return a summary.
 
     `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
-    beside it. `law` is prony or a key of `continuous.MODELS`; `normalise` writes moduli in units of G0;
+    beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
     `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
     """
     material, picture = _targets(data, out, force)

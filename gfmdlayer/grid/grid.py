@@ -206,7 +206,7 @@ def periodic_extent(pressure: FloatArray, shape: tuple[int, int]) -> tuple[Stret
 
 @kernel(reorder=True, inner=True)
 def _count(pressure: FloatArray, occupied: FloatArray) -> float:
-    """Count the points with pressure in a row, and add them to those of the columns."""
+    """Count the points with pressure in a row, and add each to its column."""
     total = 0.0
     for i in range(pressure.size):
         pressed = 1.0 if pressure[i] > 0.0 else 0.0

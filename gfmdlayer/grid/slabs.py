@@ -340,9 +340,8 @@ def refused(points: tuple[int, ...], ranks: int) -> str:
     if len(points) == 1:
         return "a line; must be a surface in two dimensions where a case has several ranks"
     most = min(points[0], points[1] // 2 + 1) // FEWEST
-    return (
-        f"{points[0]} x {points[1]} points; must be for at most {most} ranks a case" if ranks > most else ""
-    )
+    allowed = f"must be for at most {most} ranks a case"
+    return f"{points[0]} x {points[1]} points; {allowed}" if ranks > most else ""
 
 
 _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)

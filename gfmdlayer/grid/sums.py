@@ -19,7 +19,7 @@ from gfmdlayer.kernels import kernel
 class Sums:
     """Sums, means and extrema over a grid.
 
-    `weights` are those of waves in a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in
+    `weights` of waves give a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in
     any shape; f and g are unnormalised transforms.
     """
 

@@ -41,7 +41,7 @@ class NotebookBar:
         self._bar.update(self._html(f"{bar} {html.escape(progress.words)}"))
 
     def close(self) -> None:
-        """Leave the bar as it is."""
+        """Leave the bar."""
 
 
 class Delayed:

@@ -118,18 +118,14 @@ def _held(kind: str, suffix: str, contents: bytes) -> MemoryFile:
     return MemoryFile(f"{kind}-{hashlib.sha256(contents).hexdigest()[:12]}{suffix}", contents)
 
 
-def held_files(config: Config) -> Mapping[str, MemoryFile]:
-    """Return the files of a configuration that are in memory, by dotted key."""
-    return {key: file for key, file in files_named(config).items() if isinstance(file, MemoryFile)}
-
-
 def on_disk(config: Config, folder: Path) -> Config:
     """Write the files of a configuration that are in memory into a folder; return the one that names them.
 
     They are named after their contents, so that none is overwritten by another.
     """
     keys: dict[str, Any] = {}
-    for key, file in held_files(config).items():
+    held = {key: file for key, file in files_named(config).items() if isinstance(file, MemoryFile)}
+    for key, file in held.items():
         path = folder.absolute() / file.name
         if not path.exists():
             folder.mkdir(parents=True, exist_ok=True)
@@ -401,7 +397,7 @@ def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Resu
 def _run_in_folder(
     config: Config, out: Path, progress: bool | None, jobs: int, threads: int
 ) -> xarray.Dataset:
-    """Run the cases as the command line does; return what its reader opens."""
+    """Run the cases as the command line does; return the opened results."""
     refuse_foreign_folder(Folder(out))
     config = on_disk(config, out / "arrays")
     _warn(notes(case.config for case in cases(config)), 4)

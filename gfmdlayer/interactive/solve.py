@@ -168,14 +168,14 @@ def solve(
 
 
 def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
-    """Return the points of the grid, where nothing else is given those of an array."""
+    """Return the points of the grid, by default the points of an array of heights."""
     if points is not None:
         return points
     return POINTS if callable(punch) or isinstance(punch, Shape | Mapping) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:
-    """Return grid, solver and what else is given by its keys, punch or interface, checked."""
+    """Return the checked configuration of grid, solver, and a punch or an interface given by its keys."""
     try:
         return from_python({"name": "solve", "grid": grid, "solver": solver, **given})
     except ConfigError as error:

@@ -20,7 +20,7 @@ from gfmdlayer.grid.grid import Grid
 class Heights(NamedTuple):
     """Heights, and the lengths of the cell that they fill along each axis if the file holds them.
 
-    Values are those of some rows, where a process reads no others; the shape is that of all.
+    Where a process reads some rows, values has these only; shape counts all.
     """
 
     values: FloatArray

@@ -37,7 +37,7 @@ class SelfAffine(Shape):
     Attributes
     ----------
     roll_off, long_cutoff
-        None where there is no plateau in the spectrum, or none but that of the period.
+        None: no plateau in the spectrum; no cut-off but the period.
     rms_slope, rms_height
         One of them is given: the square root of the mean of grad h . grad h, or of (h - mean(h))^2.
 

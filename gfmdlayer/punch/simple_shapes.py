@@ -116,7 +116,7 @@ class Cylinder(Analytic):
 class Flat(Analytic):
     """Flat over `width`, outside it a parabola of `edge_radius` that begins with zero slope.
 
-    One width is that of a line or a disc, two are those of a rectangle.
+    One width belongs to a line or a disc, two belong to a rectangle.
 
     Examples
     --------

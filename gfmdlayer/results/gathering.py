@@ -239,7 +239,7 @@ class Gathered:
         }
 
     def _add(self, record: CaseRecord, common: _CommonTimes) -> bool:
-        """Read what the cases have in common; False if the case is not complete."""
+        """Read times, columns and attributes of a case; False if it is not complete."""
         try:
             with _open(record) as case:
                 times = case.values("time")
@@ -520,7 +520,7 @@ def labelled(
     listed: bool = False,
     unit: Callable[[str], str] = str,
 ) -> xarray.Dataset:
-    """Return cases in memory as `open_results` gives those of a folder, with fields if their grids agree."""
+    """Return cases in memory as `open_results` returns a folder, with fields if their grids agree."""
     import xarray
 
     sweep = Gathered(records, keys, listed, unit)

@@ -56,7 +56,7 @@ class Recorder(Protocol):
         traction: FloatArray | None = None,
         /,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape; the traction with attraction alone."""
+        """Record the surface at a time, by arrays of the grid's shape; the traction only with attraction."""
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -169,7 +169,7 @@ class Journal:
         self._size = 0
 
     def _append(self) -> None:
-        """Write what is in memory."""
+        """Write the rows and snapshots in memory."""
         arrays = []
         if self._rows:
             columns = [np.array(values) for values in zip(*self._rows, strict=True)]
@@ -203,7 +203,7 @@ class Journal:
                 pass
 
     def _write(self, parts: Iterator[Any]) -> None:
-        """Write bytes and arrays behind what is good; if that fails, they are not good."""
+        """Write bytes and arrays behind the good part; after an error they are no part of it."""
         if self._file is None:
             self._path.unlink(missing_ok=True)  # a dying process may still be writing to it
             self._file = _opened(self._path, "x+b")

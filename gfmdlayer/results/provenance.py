@@ -67,7 +67,10 @@ def git_commit(checkout: Path) -> str:
 
 
 def made_by(digest: str) -> dict[str, str]:
-    """Return what the bits of a case depend on, beside the plans of FFTW, which are in its state."""
+    """Return the input, versions and processor that fix the bits of a case.
+
+    The plans of FFTW fix them too; they are in its state.
+    """
     from llvmlite.binding import get_host_cpu_name
 
     known = provenance()
@@ -75,7 +78,7 @@ def made_by(digest: str) -> dict[str, str]:
     return {
         "format": CHECKPOINT_FORMAT,
         "digest": digest,
-        # Uncommitted changes cannot be told apart, and most do not change results.
+        # Uncommitted changes have no name of their own, and most do not change results.
         "git_commit": known["git_commit"].removesuffix("-dirty"),
         "processor": get_host_cpu_name(),
         **versions,

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 SWEEP_FILE = "sweep.h5"
 _ROWS_READ = 4096  # at a time
-VERIFIED = 1 << 28  # bytes of a file that is verified as it is opened, which takes a quarter of a second
+VERIFIED = 1 << 28  # bytes of a file that is verified when it is opened: a quarter of a second
 
 # Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
 # fail. (A file that another program has open for writing is found by `files.locks`.)
@@ -121,7 +121,7 @@ def replay(path: Path, until: float, recorder: Recorder) -> None:
 
 
 def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], list[h5py.Dataset]]:
-    """Return the columns of rows by name, and those of snapshots: time, displacement, pressure, gap."""
+    """Return the columns of rows by name, and the fields of snapshots: time, displacement, pressure, gap."""
     columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
     fields = [columns.pop(name) for name in ("snapshot", "displacement", "pressure")]
     # Earlier versions wrote no gap, and the hard wall has no traction.

@@ -60,11 +60,8 @@ class MustBe:
         except (ValidationError, OverflowError):
             message = f"got {shown(value)}; must be {self.allowed}{self._hint(value)}"
             raise PydanticCustomError("must_be", message) from None
-        if (
-            isinstance(taken, float)
-            and taken not in {0.0, math.inf}
-            and not SMALLEST <= abs(taken) <= LARGEST
-        ):
+        sized = isinstance(taken, float) and taken not in {0.0, math.inf}
+        if sized and not SMALLEST <= abs(taken) <= LARGEST:
             limits = f"the size must be from {SMALLEST:g} to {LARGEST:g}; choose other units"
             raise PydanticCustomError("must_be", f"got {shown(value)}; {limits}")
         return taken
@@ -159,15 +156,10 @@ Optional = Annotated[Positive | None, given]
 
 _length = MustBe("a number > 0, or two of them, one for each direction")
 _extent = Annotated[float, Field(strict=True, gt=0), MustBe("a number > 0 or .inf")]
-Lengths = Annotated[
-    Annotated[float, strict, Field(gt=0), _length, Tag("number")]
-    | Annotated[tuple[_extent, ...], AfterValidator(two), Tag("list")],
-    number_or_list,
-]
+_one = Annotated[float, strict, Field(gt=0), _length, Tag("number")]
+Lengths = Annotated[_one | Annotated[tuple[_extent, ...], AfterValidator(two), Tag("list")], number_or_list]
 Amplitudes = Annotated[
-    Annotated[float, strict, Field(gt=0), _length, Tag("number")]
-    | Annotated[tuple[NotNegative, ...], AfterValidator(two), Tag("list")],
-    number_or_list,
+    _one | Annotated[tuple[NotNegative, ...], AfterValidator(two), Tag("list")], number_or_list
 ]
 
 
@@ -188,7 +180,7 @@ def dimension(words: str) -> tuple[str, str]:
 
 @cache
 def meanings(section: type[BaseModel]) -> dict[str, str]:
-    """Return what the fields of a section mean, by the names that users write."""
+    """Return the meanings of the fields of a section, by the names that users write."""
     found: dict[str, str] = {}
     for base in reversed(section.__mro__):
         own = set(vars(base).get("__annotations__", ())) & set(section.model_fields)

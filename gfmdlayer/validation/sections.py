@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from importlib import import_module
+from operator import is_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
@@ -110,6 +111,7 @@ def plain(value: object) -> Any:
 
 
 Member = TypeVar("Member", bound=Section)
+Part = TypeVar("Part", bound=Section)
 
 
 def load_table(*places: str) -> dict[str, Any]:
@@ -184,6 +186,21 @@ def sections_in(section: Section, at: Location = ()) -> Iterator[tuple[Location,
             for i, part in enumerate(value):
                 if isinstance(part, Section):
                     yield from sections_in(part, (*at, key, i))
+
+
+def replaced(section: Part, change: Callable[[Any], Any]) -> Part:
+    """Return a section in which `change` replaces values at any depth; it returns all others themselves."""
+
+    def new(value: Any) -> Any:
+        if (found := change(value)) is not value:
+            return found
+        if isinstance(value, tuple):
+            each = tuple(map(new, value))
+            return value if all(map(is_, each, value)) else each
+        return replaced(value, change) if isinstance(value, Section) else value
+
+    update = {key: found for key, value in vars(section).items() if (found := new(value)) is not value}
+    return section.model_copy(update=update) if update else section
 
 
 def contradictions(section: Section) -> Iterator[Problem]:

@@ -143,7 +143,7 @@ def solver_tolerance(quick: bool) -> Iterator[Row | Curve]:
 
 
 def _error(found: Recording, exact: Recording) -> float:
-    """Largest error of ptilde at the ends of the steps; fine steps are interpolated between the kinks."""
+    """Largest error of ptilde at the ends of the steps; splines between breakpoints join the fine steps."""
     largest = 0.0
     for begin, end in ((0.0, 1.0), (1.0, 3.0)):
         known = (exact["time"] >= begin - 1e-9) & (exact["time"] <= end + 1e-9)

@@ -123,7 +123,7 @@ class Reader:
         return found
 
     def _has_room(self, number: int, among: list[int], h5: h5py.File) -> bool:
-        """Whether the snapshots of the case are on the page: those of all cases with curves, or of some."""
+        """Whether the page has room for the snapshots of the case; if not for all, some cases have it."""
         if not len(h5["snapshot"]):
             return False
         if self._with_surfaces is None:

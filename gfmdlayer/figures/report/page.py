@@ -83,7 +83,7 @@ def packed(values: ArrayLike) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return an attribute as JSON has it: a number, or text; None for what is not a number."""
+    """Return an attribute as JSON has it: a number, or text; None for NaN."""
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.ndarray):
@@ -99,7 +99,7 @@ SOFTWARE = ("gfmdlayer_version", "git_commit", "python_version", *(f"{name}_vers
 
 
 def warnings(found: Contents) -> list[str]:
-    """Return the doubts about a case: those that its file tells, and those that only a log has told."""
+    """Return the doubts about a case, from its file; the last two are otherwise only in a log."""
     said = str(found.attributes.get("warnings", "")).splitlines()
     if 0 < (points := int(found.attributes.get("most_contact_points", FEWEST))) < FEWEST:
         said.append(f"coarse: at most {points} point{'s' * (points > 1)} in contact")
@@ -125,7 +125,7 @@ def origins(complete: Sequence[Contents]) -> dict[str, str]:
 
 
 def notes(cases: Sequence[Listed], complete: Sequence[Contents]) -> dict[str, str]:
-    """Return what the page leaves out of curves and of surfaces."""
+    """Return notes on the curves and surfaces that the page leaves out."""
     drawn = [each for each in complete if each.columns]
     thinned = [each for each in drawn if len(each.columns["time"]) < each.rows]
     found = {"curves": "", "surfaces": ""}
@@ -152,7 +152,7 @@ PLACED = {
 
 
 class Drawn(NamedTuple):
-    """How a variable is drawn: the label of its axis, and what the values of the file are divided by."""
+    """How a variable is drawn: the label of its axis, and the divisor of the values in the file."""
 
     label: str
     divisor: float
