@@ -148,6 +148,7 @@ def _allowed(value: Mapping[str, Any]) -> str:
     if "const" in value:
         return "this word"
     found = [each.get("description", "").partition("must be ")[2] for each in _members(value)]
+    found += ["any word"] * (value.get("type") == "string" and not any(found))
     found += ["keys of their own"] * bool(_sections(value))
     return "; or ".join(dict.fromkeys(filter(None, found)))
 

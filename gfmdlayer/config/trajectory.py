@@ -65,17 +65,17 @@ class Trajectory(Section):
             0.01 if data.get("control") == "depth" and data.get("kind") in KINDS[:2] else None
         )
     )
-    """prescribed depth; negative: a gap, only with an interface that attracts: length"""
+    """prescribed depth; negative is a gap, with attraction: length"""
     load: Annotated[NotNegative | None, given] = None
     """control: load: prescribed mean pressure: pressure"""
     force: Annotated[NotNegative | None, given] = None
-    """control: force: prescribed force over the cell, per length for a line: force"""
+    """control: force: force over the cell, per length for a line: force"""
     ramp_time: Optional = Field(default_factory=lambda data: 1.0 if data.get("kind") == "ramp_hold" else None)
     """duration of the ramp: time"""
     start: Annotated[Finite | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: value at the start, default 0: drive"""
     approach_speed: Optional = _of_approach(_speed_to_the_peak)
-    """approach_retract: speed inwards, default: to the peak in a time of 1: drive/time"""
+    """approach_retract: speed inwards, by default to the peak in 1: drive/time"""
     dwell: Annotated[NotNegative | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: dwell at the peak, default 0: time"""
     retract_speed: Optional = _of_approach(lambda keys: keys.get("approach_speed"))
@@ -89,7 +89,7 @@ class Trajectory(Section):
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
-    """file with two columns, time and velocity (length/time), in place of velocity"""
+    """file: two columns, time and velocity (length/time)"""
 
     @property
     def moves(self) -> bool:

@@ -44,7 +44,8 @@ output: {snapshots: [0.2, 0.4], patches: true, histograms: {pressure: {max: 1.0}
 """
 TERMINAL = os.environ | {"TERM": "xterm-256color", "COLUMNS": "120"}
 LAST_FAILS = TINY.replace(
-    "sweep: {layer.thickness: [0.02, 0.1, .inf]}", "sweep: {solver.max_iterations: [20000, 1]}"
+    "sweep: {layer.thickness: [0.02, 0.1, .inf]}",
+    "solver: {method: fire}\nsweep: {solver.max_iterations: [20000, 1]}",
 )
 # The first case is complete at once; the second takes seconds, long enough for a signal to arrive in it.
 SECOND_TAKES_LONG = TINY.replace(

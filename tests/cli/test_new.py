@@ -18,8 +18,10 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_command_line_offers_all_of_them() -> None:
-    assert list(TEMPLATES) == list(TEMPLATES)
+def test_the_command_line_offers_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["new", "--help"])
+    assert "{" + ",".join(TEMPLATES) + "}" in "".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("like", TEMPLATES)

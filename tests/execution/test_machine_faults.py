@@ -66,7 +66,7 @@ def test_threads_that_numba_does_not_take_are_refused(
     monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
     assert main(["check", "tiny.yaml"]) == 2
     assert one_line(capsys.readouterr().err) == (
-        f"gfmdlayer: NUMBA_NUM_THREADS={threads}: must be 1 or more, or be unset\n"
+        f"gfmdlayer: NUMBA_NUM_THREADS={threads}: must be 1 or more, or unset\n"
     )
 
 
@@ -111,7 +111,7 @@ def test_what_this_user_may_not_read_is_refused(
 
     monkeypatch.setattr("gfmdlayer.execution.folder.read_config", fail)
     assert main(["run", "tiny.yaml"]) == main(["check", "tiny.yaml"]) == 2
-    assert capsys.readouterr().err.count("Permission denied: 'hidden/a.yaml'; this user must") == 2
+    assert capsys.readouterr().err.count("Permission denied: 'hidden/a.yaml'; you need permission") == 2
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "cases/0001.h5"])

@@ -58,7 +58,9 @@ class OverRanks:
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> OverRanks:
     folder = tmp_path_factory.mktemp("sweep")
-    (folder / "tiny.yaml").write_text(TINY + "sweep: {solver.max_iterations: [1, 20000, 30000]}\n")
+    (folder / "tiny.yaml").write_text(
+        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000, 30000]}\n"
+    )
     command = [str(MPIRUN), "-n", str(CORES + 1), sys.executable, "-m", "gfmdlayer", "run", "tiny.yaml"]
     process = subprocess.run(
         [*command, "--out", "ranks"], cwd=folder, capture_output=True, text=True, timeout=120, check=False

@@ -124,7 +124,9 @@ def test_more_shards_than_cases_do_no_harm() -> None:
 
 
 def test_a_case_that_failed_in_one_shard_is_named_in_what_another_collects() -> None:
-    Path("tiny.yaml").write_text(TINY + "sweep: {solver.max_iterations: [1, 20000]}\n")
+    Path("tiny.yaml").write_text(
+        TINY + "solver: {method: fire}\nsweep: {solver.max_iterations: [1, 20000]}\n"
+    )
     failing = next(n for n in (1, 2) if [c.index for c in share(n, 2)] == [0])
     assert not run(Shard(failing, 2)).collected
     assert run(Shard(3 - failing, 2)).collected

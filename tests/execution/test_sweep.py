@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from gfmdlayer import model
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution import progress as reports
 from gfmdlayer.execution import status
@@ -24,6 +23,8 @@ from gfmdlayer.execution.run import RunOptions, Summary, run_sweep
 from gfmdlayer.execution.schedule import Progress
 from gfmdlayer.execution.sweep import cases
 from gfmdlayer.execution.workers import assemble
+from gfmdlayer.model import ConvergenceError
+from gfmdlayer.periodic import PeriodicContact
 from gfmdlayer.results.reader import open_results
 
 TINY = """\
@@ -54,21 +55,23 @@ def run(config: Config, directory: Path, restart: bool = False, only_failed: boo
 
 
 def forbid_simulating(monkeypatch: pytest.MonkeyPatch) -> None:
-    def simulate(*_: Any) -> None:
-        raise AssertionError("this case was complete")
-
-    monkeypatch.setattr(model, "simulate", simulate)
+    fail_where(lambda _: True, monkeypatch, AssertionError("this case was complete"))
 
 
-def fail_where(condition: Callable[[Config], bool], monkeypatch: pytest.MonkeyPatch) -> None:
-    simulate = model.simulate
+def fail_where(
+    condition: Callable[[Config], bool],
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception | None = None,
+) -> None:
+    """Let the cases of some configurations fail."""
+    run_case = PeriodicContact.run
 
-    def failing(case: Any, *rest: Any, **more: Any) -> list[str]:
-        if condition(case.config):
-            raise model.ConvergenceError("the residual stays at 1")
-        return simulate(case, *rest, **more)
+    def failing(model: PeriodicContact, *arguments: Any) -> list[str]:
+        if condition(model.config):
+            raise error or ConvergenceError("the residual stays at 1")
+        return run_case(model, *arguments)
 
-    monkeypatch.setattr(model, "simulate", failing)
+    monkeypatch.setattr(PeriodicContact, "run", failing)
 
 
 def test_cases_are_the_product_with_the_last_key_fastest(configure: Configure) -> None:

@@ -115,7 +115,7 @@ def test_overhead_counts_every_case_on_one_rank_and_two(tables: Callable[[str], 
     [
         ("--only speed", "invalid choice: 'speed'"),
         ("--points 0", "0: must be 1 or more"),
-        ("--json nowhere/found.json", "there is no folder nowhere"),
+        ("--json nowhere/found.json", "no folder nowhere"),
     ],
 )
 def test_bad_arguments_are_refused_before_anything_is_measured(
