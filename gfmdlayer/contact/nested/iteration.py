@@ -99,7 +99,7 @@ class Level:
         self.pairs += 1
 
     def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
-        """Replace the transform of the pressure by the transform of the displacement; write this in `work` too."""
+        """Replace the transform of the pressure by the displacement's; write it in `work` too."""
         numbers = (each.view(np.float64) for each in (problem.intercept, spectrum, work))
         self._modes.only(passes.displace, problem.stiffness, *numbers)
 

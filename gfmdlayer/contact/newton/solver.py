@@ -230,7 +230,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 
 @kernel(reorder=True, inner=True)
 def _lack(u: FloatArray, mean: float, mean0: float) -> float:
-    """Return the part of the change of the mean that is still missing in the step, as a sum over the points."""
+    """Return the missing part of the change of the mean in the step, as a sum over the points."""
     total, largest = 0.0, 0.0
     for i in range(u.size):
         total += u[i]
