@@ -236,7 +236,7 @@ def _move(  # inlined: groups would gain nothing
     retreat: float,
     drift: float,
 ) -> float:
-    """Steer and push the velocities, move and clamp what is not pressed; return the new drift of the mean."""
+    """Steer and push the velocities, move and clamp points that are not pressed; return the new drift."""
     total, free = 0.0, 0.0
     for i in range(u.size):
         touching = u[i] >= h[i]

@@ -86,7 +86,7 @@ class Loading(Resumable):
 
     @cached_property
     def lowest(self) -> float:
-        """Height of the lowest point of the grid, which need not be that of the punch."""
+        """Height of the lowest point of the grid, which need not be the lowest point of the punch."""
         return self.ranks.minimum(float(self.punch.min()))
 
     @cached_property
@@ -191,7 +191,7 @@ def pulled_off(problem: Problem, solution: Solution) -> bool:
     return bool(nearest > problem.interface.range and problem.ranks.maximum(strongest) < -load)
 
 
-# The trajectory of a force is that of the mean pressure, force over cell.
+# A prescribed force is a prescribed mean pressure, force over cell.
 CONTROLS: dict[str, Callable[..., Loading]] = {
     "depth": DepthControl,
     "load": LoadControl,

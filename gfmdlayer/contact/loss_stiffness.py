@@ -195,7 +195,7 @@ class Pivoting:
         places = np.array(np.unravel_index(np.flatnonzero(contact), shape))
         apart = (places[:, :, None] - places[:, None, :]) % np.reshape(shape, (-1, 1, 1))
         matrix = self._influence.reshape(shape)[tuple(apart)]
-        # Far below what the tolerance shows, and enough for a matrix that is singular to rounding.
+        # Far below the tolerance, and enough for a matrix that is singular to rounding.
         matrix[np.diag_indices(gap.size)] *= 1.0 + 1e-13
         try:
             return np.linalg.solve(matrix, gap)

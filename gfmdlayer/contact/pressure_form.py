@@ -200,7 +200,7 @@ def unconverged(
 
 
 def compile_failure(at: Iterate, transforms: Transforms) -> System:
-    """Compile the kernels of a failed solve, by that of a flat punch above the surface; return its system."""
+    """Compile the kernels of a failed solve, with a flat punch above the surface; return its system."""
     stiffness, size = np.ones(at.spectrum.size), at.p.size
     stiffness[0] = 0.0
     problem = Problem(stiffness, np.zeros_like(at.spectrum), np.ones(size))

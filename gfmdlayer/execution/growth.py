@@ -27,7 +27,7 @@ from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderE
 from gfmdlayer.execution.status import running
 from gfmdlayer.execution.sweep import Earlier, Shard, SweepCase, cases, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
-from gfmdlayer.files.whole import cannot_be_written, is_unfinished, unfinished_path
+from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
 from gfmdlayer.validation.sections import files_named
 
 _MAY_GROW = ("sweep.", "time.end", "output.snapshots", "output.times", "output.keep_state")
@@ -132,7 +132,8 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
 
     kept: defaultdict[str, list[tuple[Course, Earlier]]] = defaultdict(list)
     for number in states:
-        if (about := read_about(folder.case(number, "state"))) is None:
+        path = folder.case(number, "state")
+        if not _is_whole(path) or (about := read_about(path)) is None:
             continue
         if about["made_by"] == made_by(about["made_by"].get("digest")):
             with suppress(KeyError, TypeError):  # forged
@@ -146,6 +147,12 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
     return found
+
+
+def _is_whole(path: Path) -> bool:
+    with suppress(OSError):
+        return is_intact(path) is True
+    return False
 
 
 def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[str]:

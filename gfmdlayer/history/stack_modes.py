@@ -215,5 +215,5 @@ class StackModes(Modes):
 
 
 def _rounded(rates: FloatArray) -> tuple[float, ...]:
-    """Rates of the layers' reduced times over that of the uppermost."""
+    """Rates of the layers' reduced times, relative to the uppermost layer."""
     return tuple(float(f"{ratio:.{_DIGITS}g}") for ratio in rates / rates[0])

@@ -64,7 +64,7 @@ def indent(
     Raises
     ------
     ValueError
-        If the input is not possible: the message says why and what is allowed.
+        If the input is impossible; the message has the reason and the allowed values.
     ArithmeticError
         If the tolerance is not reached.
 

@@ -192,7 +192,7 @@ class Observable(Stateless):
     warning: str = ""
 
     def __init__(self, case: Parts) -> None:
-        """Take what is needed of the simulation."""
+        """Take the needed parts of the simulation."""
 
     @classmethod
     def columns(cls, config: Config) -> tuple[Column, ...] | None:  # noqa: ARG003

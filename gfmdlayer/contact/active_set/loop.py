@@ -117,7 +117,7 @@ def list_near(contact: ContactSet) -> None:
 
 @kernel(inner=True)
 def _stretches(member: FloatArray, runs: IntArray) -> tuple[int, int]:
-    """Write down the stretches of ones; return their number, and that of their points."""
+    """Write down the stretches of ones; return their number and the number of their points."""
     count, points, inside = 0, 0, False
     for first in range(0, member.size, _BLOCK):
         block = member[first : first + _BLOCK]

@@ -15,7 +15,7 @@ Outer
     13 (2002) 865), those near the contact as soon as they show.
 Window
     Where the contact takes a small part of the surface, the step is solved in a window around it first; see
-    `windows`. The whole surface is left for what the window could not do.
+    `windows`. The whole surface follows where the window does not suffice.
 Start
     `prediction` extrapolates the pressure in time; C is where it is positive.
 

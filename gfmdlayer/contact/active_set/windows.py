@@ -76,7 +76,7 @@ def _scatter(window: Window, origin: Pair, p: FloatArray) -> tuple[float, float]
 
 @kernel(reorder=True, inner=True)
 def _deform(surface: WholeSurface, spectrum: ComplexArray) -> None:
-    """From the transform of the pressure to that of the displacement, per point and unnormalised."""
+    """Write the transform of the displacement, per point and unnormalised, from the pressure's."""
     size = surface.z.size
     for k in range(spectrum.size):
         u = surface.compliance[k] * (surface.b[k] - surface.spectrum[k])
@@ -231,7 +231,7 @@ def overlaps(surface: WholeSurface) -> FloatArray:
 
 @kernel
 def respond(plans: Plans, compliance: FloatArray, spectrum: ComplexArray, kernel: FloatArray) -> None:
-    """Write the displacement of all points by a pressure at the first; its sign is that of a gap."""
+    """Write the displacement of all points by a pressure at the first, with the sign of a gap."""
     for k in range(spectrum.size):
         spectrum[k] = compliance[k]
     backward(plans, spectrum, kernel)
@@ -332,7 +332,7 @@ class WindowResult(NamedTuple):
 
     def solution(self, problem: Problem, tolerance: float, pairs: int) -> Solution:
         """The state as a solution that took a number of FFT pairs."""
-        assert self.state is not None  # as it is within
+        assert self.state is not None  # because `within`
         u, pressure, gap, spectrum = self.state
         return make_solution(
             problem, u, pressure, spectrum, gap=gap, spent=(pairs, self.iterations),

@@ -99,7 +99,7 @@ class Level:
         self.pairs += 1
 
     def displace(self, problem: Problem, spectrum: ComplexArray, work: ComplexArray) -> None:
-        """Write the transform of the displacement in the place of that of the pressure, and in ``work``."""
+        """Replace the transform of the pressure by the displacement's; write it in `work` too."""
         numbers = (each.view(np.float64) for each in (problem.intercept, spectrum, work))
         self._modes.only(passes.displace, problem.stiffness, *numbers)
 
@@ -257,6 +257,6 @@ class Search:
         on.r, on.z = on.z, on.r
         self._load, self._weighted, self._free = found
         at.level = at.level if at.load is None else 0.0
-        # A gap may be shifted under a given load; elsewhere the aim is at the middle of what is allowed.
+        # A gap may be shifted under a given load; elsewhere the aim is the middle of the allowed range.
         worst = opened + below if at.load is not None else 2.0 * max(opened, below)
         self.residual = worst if np.isfinite(self._load + self._weighted) else np.nan

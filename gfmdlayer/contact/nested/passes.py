@@ -1,4 +1,4 @@
-"""Passes over the points of a grid: what the iteration does to its fields between transforms.
+"""Passes over the points of a grid, between the transforms of the iteration.
 
 Each kernel acts on the points ``first`` to ``end``, a whole number of rows, and returns a tuple of sums and a
 tuple of maxima over them, which `ParallelPasses` completes. Pressures and gaps are in single or in double

@@ -1,4 +1,4 @@
-"""The compiled passes of `newton`: states of the surface, the linear system of a step, and what a step does.
+"""The compiled passes of `newton`: states of the surface, the linear system of a step, and its effects.
 
 Stiffness and intercept are those per point, K/n and b/n, as unnormalised transforms need them. States are in
 double precision, linear systems, whose solutions are corrections, in single.
@@ -55,7 +55,7 @@ class Step(NamedTuple):
     pressure: FloatArray  # p_c, which is out of balance on the free points
     d: FloatArray
     spectrum: ComplexArray  # work
-    force: Any  # what is out of balance after the step, to first order
+    force: Any  # stress out of balance after the step, to first order
     direction: Any
     applied: Any  # K times the direction
     z: Any  # preconditioned force

@@ -112,7 +112,7 @@ class Progress(NamedTuple):
 
 @kernel
 def is_lost(system: AdhesiveSystem, drop: float, unstable: bool) -> bool:
-    """Whether the energy lost in a descent is that of an instability.
+    """Whether a descent has lost the energy of an instability.
 
     The descent may also set right a step along the branch that has gone astray, by much less than the work of
     adhesion of one point.
@@ -132,7 +132,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 ) -> Progress:
     """Iterate until the residual is within the tolerance, or to the limit; the state is `fields.at`.
 
-    Where the residual is within the tolerance and the energy known, the spectrum is that of the state.
+    Where the residual is within the tolerance and the energy known, the spectrum belongs to the state.
     """
     held, step = fields.held, fields.step
     at, to, swapped = fields.at, fields.to, False
@@ -230,7 +230,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
 
 @kernel(reorder=True, inner=True)
 def _lack(u: FloatArray, mean: float, mean0: float) -> float:
-    """Find what the mean has yet to make up of its change in the step, as a sum over the points."""
+    """Return the missing part of the change of the mean in the step, as a sum over the points."""
     total, largest = 0.0, 0.0
     for i in range(u.size):
         total += u[i]
@@ -399,7 +399,7 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 @kernel(reorder=True, inner=True)
 def _admit(system: AdhesiveSystem, free: FloatArray, x: Any) -> None:
-    """Take away what the constraints do not let move."""
+    """Remove motions that the constraints do not allow."""
     total, count = 0.0, 0.0
     for i in range(x.size):
         x[i] *= free[i]
