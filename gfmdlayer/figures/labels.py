@@ -200,6 +200,8 @@ def _factors(units: str) -> dict[str, int]:
 
 def _over(written: str, scales: dict[str, int]) -> str:
     """Divide a symbol by scales, each to its power."""
+    if not scales:
+        return written
     parts: dict[bool, list[str]] = {True: [], False: []}
     for scale, power in scales.items():
         parts[power > 0].append(scale if abs(power) == 1 else f"{scale}^{{{abs(power)}}}")
