@@ -26,7 +26,9 @@ from gfmdlayer.validation.problems import InconsistentError, Problem
 from gfmdlayer.validation.sections import OneOf, Section, explained, keys_of_files, load_table
 
 # The first is meant where `kind` is left out.
-BODIES: dict[str, type[Solid]] = load_table("gfmdlayer.config.layers:Layers")
+BODIES: dict[str, type[Solid]] = load_table(
+    "gfmdlayer.config.layers:Layers",
+)
 
 
 class BodyFile(Section):

@@ -88,9 +88,9 @@ class _Polynomial(Stateless):
             guess.remember(each, field, field)
         return guess.at(time)
 
-    def remember(self, time: float, field: FloatArray, _gap: FloatArray, kink: bool = False) -> None:
+    def remember(self, time: float, field: FloatArray, _gap: FloatArray, at_breakpoint: bool = False) -> None:
         """Keep an accepted step; the polynomial uses no step before a breakpoint."""
-        if kink:
+        if at_breakpoint:
             self._fields.clear()
         self._fields.append((time, field))
 
