@@ -62,11 +62,11 @@ class Spectrum:
 
     Parameters
     ----------
-    relaxed : ndarray, shape (*q.shape,)
+    relaxed : ndarray of the shape of q
         K_0(q) = K(q, s = 0), the relaxed stiffness.
-    weights : ndarray, shape (modes, *q.shape)
+    weights : ndarray, shape (modes, ...), one value a wavenumber
         w_j(q) >= 0; zero where a mode is left out.
-    times : ndarray, shape (modes, *q.shape)
+    times : ndarray, shape (modes, ...), likewise
         theta_j(q) > 0.
     error : float
         Bound on the relative error of K(q, s) at all s of Re s >= 0, where modes were merged.
