@@ -131,7 +131,7 @@ def _input_errors(configs: Iterable[Config], ranks: Ranks | None) -> Iterator[tu
     for config in configs:
         stiffness, relaxing = config.solid.mean_stiffness, shifts(config).values()
         decisive = (
-            *(config.body, config.grid, config.punch),
+            *(config.body, config.solid.rigid_below, config.grid, config.punch),
             *(config.trajectory, config.time.steady, stiffness, config.interface),
             *(config.temperature, config.temperature and config.time.end, *relaxing),
         )

@@ -13,6 +13,7 @@ import gfmdlayer
 from gfmdlayer.cli import main
 from gfmdlayer.config import Config, ConfigError, load
 from gfmdlayer.execution.cost import estimate
+from gfmdlayer.execution.sweep import input_errors
 from gfmdlayer.indentation.model import IsolatedContact
 from gfmdlayer.verification.runs import Recording
 
@@ -206,3 +207,21 @@ def test_periodic_configurations_keep_their_digests() -> None:
     """The geometry does not enter where it is not given."""
     assert "geometry" not in Config(name="x").model_dump(exclude_none=True)["grid"]
     assert Config(name="x").grid.points == (16384,)
+
+
+def test_each_thickness_of_a_sweep_is_checked_against_a_table_of_depths(tmp_path: Path) -> None:
+    (tmp_path / "depth.txt").write_text("0 0\n1 1.0\n")
+    config = Config.model_validate(
+        {
+            "name": "sweep",
+            "grid": {"geometry": "axisymmetric"},
+            "halfspace": {"shear_modulus": float("inf")},
+            "punch": {"shape": "sphere", "radius": 5.0},
+            "trajectory": {"kind": "table", "file": str(tmp_path / "depth.txt")},
+            "time": {"end": 1.0, "step": "adaptive"},
+            "sweep": {"layer.thickness": [2.0, 0.5]},
+        }
+    )
+    ((key, message),) = input_errors(config)
+    assert key == "trajectory.file"
+    assert "holds a depth of 1, beyond the rigid base" in message
