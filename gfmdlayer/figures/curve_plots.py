@@ -60,8 +60,8 @@ def curves_figure(
     `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
     default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. A
     logarithmic time axis begins at the first row after t = 0. The inset shows punch and surface at chosen
-    times, in the first panel. Against a swept key, `time` is in the units of the config, or "max" or "min", the extremes over
-    time; by default "end".
+    times, in the first panel. Against a swept key, `time` is in the units of the config, or "max" or "min",
+    the extremes over time; by default "end".
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
