@@ -2,7 +2,8 @@ r"""Curves of a run, a panel for each column, against time, another column or a 
 
 By default these are the panels of the paper, contact area $\tilde a$ (the interpolated one) and mean pressure
 $\tilde p$ against $t/\tau$; of a punch under a prescribed load the depth in place of the mean pressure, of a
-punch that moves along the surface also the friction. There is a curve for each case; `curve_family` chooses their looks.
+punch that moves along the surface also the friction. There is a curve for each case; `curve_family`
+chooses their looks.
 """
 
 from __future__ import annotations
