@@ -69,7 +69,7 @@ def estimate(programme: Programme, width: int) -> Footprint:
     branches = len(config.solid.roughly(config.time.end)[0][1])
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
-    fields = (3 + bool(config.interfaces)) * size * snapshots
+    fields = (3 + bool(config.interfaces) + (config.hardness is not None)) * size * snapshots
     return Footprint(
         steps=steps,
         pairs=pairs,

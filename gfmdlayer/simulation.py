@@ -17,6 +17,7 @@ from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, internal_variables
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
+from gfmdlayer.contact.imprint import Imprint
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
@@ -46,6 +47,7 @@ from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
+    from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
 
 
@@ -188,6 +190,11 @@ class Case:
         )
 
     @cached_property
+    def imprint(self) -> Imprint:
+        """The height that the surfaces have lost."""
+        return Imprint(math.prod(self.grid.shape), self.config.hardness or math.inf)
+
+    @cached_property
     def integrator(self) -> Integrator:
         """The time integrator over the relaxing modes of the body.
 
@@ -282,6 +289,7 @@ class Case:
             guess=self.guess,
             changes=self.changes,
             loading=self.loading,
+            imprint=self.imprint,
             observables=CompositeState(**self.observables),
         )
 
@@ -295,7 +303,7 @@ class Case:
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
-        shape, observables = self.grid.shape, tuple(self.observables.values())
+        observables = tuple(self.observables.values())
         keeps_all, ended = self.config.output.snapshots == "every", ""
         if resume is not None:
             resume(self.resumable)
@@ -326,6 +334,7 @@ class Case:
                     at_breakpoint=instant.breakpoint,
                 )
                 self.changes.remember(prescribed, problem, solution)
+                self.imprint.remember(solution)
                 row: dict[str, float | FloatArray] = {}
                 step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
                 finished = False
@@ -334,9 +343,7 @@ class Case:
                     finished = finished or observable.finished
                 recorder.row(**row)
                 if instant.snapshot or finished or keeps_all:
-                    fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
-                    fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
-                    recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
+                    recorder.snapshot(instant.time, *self._fields(problem, solution, surface))
                 if finished:
                     break
                 del step, row
@@ -348,9 +355,20 @@ class Case:
                 recorder.note(**observable.attributes)
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
+    def _fields(self, problem: Problem, solution: Solution, surface: Surface) -> list[FloatArray | None]:
+        """Return the fields of a snapshot, in the order of `results.schema.FIELDS`."""
+        gap = closed_gap(problem, solution)
+        fields: list[FloatArray | None] = [surface.displacement, solution.pressure, gap]
+        if self.interface.attracts:
+            fields.append(problem.interface.traction(gap))
+        elif self.imprint.yields:
+            fields += [None, self.imprint.depth]
+        return [each if each is None else each.reshape(self.grid.shape) for each in fields]
+
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
         """Solve the contact problem of a step; ConvergenceError unless solved or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
+        problem = self.imprint.under(problem)
         before, given = self.solver.state(), self.config.solver
         solution = self.solve(problem, time)
         if not solution.converged and not pulled_off(problem, solution):

@@ -13,6 +13,9 @@ The compressive stress of the surface is p = f + lambda, and the pressure of the
 the traction tau of the interface (zero for the hard wall), satisfies p_c >= 0 and p_c = 0 wherever the gap
 g = h - u is open. lambda is the multiplier of the first constraint, the given pressure in the second case and
 zero in the third. The mean pressure is mean(f) + lambda in each.
+
+With a hardness H pressures end there: p <= H, and where p = H the surface may overlap the punch, u > h. The
+overlap is the height that the surfaces lose in the step, see `imprint`.
 """
 
 from __future__ import annotations
@@ -59,6 +62,8 @@ class Problem:
         Interaction across the gap, beside u <= h.
     ranks : Ranks
         The processes of whose grid these are the points and modes.
+    hardness : float
+        Largest pressure of the wall; infinite where the surfaces do not yield.
     """
 
     stiffness: FloatArray
@@ -69,6 +74,7 @@ class Problem:
     height: float = 0.0
     interface: Interaction = HARD_WALL
     ranks: Ranks = ALONE
+    hardness: float = math.inf
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -114,10 +120,10 @@ class Solution:
     Attributes
     ----------
     displacement, pressure : ndarray, one value a point
-        u, with u <= h and the mean constraint satisfied to rounding, and the compressive stress p = f +
-        lambda at every point.
+        u, with u <= h (but for `flow`) and the mean constraint satisfied to rounding, and the compressive
+        stress p = f + lambda at every point.
     gap : ndarray, one value a point
-        h - u.
+        h - u, and zero where there is flow.
     spectrum : ndarray of complex
         Unnormalised transform of the displacement, with which the history is carried on.
     mean_pressure, mean_gap : float
@@ -136,6 +142,8 @@ class Solution:
     margin : float
         Distance from an instability: the least curvature of the energy, over that without an interface; zero
         where the branch ends. NaN from solvers that do not know it.
+    flow : ndarray, one value a point, optional
+        Height that the surfaces lose in the step, u - h where the pressure is at the hardness; length.
     """
 
     displacement: FloatArray
@@ -151,6 +159,7 @@ class Solution:
     converged: bool
     released_energy: float = 0.0
     margin: float = math.nan
+    flow: FloatArray | None = None
 
 
 class Solver(Resumable, Protocol):
@@ -229,6 +238,7 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
+    flow: FloatArray | None = None,
 ) -> Solution:
     """A state with its residual and means; it converged if its residual is within a bound.
 
@@ -244,8 +254,8 @@ def make_solution(
         Largest residual of a solution.
     assessment : tuple of float, optional
         Result of `residual.assess` for the whole surface, where it is known.
-    gap : ndarray, optional
-        h - u, where it is known.
+    gap, flow : ndarray, optional
+        As in `Solution`, where they are known.
     """
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)
@@ -264,6 +274,7 @@ def make_solution(
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
+        flow=flow,
     )
 
 

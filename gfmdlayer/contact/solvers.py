@@ -38,6 +38,8 @@ class Declaration:
         Whether it solves problems with a loss stiffness by itself.
     distributed : bool
         Whether it solves on a grid over several ranks; it is then made with the grid too.
+    yields : bool
+        Whether it solves problems whose pressures end at a hardness.
     """
 
     place: str
@@ -49,6 +51,7 @@ class Declaration:
     adhesive: bool = False
     nonsymmetric: bool = False
     distributed: bool = False
+    yields: bool = False
     pairs_with: Mapping[tuple[str, object], tuple[float, float]] = field(default_factory=dict)
 
     def pairs_per_step(self, points: int, options: Mapping[str, object]) -> float:
@@ -70,7 +73,13 @@ SOLVERS: Mapping[str, Declaration] = {
         "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
     ),
     "nested_gradient": Declaration(
-        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=30, distributed=True
+        "gfmdlayer.contact.nested.solver:NestedGradient",
+        "pressure",
+        5,
+        0.1,
+        fields=30,
+        distributed=True,
+        yields=True,
     ),
     "conjugate_gradient": Declaration(
         "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
@@ -111,12 +120,14 @@ class Choice(NamedTuple):
     reason: str
 
 
-def choose(method: str, *, axes: int, rough: bool, attracts: bool) -> Choice:
-    """Return the solver for a surface of one or two axes, with a rough punch or not, attracting or not."""
+def choose(method: str, *, axes: int, rough: bool, attracts: bool, yields: bool = False) -> Choice:
+    """Return the solver for a surface of one or two axes; whether its punch is rough, it attracts, yields."""
     if attracts and (method == AUTO or not SOLVERS[method].adhesive):
         return Choice("newton", "the interface attracts")
     if method != AUTO:
         return Choice(method, "as configured")
+    if yields:
+        return Choice("nested_gradient", "contact pressures end at a hardness")
     if axes == 2 and rough:
         return Choice("nested_gradient", "a rough surface in two directions")
     return Choice("active_set", "a line" if axes == 1 else "a smooth punch, whose contact a window holds")
