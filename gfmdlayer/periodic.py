@@ -135,11 +135,8 @@ class PeriodicContact(Model):
             yield "grid.points", f"{message}; must be fewer"
             return
         if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
-            message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
-            yield (
-                "trajectory.velocity_file",
-                f"{message}; must end with a velocity, or time.steady be left out",
-            )
+            message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
+            yield "trajectory.velocity_file", message
         values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
         if given.control != "depth":
             if (values < 0).any() and not config.interfaces:

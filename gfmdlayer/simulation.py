@@ -308,7 +308,7 @@ class Case:
                 if lost:
                     if not loading.detach(instant.time, self.config.time.end):
                         at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: nothing holds the load of {prescribed:.6g}"
+                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
                         recorder.note(ended=ended, pull_off_time=instant.time)
                         break
                     problem, solution = self._solved(kappa, b, instant.time)

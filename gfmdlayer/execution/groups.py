@@ -134,8 +134,8 @@ def refuse_other_ranks(folder: Folder, todo: Sequence[SweepCase], ranks_per_case
         begun = int(about["made_by"].get("ranks", 1)) if about else ranks_per_case
         if begun != ranks_per_case:
             raise FolderError(
-                f"{path}: was written by {begun} rank{'s' * (begun > 1)} a case, which alone "
-                f"can go on with it; resume with --ranks-per-case {begun}, or --restart to start over"
+                f"{path}: was written by {begun} rank{'s' * (begun > 1)} a case, and only this number can "
+                f"continue it; resume with --ranks-per-case {begun}, or --restart to start over"
             )
 
 

@@ -268,7 +268,7 @@ def held(folder: Folder) -> Iterator[bool]:
             yield True
             return
         if granted is False and try_lock(common, shared=True) is False:
-            raise _in_use(folder, "another run is writing here, of all the cases")
+            raise _in_use(folder, "another run of all the cases is writing here")
         if granted:
             common.truncate(0)
             common.write(str(shard.count))

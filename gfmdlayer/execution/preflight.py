@@ -76,8 +76,8 @@ def several_mpi_libraries() -> list[str]:
     if len(found) < 2:
         return []
     return [
-        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to the one and the "
-        "ranks load the other; uninstall one of them"
+        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to one and the "
+        "ranks may load the other; uninstall one of them"
     ]
 
 

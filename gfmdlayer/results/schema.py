@@ -65,7 +65,7 @@ VARIABLES: dict[str, Variable] = {
         "pressure",
         origin="at each point, of the interface",
     ),
-    "case": Variable("number of the case, that of its file in cases/", "1", "i8", origin="from 0"),
+    "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
