@@ -32,19 +32,8 @@ from gfmdlayer.cli import (
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, input_problems, refuse
 
 VERBS = (
-    new,
-    run,
-    check,
-    status,
-    clean,
-    plot,
-    report,
-    fit_material,
-    fit_indentation,
-    verify,
-    schema,
-    completion,
-)
+    new, run, check, status, clean, plot, report, fit_material, fit_indentation, verify, schema, completion,
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -43,7 +43,9 @@ def fit_material(
     beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
     `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
     """
-    material, picture = _targets(data, out, force)
+    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
+    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
+    _, picture = with_suffixes(material, [".png"], force, data)
     measured = read(data, **reading)
     measured = measured.slowed(wlf.factor) if wlf else measured
     if law == "prony":
@@ -56,11 +58,7 @@ def fit_material(
     if normalise:
         fitted = fitted.normalised()
     notes = list(_origin(fitted, wlf, unit if normalise else None))
-    try:
-        material.parent.mkdir(parents=True, exist_ok=True)
-        write_text(material, material_yaml(fitted, material.stem, notes), replace=force)
-    except OSError as error:
-        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    written(material, {material: material_yaml(fitted, material.stem, notes)}, force)
     save(fit_figure(fitted), picture)
     warnings = [f"warning: {text}" for text in _warnings(fitted, branches, relaxed)]
     return "\n".join([*notes, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
@@ -70,7 +68,7 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
     """Write the law as a small configuration, with notes above it."""
     material = fitted.material
     lines = [f"# {note}" for note in notes]
-    lines += [f"name: {re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')[:128] or 'material'}"]
+    lines += [f"name: {plain_name(name, 'material')}"]
     lines += ["layer:", "  material:", f"    model: {material.model}"]
     lines += [f"    {name}: {value:.6e}" for name, value in _parameters(material).items()]
     if isinstance(material, Prony):
@@ -111,17 +109,31 @@ def fit_figure(fitted: Fit) -> Figure:
     return figure
 
 
-def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
-    """Return the names of material and figure; they must not be the data, nor exist unless forced."""
-    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
-    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
-    targets = material, material.with_suffix(".png")
-    for target in targets:
-        if target.exists() and data.exists() and target.samefile(data):
+def with_suffixes(
+    material: Path, suffixes: Sequence[str], force: bool, data: Path | None = None
+) -> list[Path]:
+    """Return the names of files beside a material; none may be the data, nor exist unless forced."""
+    for target in (found := [material, *map(material.with_suffix, suffixes)]):
+        if data is not None and target.exists() and data.exists() and target.samefile(data):
             raise ResultsError(f"{target}: is the data; choose another --out")
         if target.exists() and not force:
             raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return targets
+    return found
+
+
+def written(material: Path, texts: Mapping[Path, str], force: bool) -> None:
+    """Write the texts of a material and the files beside it, in a folder that is made for them."""
+    try:
+        material.parent.mkdir(parents=True, exist_ok=True)
+        for path, text in texts.items():
+            write_text(path, text, replace=force)
+    except OSError as error:
+        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+
+
+def plain_name(stem: str, instead: str) -> str:
+    """Return the name of a configuration in a file of this stem."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", stem).strip("-")[:128] or instead
 
 
 def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
