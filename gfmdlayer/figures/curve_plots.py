@@ -104,16 +104,20 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, *, log_time:
     """Draw a column of each case against time or another column."""
     sweep = drawn.sweep
     along, up = (quantity(sweep[name], sweep.attrs) for name in (x, y))
-    shown = sweep["time"].to_numpy() > 0 if log_time else np.ones(sweep.sizes["time"], dtype=bool)
+    ends: list[float] = []
     for curve in drawn.curves:
-        place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
-        across = sweep[x].isel(place).to_numpy()[shown] / along.scale
-        values = sweep[y].isel(curve.place).to_numpy()[shown] / up.scale
-        axes.plot(across, values, color=curve.colour, linestyle=curve.dashes)
+        # Where each case has its own times, they are NaN behind its last row.
+        clock, across, values = (
+            sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
+        )
+        shown = clock > 0 if log_time else np.isfinite(clock)
+        across = across[shown] / along.scale
+        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        ends += [*across[:1], *across[-1:]]
     if log_time:
         axes.set_xscale("log")
-    if x == "time" and np.count_nonzero(shown) > 1:
-        axes.set_xlim(across[0], across[-1])
+    if x == "time" and len({*ends}) > 1:
+        axes.set_xlim(min(ends), max(ends))
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
     axes.set_ylabel(up.label)
@@ -168,10 +172,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file holds
-    the times that all cases share, which runs of different speeds do not. The area is the integral of the
-    mean pressure over the depth, the work that the punch has done at the end; the part below zero in
-    retraction is the work of separation.
+    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file may
+    hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
+    work that the punch has done at the end; the part below zero in retraction is the work of separation.
     """
     with styled(style):
         drawn, legend = family(dataset), []

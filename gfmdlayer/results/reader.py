@@ -24,7 +24,7 @@ from xarray.core import indexing
 
 from gfmdlayer.files.locks import open_for_writing, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.schema import FIELDS, ResultsError
+from gfmdlayer.results.schema import FIELDS, SAME_TIME, ResultsError
 
 if TYPE_CHECKING:
     import xarray
@@ -276,8 +276,6 @@ def _reason(path: Path) -> str:
 # reads
 # the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
 # file read as fast, but a file with another grid would be read without an error, and wrongly.)
-
-SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 
 if TYPE_CHECKING:
     from xarray import Dataset
