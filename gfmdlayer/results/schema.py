@@ -141,10 +141,3 @@ def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
         return {"key": key}
     symbol = {"symbol": known.symbol} if known.symbol else {}
     return {"key": key, "long_name": known.long_name, **symbol, "units": unit(known.units)}
-
-
-def variable(name: str) -> Variable:
-    """Return a coordinate or field of the result files; KeyError if the table has no such name."""
-    if name not in VARIABLES:
-        raise KeyError(f"results have no variable {name!r}; known: {', '.join(sorted(VARIABLES))}")
-    return VARIABLES[name]
