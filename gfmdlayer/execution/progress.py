@@ -25,10 +25,6 @@ PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels a
 PRIOR = 0.02  # part of the expected seconds of a run that counts as done in the time expected
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
-_REST = {
-    "failed": "further cases that fail are only counted",
-    "complete": "further cases that are complete are only counted",
-}
 _BAR_WIDTH = 24
 _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
@@ -193,7 +189,8 @@ class Reporter:
                 self._slowest = outcome
             number = self._failed if failed else self._complete - self._before
             if number <= SHOWN_ENDS + 1 and (failed or self._display.lists_complete):
-                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else _REST[outcome.state])
+                rest = f"further cases that {'fail' if failed else 'are complete'} are only counted"
+                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else rest)
 
     def _end(self, outcome: Outcome) -> str:
         place = f"{self._complete + self._failed} of {self._total}"
