@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.labels import finish, quantity, value_labels
+from gfmdlayer.figures.labels import finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -87,9 +87,8 @@ def curves_figure(
                 when = _draw_against_column(axes, drawn, x, name, log_time=log_time)
             if len(names) > 1:
                 axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
-            axes.set_xlabel(
-                quantity(dataset[x], dataset.attrs).label if columns == 2 or i == len(names) - 1 else ""
-            )
+            if columns == 1 and i < len(names) - 1:
+                axes.set_xlabel("")
             if inset is not None:
                 inset.mark(axes, drawn.sweep[name])
         more = _draw_legend(figure, panels, drawn, columns, style)
@@ -115,14 +114,14 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, *, log_time:
         axes.set_xlim(across[0], across[-1])
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
-    axes.set_ylabel(up.label)
+    name_axes(axes, along, up)
     return []
 
 
 def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | None) -> list[str]:
     """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
-    scale = Scale.of(key.to_numpy().tolist())
+    scale = Scale.of(key.to_numpy().tolist(), quantity(key))
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):
@@ -135,7 +134,7 @@ def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | No
     scale.apply(axes, "x")
     if axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
-    axes.set_ylabel(up.label)
+    name_axes(axes, y=up)
     return [when] if when else []
 
 
@@ -230,12 +229,12 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
         back = np.append(False, np.diff(depth) < 0)
         pulls = np.where(back, np.minimum(values, 0.0), np.nan)
         axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
-    axes.set(xlabel=along.label, ylabel=up.label)
+    name_axes(axes, along, up)
     found = {"loop_area": float(np.trapezoid(case["mean_stress"].to_numpy(), depth))}
     if _SEPARATION in case.attrs:
         found[_SEPARATION] = float(case.attrs[_SEPARATION])
     written = []
     for name, value in found.items():
         area = quantity(case["work"].isel(time=0).rename(name), case.attrs)
-        written.append(area.equals(value_labels([float(f"{value / area.scale:.3g}")])[0]))
+        written += area.equals([float(f"{value / area.scale:.3g}")])
     return written

@@ -194,7 +194,7 @@ def test_the_spread_of_values_chooses_the_scale(values: list[Any], kind: str) ->
 def test_line_styles_go_to_the_key_of_fewer_values() -> None:
     drawn = family(sweep({"layer.poisson": [0.3, 0.4], "layer.thickness": EIGHT}))
     assert drawn.bar is not None
-    assert drawn.bar.label == "$d$"
+    assert drawn.bar.scale.quantity.label == "$d$"
     assert [title for title, _, _ in drawn.legend] == [r"$\nu$ = 0.3", r"$\nu$ = 0.4"]
     assert len({(curve.colour, str(curve.dashes)) for curve in drawn.curves}) == 16
     both = curves_figure(sweep({"layer.thickness": EIGHT, "punch.radius": EIGHT}))
@@ -279,7 +279,12 @@ def test_quantities_are_in_the_units_of_the_config_or_in_those_of_the_paper(
     [
         ("m", 1e-6, r"$\delta$ (µm)", 12.0),
         ("m", 1e-2, r"$\delta$ (m)", 0.12),
-        ("mm", 1e-6, r"$\delta$ ($10^{-6}$ mm)", 12.0),
+        ("mm", 1e-6, r"$\delta$ (nm)", 12.0),
+        ("mm/s", 1e-6, r"$\delta$ (nm/s)", 12.0),
+        ("m^2", 1e-6, r"$\delta$ (mm$^{2}$)", 12.0),
+        ("N/m", 1e-3, r"$\delta$ (mN/m)", 12.0),
+        ("s", 1e3, r"$\delta$ ($10^{3}$ s)", 12.0),
+        ("psi", 1e-6, r"$\delta$ ($10^{-6}$ psi)", 12.0),
         ("length", 1e-6, r"$\delta$ ($10^{-6}$)", 12.0),
         ("Pa", 1e6, r"$\delta$ (MPa)", 12.0),
     ],
@@ -310,6 +315,9 @@ def test_swept_values_have_their_unit() -> None:
     whole = sweep({"layer.thickness": [1e-4, 2e-4, math.inf]})
     whole["thickness"].attrs["units"] = "m"
     assert legend(curves_figure(whole)) == ["$d$ = 100 µm", "$d$ = 200 µm", r"$d$ = $\infty$"]
+    fast = sweep({"trajectory.velocity": [1e-8, 1e-2, 100.0]})
+    fast["velocity"].attrs["units"] = "mm/s"
+    assert legend(curves_figure(fast)) == ["$v$ = 10 pm/s", "$v$ = 10 µm/s", "$v$ = 100 mm/s"]
 
 
 @pytest.mark.parametrize(
@@ -436,11 +444,13 @@ def test_a_time_has_the_same_colour_in_all_profiles() -> None:
     figure = snapshots_figure({"all": case(9), "late": late})
     (bar,) = bars(figure)
     assert bar.get_ylabel() == "$t$"
-    first, second = figure.axes[0].lines, figure.axes[2].lines
+    first, second = (
+        [line for line in figure.axes[i].lines if line.get_label() != "contact"] for i in (0, 2)
+    )
     assert len(first) == 9
     assert [line.get_color() for line in second] == [line.get_color() for line in first[4:]]
     few = snapshots_figure({"": case(6)})
-    assert legend(few) == [f"$t$ = {i}" for i in range(1, 7)]
+    assert legend(few) == [*(f"$t$ = {i}" for i in range(1, 7)), "contact"]
 
 
 def test_frames_of_a_movie_come_at_the_rate_asked_for(
