@@ -65,7 +65,7 @@ def _draw_section(axes: plt.Axes, case: xr.Dataset) -> None:
 
 
 def _draw_curves(axes: plt.Axes, case: xr.Dataset) -> None:
-    pressure, area = case.mean_pressure, case.contact_area
+    pressure, area = case.mean_pressure, case.contact_area_interpolated
     axes.plot(case.time, pressure, color="#1c2833", label="mean pressure $\\bar p/2G_0$")
     axes.plot(case.time, area, color="#1e8449", ls="--", label="contact area, part of the cell")
     for time, colour in zip(TIMES, COLOURS, strict=True):

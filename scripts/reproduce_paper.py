@@ -42,6 +42,7 @@ from gfmdlayer.results.reader import case_path, open_case, open_results
 CONFIGS = Path(__file__).parents[1] / "configs"
 TOLERANCE = 1e-3
 TIMES = [*(i / 10 for i in (1, 2, 4, 6, 8, 10)), 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0]
+AREA_AND_PRESSURE = ("contact_area", "mean_pressure")  # points in contact are counted, as in the paper
 TARGET_PRESSURE, TARGET_RATIO = 1e-3, 300
 
 
@@ -189,11 +190,11 @@ def _at(times: Iterable[float], rows: Any) -> list[int]:
 def comparison_figure(folders: dict[str, Path]) -> Figure:
     """Draw the paper's two panels: lines for its method, circles for the steps of the fast one."""
     with open_results(folders["paper"]) as paper:
-        figure = curves_figure(paper)
+        figure = curves_figure(paper, y=AREA_AND_PRESSURE)
     with styled():
         for file in sorted((folders["fast"] / "cases").glob("*.h5")):
             with open_case(file) as fast:
-                for axes, name in zip(figure.axes, ("contact_area", "mean_pressure"), strict=False):
+                for axes, name in zip(figure.axes, AREA_AND_PRESSURE, strict=True):
                     axes.plot(
                         fast["time"], fast[name], "o", color="black", markersize=2.2, mfc="none", mew=0.5
                     )

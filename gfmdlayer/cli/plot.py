@@ -80,7 +80,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         nargs="+",
         default=[],
-        help="columns, one panel for each; loop: one column; map: a swept key",
+        help="columns, one panel for each (default: contact_area_interpolated and mean_pressure, or depth "
+        "under a load); loop: one column; map: a swept key",
     )
     parser.add_argument("--z", metavar="NAME", nargs="+", default=[], help="columns of the map")
     parser.add_argument(

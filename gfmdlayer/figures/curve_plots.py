@@ -1,8 +1,9 @@
 r"""Curves of a run, a panel for each column, against time, another column or a swept key.
 
-By default these are the panels of the paper, contact area $\tilde a$ and mean pressure $\tilde p$ against
-$t/\tau$; of a punch under a prescribed load the depth in place of the mean pressure, of a punch that moves
-along the surface also the friction. There is a curve for each case; `curve_family` chooses their looks.
+By default these are the panels of the paper, contact area $\tilde a$ (the interpolated one) and mean pressure
+$\tilde p$ against $t/\tau$; of a punch under a prescribed load the depth in place of the mean pressure, of a
+punch that moves along the surface also the friction. There is a curve for each case; `curve_family`
+chooses their looks.
 """
 
 from __future__ import annotations
@@ -58,10 +59,10 @@ def curves_figure(
     """Draw columns of results, a panel for each, against time, another column, or a swept key `x`.
 
     `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
-    default contact area and mean pressure, or depth under a prescribed load, and friction. A logarithmic time
-    axis begins at the first row after t = 0. The inset shows punch and surface at chosen times, in the first
-    panel. Against a swept key, `time` is in the units of the config, or "max" or "min", the extremes over
-    time; by default "end".
+    default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. A
+    logarithmic time axis begins at the first row after t = 0. The inset shows punch and surface at chosen
+    times, in the first panel. Against a swept key, `time` is in the units of the config, or "max" or "min",
+    the extremes over time; by default "end".
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
     **{column.name: column.symbol for column in INDENTATION if column.symbol},
+    "contact_area_interpolated": r"\tilde{a}",  # the same quantity as the counted area
     "mean_stress": r"\bar{p}",
     "mean_gap": r"\bar{g}",
     "pull_off_force": r"F_\mathrm{pull}",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Time = float | Literal["end", "max", "min"]
 Wanted = str | float | tuple[float, float]
+INTERPOLATED = "contact_area_interpolated"
 MOST_NAMED = 3  # failed cases
 
 
@@ -203,10 +204,13 @@ def _number(text: str | float) -> float:
 def default_columns(dataset: Dataset) -> list[str]:
     """Return the columns that have a panel: those declared with a symbol.
 
-    Under a prescribed load or force the depth is in place of the mean pressure; where cases differ in what is
+    The contact area is the interpolated one, which has no steps, where the results hold it. Under a
+    prescribed load or force the depth is in place of the mean pressure; where cases differ in what is
     prescribed, both are drawn.
     """
     names = [name for name, column in known_columns().items() if column.symbol]
+    if INTERPOLATED in dataset.data_vars:
+        names[names.index("contact_area")] = INTERPOLATED
     control, depth = dataset.attrs.get("control"), _own_name(dataset, "depth")
     is_swept = any(key.attrs["key"] == "trajectory.control" for key in swept(dataset))
     if "contact_radius" in dataset:

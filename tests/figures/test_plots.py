@@ -33,7 +33,7 @@ THICKNESSES = [0, 1 / 32, 1 / 16, float("inf")]
 def write_case(path: Path, *, snapshots: bool = True, about: Mapping[str, float] | None = None) -> None:
     with CaseWriter(path, {"x": X}, {"name": "demo", **({"tau": 2.0} if about is None else about)}) as case:
         for time in (0.0, 1.0, 4.0):
-            case.row(time=time, contact_area=0.1 * time, mean_pressure=0.2 * time)
+            case.row(time=time, contact_area_interpolated=0.1 * time, mean_pressure=0.2 * time)
             if snapshots and time > 0:
                 pressed = np.maximum(0, 0.01 - X**2)
                 case.snapshot(time, -pressed, time * pressed, np.maximum(0, X**2 - 0.01))
@@ -60,7 +60,7 @@ def test_a_punch_that_moves_has_a_panel_of_its_friction(tmp_path: Path, columns:
     friction = [np.nan, -0.1, 0.3]
     with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo", "tau": 2.0}) as case:
         for time, each in enumerate(friction):
-            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2, friction=each)
+            case.row(time=float(time), contact_area_interpolated=0.1, mean_pressure=0.2, friction=each)
     with open_case(case_path(tmp_path, 0)) as data:
         figure = curves_figure(data, columns)
     area, _, drawn = figure.axes
@@ -262,7 +262,7 @@ def test_waterfall_has_a_profile_for_each_time(thicknesses: Path) -> None:
 def test_map_has_a_colour_for_each_pair_of_values(tmp_path: Path) -> None:
     write_sweep(tmp_path, {"layer.thickness": [0, 0.5, float("inf")], "halfspace.shear_modulus": [1, 2]})
     with open_results(tmp_path) as data:
-        data["contact_area"][2, 1] = np.nan
+        data["contact_area_interpolated"][2, 1] = np.nan
         figure = map_figure(data, time=0.9)
     area, pressure = (axes for axes in figure.axes if axes.images)
     expected = np.full((2, 3), 0.1)
@@ -328,7 +328,7 @@ def test_movie_shows_each_snapshot(
     axes = {"x": X, "y": X[::2]} if len(shape) == 2 else {"x": X}
     with CaseWriter(case_path(tmp_path, 0), axes, {"name": "demo", "tau": 2.0}) as case:
         for time, three in enumerate(fields):
-            case.row(time=float(time), contact_area=0.1, mean_pressure=0.2)
+            case.row(time=float(time), contact_area_interpolated=0.1, mean_pressure=0.2)
             case.snapshot(float(time), *three)
     if len(shape) == 2:
         monkeypatch.setattr("shutil.which", lambda _: None)
@@ -392,3 +392,15 @@ def test_every_column_of_a_run_can_be_drawn(tmp_path: Path) -> None:
         figure = curves_figure(data, y=[str(name)])
         figure.savefig(tmp_path / "column.png")  # typesets the labels
         assert "$$" not in figure.axes[0].get_ylabel()
+
+
+def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked_for(tmp_path: Path) -> None:
+    counted, between = [0.0, 0.25, 0.25], [0.0, 0.24, 0.26]
+    with CaseWriter(case_path(tmp_path, 0), {"x": X}, {"name": "demo"}) as case:
+        for i, (whole, part) in enumerate(zip(counted, between, strict=True)):
+            case.row(time=float(i), contact_area=whole, contact_area_interpolated=part, mean_pressure=0.2)
+    with open_case(case_path(tmp_path, 0)) as data:
+        drawn, asked = curves_figure(data).axes[0], curves_figure(data, y=["contact_area"]).axes[0]
+    np.testing.assert_array_equal(drawn.lines[0].get_ydata(), between)
+    np.testing.assert_array_equal(asked.lines[0].get_ydata(), counted)
+    assert drawn.get_ylabel() == asked.get_ylabel() == r"$\tilde{a}$"
