@@ -23,6 +23,7 @@ from gfmdlayer.figures.selection import (
     swept,
     value_titles,
 )
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,8 +46,11 @@ class Scale(NamedTuple):
     quantity: Quantity  # in the power of ten of the labels
 
     @classmethod
-    def of(cls, values: Sequence[Any], drawn: Quantity = Quantity("")) -> Scale:  # noqa: B008
-        """Find the scale on which the median lies nearest to the middle; text and infinity lie in order."""
+    def of(cls, values: Sequence[Any], drawn: Quantity = Quantity(""), *, log: bool = False) -> Scale:  # noqa: B008
+        """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
+
+        ResultsError for text, infinity or zero on a scale that must be logarithmic.
+        """
         unique = list(dict.fromkeys(values))
         if not any(isinstance(value, str) for value in values):
             unique.sort()
@@ -55,10 +59,15 @@ class Scale(NamedTuple):
                 np.array([each for each in unique if each > 0]),
             )
             if np.isfinite(numbers).all():
-                is_log = unique[0] >= 0 and _off_middle(np.log(positive)) < _off_middle(np.asarray(unique))
+                middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
+                is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
                 if not is_log or unique[0] > 0:
                     return cls("log" if is_log else "linear", numbers, [], [], drawn)
             drawn = drawn.fit(unique) if drawn.unit else drawn
+        if log:
+            raise ResultsError(
+                f"log x: {drawn.symbol} has values that are not positive numbers; draw it without"
+            )
         places = {value: place for place, value in enumerate(unique)}
         ticks, labels = spread(len(unique), MOST_TICKS), drawn.numbers(unique)
         positions = np.array([places[value] for value in values], dtype=float)

@@ -248,7 +248,7 @@ def mathtext_units(units: str) -> str:
 
 
 def prefixed(unit: str, power: int) -> str | None:
-    """Return the unit that is a power of ten larger: mm/s for 1e-3 m/s, mm^2 for 1e-6 m^2; None without one."""
+    """Return the unit that is a power of ten larger: mm/s for 1e-3 m/s, mm^2 for 1e-6 m^2; or None."""
     if not power:
         return unit
     if (first := _LEADING.match(unit)) is None:
@@ -283,6 +283,7 @@ class Ticks(Formatter):
         self.quantity = drawn
 
     def __call__(self, value: float, pos: int | None = None) -> str:  # noqa: ARG002
+        """Write a single tick."""
         return self.format_ticks([value])[0]
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
@@ -308,7 +309,7 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
     insets = [inset for axes in figure.axes for inset in axes.child_axes if isinstance(inset, type(axes))]
     for axes in [*figure.axes, *insets]:
         for axis in (axes.xaxis, axes.yaxis):
-            # Panels that share an axis share its ticks: those written by an inner panel are named by an outer.
+            # Panels that share an axis share its ticks; not all of them have a label.
             if isinstance(ticks := axis.get_major_formatter(), Ticks):
                 ticks.quantity = ticks.quantity.fit(axis.get_view_interval())
                 axis.set_label_text(ticks.quantity.label if axis.get_label_text() else "")

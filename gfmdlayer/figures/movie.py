@@ -1,4 +1,4 @@
-"""Movies of a case, one frame for each snapshot: a line's displacement and pressure, a surface's gap and pressure."""
+"""Movies of a case, a frame for each snapshot: displacement and pressure; on a surface, gap and pressure."""
 
 from __future__ import annotations
 
@@ -96,9 +96,7 @@ def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Fig
         draw, height = _draw_line, 85.0
     figure = new_figure(2, height, style)
     panels = figure.subplots(1, 2)
-    updates = [
-        draw(axes, case, name, seen) for axes, name in zip(panels, (first, "pressure"), strict=True)
-    ]
+    updates = [draw(axes, case, name, seen) for axes, name in zip(panels, (first, "pressure"), strict=True)]
     if "gap" in case:
         punch = [] if "y" in case["pressure"].dims else [Line2D([], [], label="punch", **PUNCH)]
         figure.legend(handles=[*punch, contact_entry()], loc="outside lower center", ncols=2)

@@ -141,7 +141,7 @@ def part_of(case: Dataset, most: int) -> tuple[Dataset, list[str]]:
 
 
 class Extremes(NamedTuple):
-    """The ends of the pressure of all snapshots of some cases, and the part of each axis around the contact."""
+    """Ends of the pressure over all snapshots of some cases, and the part of each axis around the contact."""
 
     peak: float
     least: float  # 0 without attraction
@@ -154,8 +154,7 @@ class Extremes(NamedTuple):
         names = [name for name in "xy" if name in every[0]["pressure"].dims]
         ends: dict[str, list[float]] = {name: [] for name in names}
         peak = least = 0.0
-        for case, i in ((case, i) for case in every for i in range(case.sizes["snapshot"])):
-            one = case.isel(snapshot=i)
+        for one in (case.isel(snapshot=i) for case in every for i in range(case.sizes["snapshot"])):
             pressure = one["pressure"].load()
             highest = max(float(pressure.max()), 0.0)
             peak, least = max(peak, highest), min(least, float(pressure.min()))
@@ -199,10 +198,7 @@ MOST_PROFILES = 60  # of a line contact
 MOST_MAPS = 4  # beside each other
 MOST_ROWS = 2  # of maps of a single case
 MAP_POINTS = 1024  # along each axis of a map: more than its dots in print
-MAPS_MM = 138.0  # width of a row of maps
-CONTACT_LINE: dict[str, Any] = {
-    "label": "contact", "color": CONTACT, "linewidth": 3.5, "marker": "o", "markersize": 3.5, "markeredgewidth": 0, "zorder": 1
-}  # fmt: skip
+MAPS_MM = 150.0  # width of a row of maps
 PUNCH: dict[str, Any] = {"color": "0.4", "linestyle": (0, (4, 2))}
 
 
@@ -220,7 +216,9 @@ def snapshots_figure(
         first, names = next(iter(cases.values())), ["displacement", "pressure"]
         is_line, is_single = "y" not in first["pressure"].dims, len(cases) == 1 and "gap" in first
         most = MOST_PROFILES if is_line else MOST_MAPS * (MOST_ROWS if is_single else 1)
-        parts = {title: part_of(case, case.sizes["snapshot"] if every else most) for title, case in cases.items()}
+        parts = {
+            title: part_of(case, case.sizes["snapshot"] if every else most) for title, case in cases.items()
+        }
         drawn = {title: part for title, (part, _) in parts.items()}
         if is_line:
             figure = _profiles(drawn, style)
@@ -274,15 +272,20 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
 
 
 def contact_entry() -> Line2D:
-    """Return the entry of a legend for the contact."""
+    """Return the entry of a legend for the contact: a broad line in its colour."""
+    from matplotlib import rcParams
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], **CONTACT_LINE)
+    width = 3.0 * rcParams["lines.linewidth"]
+    look: dict[str, Any] = {"marker": "o", "markersize": width, "markeredgewidth": 0}  # for a single point
+    return Line2D([], [], color=CONTACT, linewidth=width, label="contact", zorder=1, **look)
 
 
 def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray) -> Line2D:
     """Draw the part of a surface in contact, as a broad line below it."""
-    (line,) = axes.plot(x, np.where(gap <= 0, u, np.nan), **CONTACT_LINE)
+    line = contact_entry()
+    line.set_data(x, np.where(gap <= 0, u, np.nan))
+    axes.add_line(line)
     return line
 
 
@@ -364,7 +367,9 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
     for axes in panels[-4:, (count - 1) % columns + 1 :].flat:
         axes.remove()
     panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-    entries = legend_entries([("surface", colours(1)[0], "solid"), ("punch", PUNCH["color"], PUNCH["linestyle"])])
+    entries = legend_entries(
+        [("surface", colours(1)[0], "solid"), ("punch", PUNCH["color"], PUNCH["linestyle"])]
+    )
     figure.legend(handles=[*entries, contact_entry()], loc="outside upper center", ncols=3)
     return figure
 
@@ -416,7 +421,10 @@ def draw_map(
 
 
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
-    """Return the values of a map, rows along y, without points that no picture can show; NaN for a closed gap."""
+    """Return the values of a map, rows along y, without points that no picture can show.
+
+    A closed gap is NaN, which has the colour of the contact.
+    """
     thinned = {name: slice(None, None, -(-field.sizes[name] // MAP_POINTS)) for name in "xy"}
     part = field.isel(thinned).transpose("y", "x")
     values: FloatArray = (part.where(part > 0) if field.name == "gap" else part).to_numpy()

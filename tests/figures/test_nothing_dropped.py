@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -21,10 +21,12 @@ from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import write_movie
+from gfmdlayer.figures.plot_style import CONTACT
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.selection import notes, select, swept
 from gfmdlayer.figures.snapshot_plots import snapshots_figure
 from gfmdlayer.results.schema import ResultsError, described_key
+from gfmdlayer.results.writer import CaseWriter
 
 TIMES = np.linspace(0.0, 4.0, 5)
 EIGHT = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
@@ -439,14 +441,61 @@ def test_rows_of_maps_say_how_many_snapshots_they_show() -> None:
     assert sum(bool(axes.images) for axes in figure.axes) == 4 + 2
 
 
+def test_the_times_asked_for_are_all_drawn_and_no_others(tmp_path: Path) -> None:
+    whole = case(30, surface=True, L=2.0)
+    every = snapshots_figure({"": whole}, every=True)
+    assert sum(bool(axes.images) for axes in every.axes) == 2 * 30
+    assert "of 30 snapshots" not in said(every)
+    two = snapshots_figure({"one": whole, "two": whole}, every=True)
+    assert sum(bool(axes.images) for axes in two.axes) == 2 * 30
+    with CaseWriter(tmp_path / "0000.h5", {"x": whole["x"].to_numpy()}, {"name": "demo"}) as writer:
+        for time in (1.0, 2.0, 4.0):
+            writer.snapshot(time, *np.zeros((3, 32)))
+    (drawn,) = plot_results(tmp_path / "0000.h5", tmp_path / "a.gif", kind="movie", times=[4.0, 1.0])
+    with Image.open(drawn) as film:
+        assert film.n_frames == 2
+    with pytest.raises(ResultsError, match="no snapshot at time 3; there are 1, 2, 4"):
+        plot_results(tmp_path / "0000.h5", kind="snapshots", times=[3.0])
+
+
+def test_a_logarithmic_axis_says_what_has_no_place_on_it() -> None:
+    whole = sweep({"layer.thickness": [0.1, 0.2]})
+    figure = curves_figure(whole, x="depth", y=["force"], log=["x", "y"])
+    assert (figure.axes[0].get_xscale(), figure.axes[0].get_yscale()) == ("log", "log")
+    assert said(curves_figure(whole, y=["force"], log=["y"])) == (
+        "values of force that are not positive are left out"
+    )
+    assert curves_figure(whole, x="thickness", y=["force"], log=["x"]).axes[0].get_xscale() == "log"
+    with pytest.raises(ResultsError, match="log y: depth has no positive value"):
+        curves_figure(-whole, y=["depth"], log=["y"])
+    with pytest.raises(ResultsError, match=r"log x: .* not positive numbers"):
+        curves_figure(sweep({"layer.thickness": [0.1, math.inf]}), x="thickness", log=["x"])
+
+
+def test_contact_has_its_colour_where_all_of_a_surface_touches_and_is_pulled() -> None:
+    whole = case(3, surface=True)
+    for each in (whole.assign(gap=0 * whole["gap"]), whole.assign(pressure=-whole["pressure"])):
+        touched = (each["gap"].isel(snapshot=-1) <= 0).to_numpy().T
+        figure, movie_figure = snapshots_figure({"": each}), movie.animated(each)[0]
+        assert "contact" in legend(figure)
+        assert "contact" in legend(movie_figure)
+        for axes in (figure.axes[5], movie_figure.axes[0]):
+            (image,) = axes.images
+            np.testing.assert_array_equal(np.isnan(np.ma.filled(image.get_array(), np.nan)), touched)
+            assert to_hex(axes.get_facecolor()) == CONTACT
+    line = case(2)
+    contact = [each for each in snapshots_figure({"": line}).axes[0].lines if each.get_label() == "contact"]
+    assert {each.get_color() for each in contact} == {CONTACT}
+    x = np.asarray(contact[0].get_xdata())
+    np.testing.assert_array_equal(np.isfinite(contact[0].get_ydata()), line["gap"][0].sel(x=x) <= 0)
+
+
 def test_a_time_has_the_same_colour_in_all_profiles() -> None:
     late = case(9).isel(snapshot=slice(4, None))
     figure = snapshots_figure({"all": case(9), "late": late})
     (bar,) = bars(figure)
     assert bar.get_ylabel() == "$t$"
-    first, second = (
-        [line for line in figure.axes[i].lines if line.get_label() != "contact"] for i in (0, 2)
-    )
+    first, second = ([line for line in figure.axes[i].lines if line.get_label() != "contact"] for i in (0, 2))
     assert len(first) == 9
     assert [line.get_color() for line in second] == [line.get_color() for line in first[4:]]
     few = snapshots_figure({"": case(6)})

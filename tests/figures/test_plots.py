@@ -174,7 +174,11 @@ def test_snapshots_show_the_contact_zoomed(thicknesses: Path) -> None:
     # The contact is |x| < 0.1; half its width on either side and a few cells make less than 0.3.
     assert -0.3 < surface.get_xlim()[0] < -0.1
     assert 0.1 < surface.get_xlim()[1] < 0.3
-    assert [t.get_text() for t in figure.legends[0].get_texts()] == [r"$t/\tau$ = 0.5", r"$t/\tau$ = 2", "contact"]
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == [
+        r"$t/\tau$ = 0.5",
+        r"$t/\tau$ = 2",
+        "contact",
+    ]
 
 
 def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:

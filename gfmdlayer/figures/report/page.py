@@ -408,7 +408,12 @@ def page(data: dict[str, Any], title: str) -> str:
 
     here = files(__package__)
     version = provenance()["gfmdlayer_version"]
-    about = {"title": title, "written": f"{now()} by gfmdlayer {version}", "colours": _colours(), "contact": CONTACT}
+    about = {
+        "title": title,
+        "written": f"{now()} by gfmdlayer {version}",
+        "colours": _colours(),
+        "contact": CONTACT,
+    }
     parts = {
         "title": escape(title),
         "style": (here / "page.css").read_text(encoding="utf-8"),

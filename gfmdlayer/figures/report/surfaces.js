@@ -92,6 +92,11 @@ function rowsOfMap(surface, name, at) {
   return Array.from({ length: ny }, (_, j) => Array.from({ length: nx }, (_, i) => value(i * ny + j)));
 }
 
+/** The entry of the legend for the contact, which the maps of the gap leave open to their background. */
+const CONTACT_SPOTS = {
+  type: "scatter", mode: "markers", name: "contact", x: [null], y: [null], marker: { color: DATA.contact, symbol: "square", size: 12 },
+};
+
 function drawMaps(one) {
   const { surface } = one, at = Number(byId("time").value), seen = view(one), whole = byId("whole").checked;
   const x = numbers(surface.axes, "x"), y = numbers(surface.axes, "y"), cut = y[Number(byId("cut").value)];
@@ -103,7 +108,8 @@ function drawMaps(one) {
       type: "heatmap", x, y, z: rowsOfMap(surface, name, at), zmin: ends[0], zmax: ends[1], colorscale: colourScale(name),
       hoverongaps: false, hovertemplate: "%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
       colorbar: { title: { text: DATA.fields[name], side: NARROW.matches ? "top" : "right" }, thickness: 14, outlinewidth: 0, exponentformat: "power", nticks: 6 },
-    }], {
+    }, ...(name === "gap" ? [CONTACT_SPOTS] : [])], {
+      showlegend: name === "gap", legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, margin: { l: 10, r: 12, t: 30, b: 10 },
       xaxis: axis(DATA.fields.x, { range: whole ? undefined : seen.x, constrain: "domain", constraintoward: "right", showgrid: false, zeroline: false }),
       yaxis: axis(DATA.fields.y, { range: whole ? undefined : seen.y, scaleanchor: "x", constrain: "domain", showgrid: false, zeroline: false }),
       plot_bgcolor: name === "gap" ? DATA.contact : "rgba(0,0,0,0)", uirevision: `${one.number},${whole}`,
@@ -133,7 +139,7 @@ function showSurface() {
     byId("cut").value = view(one).cut;
   }
   const said = [surface.note && `Reduced for the page: ${surface.note}.`, one.facts.frame && `Frame: ${one.facts.frame}.`, one.facts.axes && `Axis: ${one.facts.axes}.`];
-  if (inPlane) said.push("Profiles along the cut; in the map of the gap the contact is black.");
+  if (inPlane) said.push("Profiles along the cut; in the map of the gap the contact is orange.");
   byId("surface-note").textContent = [...said, DATA.notes.surfaces].filter(Boolean).join(" ");
   drawSurface();
 }
