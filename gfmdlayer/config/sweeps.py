@@ -477,7 +477,7 @@ def _values(axis: Axis) -> Iterator[Problem]:
         if before != i and not nothing and not axis.sampled:
             key, value = next(iter(row.items()))
             if axis.location == ("sweep",):
-                yield Problem(axis.place(key, i), f"got {shown(value)} a second time; give each value once")
+                yield Problem(axis.place(key, i), f"got {shown(value)} twice; give each value once")
             else:
                 message = f"the same combination as at [{before}]; give each combination once"
                 yield Problem(axis.place(key, i), message, (".".join(map(str, axis.location)),))

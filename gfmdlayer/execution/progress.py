@@ -24,10 +24,6 @@ LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
-_REST = {
-    "failed": "further cases that fail are only counted",
-    "complete": "further cases that are complete are only counted",
-}
 _BAR_WIDTH = 24
 _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
@@ -192,7 +188,8 @@ class Reporter:
                 self._slowest = outcome
             number = self._failed if failed else self._complete - self._before
             if number <= SHOWN_ENDS + 1 and (failed or self._display.lists_complete):
-                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else _REST[outcome.state])
+                rest = f"further cases that {'fail' if failed else 'are complete'} are only counted"
+                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else rest)
 
     def _end(self, outcome: Outcome) -> str:
         place = f"{self._complete + self._failed} of {self._total}"
