@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.labels import finish, quantity
+from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, styled
 from gfmdlayer.figures.snapshot_plots import (
-    CONTACT,
     MAP_POINTS,
     MOST_MAPS,
     draw_bar,
@@ -54,13 +53,13 @@ def flow_figure(flow: Dataset, title: str = "", style: Style = PAPER, notes: Seq
             streams = _draw(panels[1, i], one, speed, (-DECADES, 0.0), "cividis")
             _draw_streams(panels[1, i], one)
             panels[0, i].set_title(time, loc="right")
-            panels[1, i].set_xlabel(quantity(case["x"], case.attrs).label)
-        draw_bar(panels[0, -1], pressure, "pressure / drop")
-        draw_bar(panels[1, -1], streams, "log$_{10}$ flow / largest of the map")
+            name_axes(panels[1, i], x=quantity(case["x"], case.attrs))
+        draw_bar(panels[0, -1], pressure, Quantity("pressure / drop"))
+        draw_bar(panels[1, -1], streams, Quantity("log$_{10}$ flow / largest of the map"))
         for axes in panels[:, 0]:
-            axes.set_ylabel(quantity(case["y"], case.attrs).label)
+            name_axes(axes, y=quantity(case["y"], case.attrs))
         panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-        finish(figure, [*notes, *more])
+        finish(figure, [*notes, "black: contact, and fluid at rest", *more])
     return figure
 
 
@@ -69,7 +68,7 @@ def _draw(axes: Axes, one: Dataset, values: FloatArray, ends: tuple[float, float
     x, y = (one[name].to_numpy() / quantity(one[name], one.attrs).scale for name in "xy")
     thinned = tuple(slice(None, None, -(-n // MAP_POINTS)) for n in values.shape)
     half = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
-    axes.set_facecolor(CONTACT)
+    axes.set_facecolor("black")
     return axes.imshow(
         values[thinned].T,
         origin="lower",
