@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.bodies import place_of
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from gfmdlayer.observables.observable import Column
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.resumable import CompositeState
+
+    Progress: TypeAlias = Callable[[float], None] | None  # called with the simulated time
+    Resume: TypeAlias = Callable[[CompositeState], None] | None  # called with all resumable state
 
 FEW_WAVES = 6  # along an axis, at which a body of the user's own is computed before a run
 PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
@@ -193,12 +196,7 @@ class Model(ABC):
         return ""
 
     @abstractmethod
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute the case into a recorder; arguments and result like `gfmdlayer.simulate`."""
 
 
@@ -219,12 +217,7 @@ def warm_up(config: Config, folder: Path | None = None, threads: int = 1) -> str
 class Runs(Protocol):
     """A `Model`, or the parts of a periodic contact (`gfmdlayer.Case`)."""
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute the case into a recorder."""
         ...
 
@@ -232,10 +225,10 @@ class Runs(Protocol):
 def simulate(
     config: Config | Runs,
     recorder: Recorder,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[CompositeState], None] | None = None,
+    resume: Resume = None,
 ) -> list[str]:
     """Run one case.
 

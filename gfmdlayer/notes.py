@@ -55,7 +55,7 @@ def _short_tables(configs: Sequence[Config]) -> Iterator[str]:
     )
     for file, quantity, last, end in dict.fromkeys(every):
         if last < end:
-            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; its last {quantity} is held"
+            yield f"{file}: ends at time {last:g}, before time.end = {end:g}; the last {quantity} stays"
 
 
 def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
@@ -80,9 +80,9 @@ def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
         worst = int(np.abs(values - taken).argmax())
         if abs(values[worst] - taken[worst]) > _PASSED_OVER * float(np.ptp(values)):
             yield (
-                f"time.step = {time.step:g}: backward Euler passes over the {given.control} at "
-                f"t = {times[worst]:.6g}, {values[worst]:.6g}, for which its steps have {taken[worst]:.6g}; "
-                "take a shorter step, or time.integrator: exponential, which lands on it"
+                f"time.step = {time.step:g}: the steps of backward Euler miss the {given.control} "
+                f"{values[worst]:.6g} at t = {times[worst]:.6g} and use {taken[worst]:.6g} there; "
+                "use a shorter step, or time.integrator: exponential, which stops at this time"
             )
 
 
@@ -113,11 +113,11 @@ def _on_values(config: Config) -> Iterator[str]:
         stiffened, tolerance, aim = config.contrast, config.solver.tolerance, config.finer_tolerance
         enough = given.tolerance / stiffened
         if tolerance > _NOISE * enough:
-            many = f"steps may be very many; solver.tolerance: {enough:.1g} would do"
+            many = f"the run may need very many steps; use solver.tolerance: {enough:.1g}"
             yield (
-                f"solver.tolerance = {tolerance:g}: what it leaves open, times the glassy over the relaxed "
-                f"modulus, {stiffened:.3g}, is above time.tolerance = {given.tolerance:g}, and "
-                + (f"the solver aims at {aim:.1g}" if aim < tolerance else many)
+                f"solver.tolerance = {tolerance:g} times the ratio of the glassy to the relaxed modulus, "
+                f"{stiffened:.3g}, is above time.tolerance = {given.tolerance:g}: "
+                + (f"the solver uses {aim:.1g}" if aim < tolerance else many)
             )
     if (duration := config.trajectory.duration) is not None and duration > end:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
@@ -141,8 +141,8 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
             enough = [max(points, 1 << math.ceil(math.log2(wanted * x / zone))) for points, x in cell]
             yield (
                 f"{dotted(at)}: its cohesive zone, (pi/4) E* range^2/work = {zone:.3g} with the relaxed "
-                f"modulus, is {in_zone:.2g} points wide; edges of the contact are resolved from {wanted} on: "
-                f"grid.points: {enough[0] if len(enough) == 1 else enough} would do"
+                f"modulus, is {in_zone:.2g} points wide; at least {wanted} are needed: "
+                f"use grid.points: {enough[0] if len(enough) == 1 else enough}"
             )
 
 

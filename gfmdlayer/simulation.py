@@ -7,7 +7,6 @@ The only module that knows all numerics. The time loop, `Case.run`, follows the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
@@ -47,6 +46,7 @@ from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
     from gfmdlayer.contact.problem import Problem, Solution
+    from gfmdlayer.model import Progress, Resume
 
 
 class Parts(TypedDict, total=False):
@@ -285,12 +285,7 @@ class Case:
             observables=CompositeState(**self.observables),
         )
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Press the punch into the surface, one time step after the other; see `gfmdlayer.simulate`."""
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
@@ -313,7 +308,7 @@ class Case:
                 if lost:
                     if not loading.detach(instant.time, self.config.time.end):
                         at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: nothing holds the load of {prescribed:.6g}"
+                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
                         recorder.note(ended=ended, pull_off_time=instant.time)
                         break
                     problem, solution = self._solved(kappa, b, instant.time)

@@ -153,8 +153,8 @@ def bonded_layer(
     ((3, 3), (3, 3))
     """
     if isinstance(material, Law) and not isinstance(material, Material):
-        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a series of it"
-        raise ConfigError([f"material: {message}, material.prony(shortest, longest).material"])
+        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a Prony series"
+        raise ConfigError([f"material: {message}, such as material.prony(shortest, longest).material"])
     law = material if isinstance(material, Material) else Elastic(material)
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), law)
 

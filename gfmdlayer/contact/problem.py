@@ -186,7 +186,7 @@ class Solver(Resumable, Protocol):
         Raises
         ------
         ValueError
-            If the punch displaces more than the cell holds: mean(h) < 0 for a body of fixed mean.
+            If the punch is too deep: mean(h) < 0 for a body of fixed mean.
         """
         ...
 
@@ -203,9 +203,9 @@ def solve_finer(
 ) -> Solution:
     """Solve to the finer of two tolerances where rounding and iterations allow it, else to the given one.
 
-    Adaptive steps need the finer one for a body that is much stiffer glassy than relaxed. The error of the
-    displacement comes back in the stress of the next steps, times the glassy over the relaxed modulus. Above
-    the tolerance of the steps it looks like curvature of u(t), and no shorter step lowers it.
+    Adaptive steps need the finer one on bodies with a large ratio of glassy to relaxed modulus. The error of
+    the displacement returns in the stress of the next steps, multiplied by this ratio. Above the tolerance of
+    the steps it looks like curvature of u(t), and no shorter step lowers it.
     """
     if not finer < tolerance:
         return solver.solve(problem, start, tolerance, limit)
@@ -295,12 +295,13 @@ _ROUNDING = 2.3e-16
 def project(u: FloatArray, h: FloatArray, mean_is_fixed: bool, ranks: Ranks = ALONE) -> None:
     """Project u in place onto u <= h and, where the mean is fixed, onto mean(u) = 0 as well.
 
-    ValueError if both are impossible: the punch displaces more than the cell holds, mean(h) < 0.
+    ValueError if both are impossible: the punch is too deep, mean(h) < 0.
     """
     np.minimum(u, h, out=u)
     if mean_is_fixed and not _zero_mean(u, h, ranks):
         raise ValueError(
-            "the punch displaces more than the cell holds: its surface lies below zero in the mean"
+            "the punch is too deep: the mean height of its surface lies below zero, "
+            "and the body keeps its mean height"
         )
 
 

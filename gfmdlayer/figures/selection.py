@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import in_unit, power_of_ten, quantity, symbol, value_labels
+from gfmdlayer.figures.labels import Quantity, quantity, symbol, value_labels
 from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SAME_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
@@ -42,16 +42,10 @@ def case_dimensions(dataset: Dataset) -> list[str]:
 def value_titles(coordinate: DataArray) -> list[str]:
     """Return the values of a swept key, each with its symbol and unit; a mapping has neither."""
     values = np.atleast_1d(coordinate.to_numpy()).tolist()
-    drawn, power = quantity(coordinate), 0
-    if drawn.unit and coordinate.dtype.kind in "if":
-        power = power_of_ten(values)
-        values = [float(f"{value / 10.0**power:.12g}") for value in values]
-    bare, drawn = drawn._replace(unit=""), drawn._replace(unit=in_unit(power, drawn.unit))
-    labels = value_labels(values)
-    return [
-        label if "=" in str(value) else (bare if value in (math.inf, -math.inf) else drawn).equals(label)
-        for label, value in zip(labels, values, strict=True)
-    ]
+    if any("=" in str(value) for value in values):
+        titles = zip(values, value_labels(values), quantity(coordinate).equals(values), strict=True)
+        return [label if "=" in str(value) else title for value, label, title in titles]
+    return quantity(coordinate).equals(values)
 
 
 def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
@@ -271,11 +265,15 @@ def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, 
         asked = min(float(time or 0), float(times.max()))
         at = abs(times - asked).fillna(np.inf).argmin(along)
         column = column.where(times.max(along) * (1 + SAME_TIME) >= asked)
-        otherwise = f"rows nearest to {clock.equals(f'{asked / clock.scale:.4g}')}"
+        otherwise = f"rows nearest to {_when(clock, asked)}"
     found = column.isel({along: at.variable})
     seen = times.isel({along: at.variable}).where(found.notnull())
     first, last = float(seen.min()), float(seen.max())
     is_one = last - first <= SAME_TIME * last
     ended = int((held.any(along) & found.isnull()).sum())
     over = f"; {ended} case{'s' * (ended > 1)} ended before" * (ended > 0)
-    return found, (clock.equals(f"{last / clock.scale:.4g}") if is_one else otherwise) + over
+    return found, (_when(clock, last) if is_one else otherwise) + over
+
+
+def _when(clock: Quantity, time: float) -> str:
+    return clock.equals([float(f"{time / clock.scale:.4g}")])[0]

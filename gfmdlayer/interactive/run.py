@@ -100,9 +100,7 @@ def with_punch(config: Config, punch: ArrayLike | Callable[..., ArrayLike]) -> d
     swept = swept_keys(config.sweep)
     if callable(punch):
         if any(key.startswith("grid.") for key in swept):
-            message = (
-                "a function, which is evaluated on one grid; must be an array, or no key of grid be swept"
-            )
+            message = "a function, which is evaluated on one grid; must be an array if a key of grid is swept"
             raise ConfigError([f"punch: got {message}"])
     elif "points" not in config.grid.model_fields_set and "grid.points" not in swept:
         punch = numbers(punch)

@@ -22,12 +22,12 @@ Smoothing = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from
 
 
 class HardWall(Interface):
-    """The paper's contact: no interaction but that the surface cannot pass through the punch."""
+    """The paper's contact: the surface cannot pass through the punch, and there is no attraction."""
 
     attracts: ClassVar[bool] = False
 
     law: Literal["hard_wall"] = "hard_wall"
-    """the hard wall alone"""
+    """a hard wall without attraction"""
 
     def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
         """Return no terms."""

@@ -7,7 +7,7 @@ estimates of cost need these modules, so the modules import neither numpy nor co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
@@ -38,6 +38,15 @@ class Bins:
     quantity: str  # with the distribution
     units: str
     edges: tuple[float, ...]  # increasing; one more than there are bins
+
+    @property
+    def ends(self) -> Iterator[tuple[str, tuple[float, ...], dict[str, str]]]:
+        """Yield name, values and attributes of the coordinates of the lower and the upper ends."""
+        for name, end, edges in (
+            (self.name, "lower", self.edges[:-1]),
+            (f"{self.name}_end", "upper", self.edges[1:]),
+        ):
+            yield name, edges, {"long_name": f"{end} end of the bin of {self.quantity}", "units": self.units}
 
 
 @dataclass(frozen=True)

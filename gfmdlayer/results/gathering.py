@@ -399,8 +399,8 @@ class Gathered:
         ]
         if ((self._of_first or frozenset()) - self._shared.keys()) & {"gfmdlayer_version", "git_commit"}:
             lines.append(
-                "the cases are of different versions of gfmdlayer (gfmdlayer_version and git_commit of their "
-                "files); --restart computes all of them anew"
+                "different versions of gfmdlayer wrote the cases (gfmdlayer_version and git_commit of their "
+                "files); --restart computes all of them again"
             )
         return lines
 

@@ -318,19 +318,11 @@ class Recording:
         found: dict[str, Any] = {}
         for each in (declared[name] for name in names):
             values = np.array([row[each.name] for row in self.rows], dtype=each.dtype)
-            found[each.name] = (
-                ("time", each.along.name) if each.along else ("time",),
-                values,
-                each.described,
-            )
+            dimensions = ("time", each.along.name) if each.along else ("time",)
+            found[each.name] = (dimensions, values, each.described)
             if each.along is not None:
-                bins = each.along
-                for name, end, edges in (
-                    (bins.name, "lower", bins.edges[:-1]),
-                    (f"{bins.name}_end", "upper", bins.edges[1:]),
-                ):
-                    meaning = {"long_name": f"{end} end of the bin of {bins.quantity}", "units": bins.units}
-                    found[name] = ((bins.name,), np.array(edges), meaning)
+                for name, edges, meaning in each.along.ends:
+                    found[name] = ((each.along.name,), np.array(edges), meaning)
         return found
 
     def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:

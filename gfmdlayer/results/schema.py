@@ -65,7 +65,7 @@ VARIABLES: dict[str, Variable] = {
         "pressure",
         origin="at each point, of the interface",
     ),
-    "case": Variable("number of the case, that of its file in cases/", "1", "i8", origin="from 0"),
+    "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
@@ -142,10 +142,3 @@ def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
         return {"key": key}
     symbol = {"symbol": known.symbol} if known.symbol else {}
     return {"key": key, "long_name": known.long_name, **symbol, "units": unit(known.units)}
-
-
-def variable(name: str) -> Variable:
-    """Return a coordinate or field of the result files; KeyError if the table has no such name."""
-    if name not in VARIABLES:
-        raise KeyError(f"results have no variable {name!r}; known: {', '.join(sorted(VARIABLES))}")
-    return VARIABLES[name]

@@ -232,7 +232,7 @@ def test_killed_process_leaves_nothing_under_the_final_name(tmp_path: Path) -> N
 import os, sys
 import numpy as np
 from gfmdlayer.results.writer import CaseWriter
-with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}, flush_interval=-1) as case:
+with CaseWriter(sys.argv[1], {"x": np.arange(8.0)}) as case:
     case.row(time=0.0, depth=0.0)
     case.snapshot(0.0, np.zeros(8), np.zeros(8))
     os._exit(9)
@@ -254,9 +254,8 @@ from gfmdlayer.results.writer import CaseWriter
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 for limit in range(0, 180_000, 9973):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
-    interval = -1 if limit % 2 else 60
     try:
-        with CaseWriter(sys.argv[1], {"x": np.arange(1024.0)}, flush_interval=interval) as case:
+        with CaseWriter(sys.argv[1], {"x": np.arange(1024.0)}) as case:
             for i in range(1100):
                 case.row(time=float(i), depth=0.0)
                 if i % 100 == 0:
