@@ -47,9 +47,8 @@ def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
         return False
     heights = obstacle.reshape(grid.shape)
     ends = [np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax())]
-    bends = sum(
-        np.abs(np.roll(heights, 1, k) + np.roll(heights, -1, k) - 2 * heights) for k in range(heights.ndim)
-    )
+    each = [np.roll(heights, 1, k) + np.roll(heights, -1, k) - 2 * heights for k in range(heights.ndim)]
+    bends = np.abs(each).sum(axis=0)
     touches, deepest = (float(bends[end]) for end in ends)
     at_the_edge = any(i in (0, n - 1) for i, n in zip(ends[0], heights.shape, strict=True))
     return at_the_edge and touches > _CUSP * deepest
