@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
@@ -50,8 +51,8 @@ __all__ = [
     "FractionalZener", "HavriliakNegami", "Kohlrausch", "Layer", "LayerStack", "LayeredHalfspace",
     "LennardJones", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine", "Sinusoid",
     "Solid", "Spectrum", "Sphere", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
-    "fit_indentation", "halfspace", "indent", "load", "open_case", "open_results", "relaxation_spectrum",
-    "run", "simulate", "solve",
+    "fit_indentation", "halfspace", "indent", "leakage", "load", "open_case", "open_results",
+    "relaxation_spectrum", "run", "simulate", "solve",
 ]  # fmt: skip
 
 _MODULES = {
@@ -60,6 +61,7 @@ _MODULES = {
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.model": ("ConvergenceError", "simulate"),
     "gfmdlayer.simulation": ("Case",),

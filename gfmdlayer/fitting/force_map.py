@@ -41,6 +41,7 @@ from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.results.schema import parameter
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #
@@ -161,6 +162,7 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 # The last part of its key names a parameter, or the whole key where two share that part. A failed curve is
 # NaN, and the attribute `failed` lists it.
 
+SECTIONS = ("layer", "layers", "halfspace", "punch")
 SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
 _MEANINGS = {
     "": "",
@@ -179,7 +181,7 @@ class _Layout(NamedTuple):
 
 def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
-    attributes: Mapping[str, str],
+    attributes: Mapping[str, str], unit: Callable[[str], str] = str,
 ) -> Path:  # fmt: skip
     """Write the map from the files of its curves; `reasons` are the errors of failed curves."""
     layout = _layout([case.entry.position for case in cases])
@@ -206,8 +208,10 @@ def collect(
             add_variable(h5, name, (name,), {}, data=values)
         dimensions = tuple(layout.coordinates)
         for name, key, parts in zip(names, keys, tables, strict=True):
+            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
+            units = {"units": unit(known.units)} if known else {}
             for (suffix, meaning), table in zip(_MEANINGS.items(), parts, strict=True):
-                described = {"long_name": f"{meaning}{key}", "key": key}
+                described = {"long_name": f"{meaning}{key}", "key": key, **units}
                 add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
         for name, table in zip(SCALARS, scalars, strict=True):
             add_variable(h5, name, dimensions, {}, data=table)
@@ -283,7 +287,7 @@ class ForceMap:
         if isinstance(free, Mapping):
             data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
         kept = self._model.config.model_dump(exclude_none=True)
-        data |= {key: kept[key] for key in ("units", "layer", "layers", "halfspace", "punch") if key in kept}
+        data |= {key: kept[key] for key in ("units", *SECTIONS) if key in kept}
         return f"{MARK}# Cases: {len(self.cases)}\n{text.written(data)}"
 
     def run(
@@ -307,7 +311,8 @@ class ForceMap:
             collected = all(each.state in {"complete", "failed"} for each in outcomes.values())
             if collected:
                 reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
-                collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name})
+                collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
+                        self._model.config.unit)  # fmt: skip
         return Summary(tuple(outcomes[index] for index in sorted(outcomes)), collected)
 
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:

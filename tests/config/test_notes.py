@@ -125,4 +125,4 @@ def test_a_solver_too_coarse_for_adaptive_steps_is_noted() -> None:
     assert of(case | {"solver.tolerance": 5e-6}) == []
     assert of({"layer.material": material, "solver.tolerance": 1e-4}) == []
     notes = of(case | {"layer.material": material | {"Ginf": 1e8}})
-    assert notes[-1].endswith("and the solver aims at 1e-10")
+    assert notes[-1].endswith(": the solver uses 1e-10")
