@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from gfmdlayer.body.materials import Law, Prony
+from gfmdlayer.body.shifts import WLF
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.laws import Fit, fit, fit_law
-from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Reading, read
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ def fit_material(
     law: str = "prony",
     branches: int | None = None,
     relaxed: float | None = None,
-    wlf: WLF | None = None,
+    temperature: float | None = None,
+    shift: WLF | None = None,
     normalise: bool = False,
     force: bool = False,
     **reading: Unpack[Reading],
@@ -42,13 +44,17 @@ def fit_material(
 
     `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
     beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
-    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
+    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`. The
+    relaxation times are those at a `temperature` by a `shift` whose reference is that of the data.
     """
     is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
     material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
     _, picture = with_suffixes(material, [".png"], force, data)
     measured = read(data, **reading)
-    measured = measured.slowed(wlf.factor) if wlf else measured
+    if shift is not None and temperature is not None:
+        if reason := shift.refused(temperature):
+            raise FitError(f"--temperature: {reason}")
+        measured = measured.slowed(shift.factor(temperature))
     if law == "prony":
         fitted = fit(measured, branches, relaxed)
     elif branches is None:
@@ -58,7 +64,7 @@ def fit_material(
     unit = fitted.material.unit
     if normalise:
         fitted = fitted.normalised()
-    notes = list(_origin(fitted, wlf, unit if normalise else None))
+    notes = list(_origin(fitted, temperature, shift, unit if normalise else None))
     written(material, {material: material_yaml(fitted, material.stem, notes)}, force)
     save(fit_figure(fitted), picture)
     warnings = [f"warning: {text}" for text in _warnings(fitted, branches, relaxed)]
@@ -140,7 +146,7 @@ def plain_name(stem: str, instead: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", stem).strip("-")[:128] or instead
 
 
-def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
+def _origin(fitted: Fit, temperature: float | None, shift: WLF | None, unit: float | None) -> Iterator[str]:
     """Yield the origin and the error of the law."""
     curve, law = fitted.measurement, fitted.material
     rows, name = curve.abscissa.size, law.model
@@ -150,10 +156,10 @@ def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
         f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
         f"the least error of any series is {_percent(fitted.least)} rms."
     )
-    if wlf:
+    if shift is not None and temperature is not None:
         yield (
-            f"WLF: at temperature {wlf.temperature:g}, from reference {wlf.reference:g} with "
-            f"C1 = {wlf.C1:g}, C2 = {wlf.C2:g}; times multiplied by aT = {wlf.factor:.6g}."
+            f"WLF: at temperature {temperature:g}, from reference {shift.reference:g} with "
+            f"C1 = {shift.C1:g}, C2 = {shift.C2:g}; times multiplied by aT = {shift.factor(temperature):.6g}."
         )
     if unit:
         symbol = "G0" if law.relaxed else "G"
