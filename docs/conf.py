@@ -22,7 +22,7 @@ extensions = [
     "sphinx_copybutton",
     "links",
     "mathml",
-    "published_tables",
+    "published_values",
     "reference_pages",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
