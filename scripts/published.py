@@ -80,9 +80,9 @@ def sphere() -> Iterator[str]:
     yield """\
 ## Sphere on a bonded incompressible layer
 
-The force over the force of Hertz is a function of χ = √(Rδ)/h. Two papers print polynomials in χ: Dimitriadis et al.,
-*Biophys. J.* 82 (2002) 2798, and Garcia & Garcia, *Biophys. J.* 114 (2018) 2923. [Force curves of
-indenters](../theory/indentation.md) has the effect of these errors on fits.
+The force over the force of Hertz is a function of χ = √(Rδ)/h. Two papers print polynomials in χ:
+Dimitriadis et al., *Biophys. J.* 82 (2002) 2798, and Garcia & Garcia, *Biophys. J.* 114 (2018) 2923. [Force
+curves of indenters](../theory/indentation.md) has the effect of these errors on fits.
 """
     rows = []
     for root in (0.1, 0.25, 0.5, 1.0, 1.5):
@@ -131,9 +131,9 @@ def rolling() -> Iterator[str]:
 
 Two equal cylinders roll freely at 1 m/s: 600 N/mm, combined radius 50 mm, ν = 0.4, shear moduli 1143 MPa
 (glassy) and 571.5 MPa (relaxed), creep time $\\tau_c$. The case is of Wang & Knothe (1993). The numbers are
-the reference output of the program CONTACT (example visc_cylindr, cells of 0.16 mm); the friction is of a direct
-solution of the steady state. Both solids deform, so ours is a rigid cylinder on a halfspace of half the moduli.
-Its relaxation time is $\\tau_c/2$, its period 1.3 m, and its points are 0.16 mm apart.
+the reference output of the program CONTACT (example visc_cylindr, cells of 0.16 mm); the friction is of a
+direct solution of the steady state. Both solids deform, so ours is a rigid cylinder on a halfspace of half
+the moduli. Its relaxation time is $\\tau_c/2$, its period 1.3 m, and its points are 0.16 mm apart.
 """
     cell = 0.16
     rows = []
@@ -184,7 +184,7 @@ def rough() -> Iterator[str]:
 ## A surface of eight waves
 
 h = Σ 0.01 (a² + b²)^(−0.9) cos(2π(a x + b y) + 2π{0.6180339887 i}) on the unit cell. The waves (a, b) are
-(1, 0), (0, 1), (1, 1), (2, −1), (1, 3), (4, 1), (3, −4), (5, 5) for i = 1 to 8; braces are the fractional part.
+(1, 0), (0, 1), (1, 1), (2, −1), (1, 3), (4, 1), (3, −4), (5, 5) for i = 1 to 8; braces are fractional parts.
 An elastic halfspace with E\\* = 1, 256 × 256 points; peaks touch first. The numbers are of Tamaas 2.9.0
 (doi:10.21105/joss.02121) at its tolerance 10⁻¹².
 """
