@@ -191,7 +191,7 @@ def _default(value: Mapping[str, Any], found: object = None) -> str:
 
 # Symbols in words, as HTML; minus signs first, as powers have them too.
 _SYMBOLS = {
-    r"(?<=[( ^])-(?=[\w( ])": "−",
+    r"(?<=[( ^])(?<!or )-(?=[\w( ])": "−",
     r"\b([GzhR])0\b": r"<i>\1</i><sub>0</sub>",
     r"\bGinf\b": "<i>G</i><sub>∞</sub>",
     r"\bC([12])\b": r"<i>C</i><sub>\1</sub>",

@@ -366,14 +366,13 @@ def test_pale_and_cut_off_text_is_found(
 ) -> None:
     box = '<div style="width: 80px; white-space: nowrap; overflow: {}">long words in a small box</div>'
     (tmp_path / "page.html").write_text(
-        '<html lang="en"><title>page</title><body style="color: #767676"><p>grey</p><p style="color: #777">pale</p>'
+        '<html lang="en"><title>page</title><body style="color: #767676"><p>grey</p>'
+        '<p style="color: #777">pale</p>'
         + "".join(map(box.format, ("auto", "hidden")))
         + '<p style="position: absolute; left: 395px">over the edge</p></body></html>'
     )
     page = visit(tmp_path / "page.html", width=400)
-    assert {each.partition(":")[0] for each in flaws(page)} == {
-        *("contrast 4.48", "cut off", "outside", "the page is wider than the window")
-    }
+    assert {each.partition(":")[0] for each in flaws(page)} == {"contrast 4.48", "cut off", "outside"}
     assert any(each.startswith("scrolls") for each in flaws(page, unscrolled="div"))
 
 
