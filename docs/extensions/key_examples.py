@@ -76,7 +76,7 @@ grid: {points: [256, 256]}
 punch: {shape: self_affine, hurst: 0.8, short_cutoff: 0.02, rms_height: 0.002, seed: 1}""",
     "Profile": """\
 grid: {points: 512}
-punch: {shape: profile, file: heights.txt}""",
+punch: {shape: profile, file: heights.txt, touches_first: lowest}""",
     "Topography": """\
 grid: {points: [256, 256], period: 0.2}
 punch: {shape: topography, file: surface.h5, dataset: scan/height, unit: 1.0e-3, fill: membrane,
@@ -120,10 +120,12 @@ output: {snapshots: [1.0, 8.0], times: 0.1, patches: true, keep_state: true}""",
     "Histograms": "output: {histograms: {pressure: {max: 10.0}, gap: {max: 0.1}}}",
     "Histogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
     "Sweep": """\
-sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 10]}
----
+sweep: {layer.thickness: [0.02, 0.1, .inf], halfspace.shear_modulus: [1, 10]}""",
+    "Zip": """\
 sweep:
   zip: {layer.thickness: [0.02, 0.05, 0.1], punch.radius: [0.1, 0.25, 0.5]}""",
+    "Spaced": """\
+sweep: {layer.material.Ginf: {from: 2.0, to: 50.0, points: 5, spacing: log}}""",
     "Samples": """\
 sweep:
   latin_hypercube: {samples: 100, seed: 7, layer.thickness: {from: 0.01, to: 1.0, scale: log}}

@@ -118,7 +118,7 @@ def _section(key: str, name: str, section: Mapping[str, Any], *, headed: bool) -
         yield f"{_sentence(summary)}\n"
     for example in EXAMPLES[name].split("\n---\n") if name in EXAMPLES else ():
         yield f"```yaml\n{example}\n```\n"
-    if key == "sweep":  # its keys are those of the other sections
+    if key in {"sweep", "zip"}:  # the keys are those of the other sections
         return
     defaults = _defaults(key, keys)
     required = section.get("required", ())
