@@ -400,7 +400,8 @@ def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Resu
         for case, result in zip(every, results, strict=True)
     ]
     keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit)
+    times = None if "output.times" in keys else config.output.times
+    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit, times)
 
 
 def _run_in_folder(
