@@ -46,17 +46,13 @@ def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
     if not grid.is_whole:
         return False
     heights = obstacle.reshape(grid.shape)
-    touches, deepest = (
-        tuple(map(int, np.unravel_index(at, heights.shape))) for at in (heights.argmin(), heights.argmax())
-    )
+    touches, deepest = (np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax()))
 
-    def bend(at: tuple[int, ...]) -> float:
+    def bend(at: tuple[Any, ...]) -> float:
         """Sum of the second differences along the axes."""
-        lines = [
-            np.moveaxis(heights, k, 0)[(slice(None), *at[:k], *at[k + 1 :])] for k in range(heights.ndim)
-        ]
+        lines: list[FloatArray] = [heights[(*at[:k], slice(None), *at[k + 1 :])] for k in range(len(at))]
         return sum(
-            abs(float(h[i - 1] + h[(i + 1) % h.size] - 2 * h[i])) for i, h in zip(at, lines, strict=True)
+            abs(float(h[i - 1] - 2 * h[i] + h[(i + 1) % h.size])) for i, h in zip(at, lines, strict=True)
         )
 
     at_the_edge = any(i in (0, n - 1) for i, n in zip(touches, heights.shape, strict=True))
