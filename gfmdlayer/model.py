@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from gfmdlayer.config import Config
 from gfmdlayer.config.bodies import place_of
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from gfmdlayer.observables.observable import Column
     from gfmdlayer.results.journal import Recorder
     from gfmdlayer.resumable import CompositeState
+
+    Progress: TypeAlias = Callable[[float], None] | None  # called with the simulated time
+    Resume: TypeAlias = Callable[[CompositeState], None] | None  # called with all resumable state
 
 FEW_WAVES = 6  # along an axis, at which a body of the user's own is computed before a run
 PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
@@ -73,28 +76,14 @@ class ConvergenceError(RuntimeError):
 
 @dataclass(frozen=True)
 class Footprint:
-    """Estimated cost of one case.
+    """Estimated cost of one case."""
 
-    Attributes
-    ----------
-    steps : int
-        Time steps.
-    pairs : float
-        FFT pairs, each one forward and one backward transform of the grid.
-    work : float
-        Points times FFT pairs, or as much work of another kind; dealt out evenly over shards.
-    memory, storage : float
-        Bytes in memory (with the program) and in the result file.
-    seconds : float
-        Seconds beside the FFT pairs.
-    """
-
-    steps: int
-    pairs: float
-    work: float
-    memory: float
-    storage: float
-    seconds: float = 0.0
+    steps: int  # time steps
+    pairs: float  # FFT pairs, each one forward and one backward transform of the grid
+    work: float  # points times FFT pairs, or as much work of another kind; dealt out evenly over shards
+    memory: float  # bytes, with the program
+    storage: float  # bytes of the result file
+    seconds: float = 0.0  # beside the FFT pairs
 
 
 class Model(ABC):
@@ -174,31 +163,14 @@ class Model(ABC):
         *,
         plan: bool = True,  # noqa: ARG002
     ) -> str:
-        """Compile the kernels and plan the transforms of the case.
+        """Compile the kernels and `plan` the transforms; runs with the same FFTW wisdom agree in every bit.
 
-        Parameters
-        ----------
-        folder : Path, optional
-            Folder of the plans; by default the user's cache.
-        results : Path, optional
-            Folder of the plans of some results, which come first.
-        plan : bool
-            Whether to plan transforms.
-
-        Returns
-        -------
-        str
-            FFTW's wisdom; runs with the same wisdom agree in every bit.
+        Plans are in a `folder`, by default the user's cache; those of some `results` come first.
         """
         return ""
 
     @abstractmethod
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute the case into a recorder; arguments and result like `gfmdlayer.simulate`."""
 
 
@@ -219,12 +191,7 @@ def warm_up(config: Config, folder: Path | None = None, threads: int = 1) -> str
 class Runs(Protocol):
     """A `Model`, or the parts of a periodic contact (`gfmdlayer.Case`)."""
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute the case into a recorder."""
         ...
 
@@ -232,10 +199,10 @@ class Runs(Protocol):
 def simulate(
     config: Config | Runs,
     recorder: Recorder,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     wisdom: str | None = None,
     threads: int = 1,
-    resume: Callable[[CompositeState], None] | None = None,
+    resume: Resume = None,
 ) -> list[str]:
     """Run one case.
 

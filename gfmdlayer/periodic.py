@@ -7,7 +7,7 @@ the case and its time loop are in `gfmdlayer/simulation.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from gfmdlayer.arrays import FloatArray
     from gfmdlayer.grid.grid import Grid
     from gfmdlayer.grid.ranks import Ranks
+    from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
-    from gfmdlayer.resumable import CompositeState
     from gfmdlayer.simulation import Case
 
 
@@ -135,11 +135,8 @@ class PeriodicContact(Model):
             yield "grid.points", f"{message}; must be fewer"
             return
         if config.time.steady is not None and velocity is not None and velocity(math.inf) == 0:
-            message = f"{given.velocity_file}: ends at rest, where nothing is steady but rest"
-            yield (
-                "trajectory.velocity_file",
-                f"{message}; must end with a velocity, or time.steady be left out",
-            )
+            message = f"{given.velocity_file}: ends at rest; must end with a velocity, or remove time.steady"
+            yield "trajectory.velocity_file", message
         values = drive.values if isinstance(drive, Table) else np.array([drive(math.inf)])
         if given.control != "depth":
             if (values < 0).any() and not config.interfaces:
@@ -179,12 +176,7 @@ class PeriodicContact(Model):
         with suppress(ConvergenceError):  # of lengths that do not go together; the kernels are compiled
             small.run(Recording())
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Run the time loop."""
         return self.case.run(recorder, progress, resume)
 

@@ -7,14 +7,13 @@ The only module that knows all numerics. The time loop, `Case.run`, follows the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.body import Body, check_body, internal_variables
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.contact.imprint import Imprint
@@ -47,8 +46,8 @@ from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
-    from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
+    from gfmdlayer.model import Progress, Resume
 
 
 class Parts(TypedDict, total=False):
@@ -112,6 +111,8 @@ class Case:
     ) -> None:
         if unknown := parts.keys() - Parts.__annotations__.keys():
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        if "body" in parts:
+            check_body(parts["body"], "mean_stiffness")
         self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
         vars(self).update(parts)  # where the cached properties look first
 
@@ -207,6 +208,7 @@ class Case:
             internal = internal_variables(self.body, waves)
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
+        check_body(self.body, "spectrum")
         spectrum = self.body.spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)
@@ -293,12 +295,7 @@ class Case:
             observables=CompositeState(**self.observables),
         )
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Press the punch into the surface, one time step after the other; see `gfmdlayer.simulate`."""
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
@@ -321,7 +318,7 @@ class Case:
                 if lost:
                     if not loading.detach(instant.time, self.config.time.end):
                         at = f"PULLED OFF at t = {instant.time:.6g}"
-                        ended = f"{at}: nothing holds the load of {prescribed:.6g}"
+                        ended = f"{at}: no contact carries the load of {prescribed:.6g}"
                         recorder.note(ended=ended, pull_off_time=instant.time)
                         break
                     problem, solution = self._solved(kappa, b, instant.time)
@@ -343,7 +340,7 @@ class Case:
                     finished = finished or observable.finished
                 recorder.row(**row)
                 if instant.snapshot or finished or keeps_all:
-                    recorder.snapshot(instant.time, *self._fields(problem, solution, surface))
+                    self._snapshot(recorder, step)
                 if finished:
                     break
                 del step, row
@@ -355,15 +352,17 @@ class Case:
                 recorder.note(**observable.attributes)
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
-    def _fields(self, problem: Problem, solution: Solution, surface: Surface) -> list[FloatArray | None]:
-        """Return the fields of a snapshot, in the order of `results.schema.FIELDS`."""
-        gap = closed_gap(problem, solution)
-        fields: list[FloatArray | None] = [surface.displacement, solution.pressure, gap]
+    def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
+        """Record the fields of a step; a traction only with attraction, the imprint only with a hardness."""
+        gap, shape = closed_gap(step.problem, step.solution), self.grid.shape
+        others: list[FloatArray | None] = []
         if self.interface.attracts:
-            fields.append(problem.interface.traction(gap))
-        elif self.imprint.yields:
-            fields += [None, self.imprint.depth]
-        return [each if each is None else each.reshape(self.grid.shape) for each in fields]
+            others.append(step.problem.interface.traction(gap).reshape(shape))
+        if self.imprint.yields:
+            others += [None] * (not others) + [self.imprint.depth.reshape(shape)]
+        fields = step.surface.displacement, step.solution.pressure, gap
+        displacement, pressure, gap = (field.reshape(shape) for field in fields)
+        recorder.snapshot(step.time, displacement, pressure, gap, *others)
 
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
         """Solve the contact problem of a step; ConvergenceError unless solved or pulled off."""

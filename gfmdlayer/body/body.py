@@ -50,6 +50,21 @@ class Body(Protocol):
         ...
 
 
+_MEMBERS = {
+    "mean_stiffness": "mean_stiffness: K(q = 0), 0 where the mean displacement is prescribed",
+    "stiffness": "stiffness(waves, s): K(q, s)",
+    "spectrum": "spectrum(waves): the relaxing modes, needed where time matters",
+}
+
+
+def check_body(body: object, *needed: str) -> None:
+    """Raise a TypeError that names the members of a `Body` which an object lacks."""
+    lacking = [f"no {_MEMBERS[name]}" for name in needed if not hasattr(body, name)]
+    if lacking:
+        example = "must be a body, such as halfspace(...) or bonded_layer(...)"
+        raise TypeError(f"body: {type(body).__name__} has {'; '.join(lacking)}; {example}")
+
+
 def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
     """Return the internal variables of a body whose layers may have reduced times of their own.
 
@@ -153,8 +168,8 @@ def bonded_layer(
     ((3, 3), (3, 3))
     """
     if isinstance(material, Law) and not isinstance(material, Material):
-        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a series of it"
-        raise ConfigError([f"material: {message}, material.prony(shortest, longest).material"])
+        message = f"got {type(material).__name__}, a law with a continuous spectrum; must be a Prony series"
+        raise ConfigError([f"material: {message}, such as material.prony(shortest, longest).material"])
     law = material if isinstance(material, Material) else Elastic(material)
     return ViscoelasticLayer(LayeredHalfspace(thickness, poisson, base, base_poisson), law)
 

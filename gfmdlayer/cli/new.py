@@ -40,7 +40,7 @@ output.snapshots: [1.0, 2.0]
 """
 # For each kind a sentence, and the dotted keys that differ from the defaults.
 TEMPLATES = {
-    "indentation": ("A parabola is pressed into a viscoelastic layer and held.", _QUICK),
+    "indentation": ("A parabola is pressed into a viscoelastic layer, and its depth stays constant.", _QUICK),
     "sweep": (
         "A parabola is pressed into layers of several thicknesses.",
         _QUICK,
@@ -81,7 +81,7 @@ sweep: {trajectory.velocity: [0.03, 0.3, 3.0]}
 """,
     ),
     "adhesion": (
-        "A parabola is pressed onto a layer that sticks, held, and pulled off at several speeds.",
+        "A parabola is pressed onto an adhesive layer, rests, and is pulled off at several speeds.",
         _QUICK,
         """
 layer.thickness: 0.2

@@ -96,10 +96,10 @@ Poisson = Annotated[float, strict, Field(gt=-1, le=0.5), MustBe("a number > -1 a
 
 
 class Layer(Section):
-    """The viscoelastic layer; thickness 0 leaves the halfspace alone, .inf the material alone."""
+    """The viscoelastic layer; thickness 0 leaves only the halfspace, .inf only the layer."""
 
     thickness: Extended = 0.05
-    """thickness d; 0: the halfspace alone, .inf: the layer alone: length"""
+    """thickness d; 0: only the halfspace, .inf: only the layer: length"""
     poisson: Poisson = 0.5
     """Poisson's ratio of the layer; 0.5 is incompressible"""
     material: Annotated[Law, MATERIALS] = Field(default_factory=Zener)
@@ -167,8 +167,8 @@ def problems_of_the_body(
             yield Problem(("layers", i, "thickness"), message, ("layers",))
     modulus = halfspace.shear_modulus
     if modulus in {0, math.inf} and not any(each.thickness for each in every):
-        nothing = "halfspace without stiffness: nothing carries a load"
-        base = "rigid halfspace: nothing is left to deform" if modulus else nothing
+        nothing = "halfspace without stiffness: the body carries no load"
+        base = "rigid halfspace: the body cannot deform" if modulus else nothing
         allowed = "must be > 0, or halfspace.shear_modulus a number > 0 and finite"
         at: Location = ("layer", "thickness") if layers is None else ("layers", 0, "thickness")
         yield Problem(at, f"got 0 on a {base}; {allowed}", ("halfspace.shear_modulus", "layers"))

@@ -149,7 +149,7 @@ class Time(Section):
 
 
 class Solver(Section):
-    """Solver of the contact problem of each step; `inertia` is None except for fire."""
+    """Solver of the contact problem of each step; `inertia` is for fire only."""
 
     method: Annotated[str, Word(AUTO, *SOLVERS)] = AUTO
     """auto, or a solver; newton or fire if an interface attracts"""
@@ -218,7 +218,7 @@ class Histogram(Section):
 
 
 class Histograms(Section):
-    """Distributions over the surface, written with each row; None: not written."""
+    """Distributions over the surface, written with each row."""
 
     pressure: Annotated[Histogram | None, given] = None
     """distribution of the contact pressure: {max: ..., bins: ...}"""

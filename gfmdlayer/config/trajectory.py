@@ -54,7 +54,7 @@ def _speed_to_the_peak(keys: Mapping[str, Any]) -> float | None:
 
 
 class Trajectory(Section):
-    """The prescribed depth of Eq. (30), mean pressure or force over time; keys without meaning are None."""
+    """The prescribed depth of Eq. (30), mean pressure or force over time."""
 
     control: Annotated[str, Word(*CONTROLS)] = "depth"
     """prescribed quantity: depth, load (mean pressure) or force"""
@@ -75,11 +75,11 @@ class Trajectory(Section):
     start: Annotated[Finite | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: value at the start, default 0: drive"""
     approach_speed: Optional = _of_approach(_speed_to_the_peak)
-    """approach_retract: speed inwards, by default to the peak in 1: drive/time"""
+    """approach_retract: speed of the approach, by default to the peak within a time of 1: drive/time"""
     dwell: Annotated[NotNegative | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: dwell at the peak, default 0: time"""
     retract_speed: Optional = _of_approach(lambda keys: keys.get("approach_speed"))
-    """approach_retract: speed outwards, default approach_speed: drive/time"""
+    """approach_retract: speed of the retraction, default approach_speed: drive/time"""
     final: Annotated[Finite | None, given] = _of_approach(lambda keys: keys.get("start"))
     """approach_retract: value at the end, default start: drive"""
     cycles: Annotated[Cycles | None, given] = _of_approach(lambda _: 1)
@@ -89,7 +89,7 @@ class Trajectory(Section):
     velocity: Annotated[Finite | None, given] = None
     """velocity of the punch along x: length/time"""
     velocity_file: Annotated[File | None, given] = None
-    """file: two columns, time and velocity (length/time)"""
+    """file with two columns, time and velocity (length/time)"""
 
     @property
     def moves(self) -> bool:

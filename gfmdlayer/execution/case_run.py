@@ -43,11 +43,6 @@ _PART = 0.02  # of the time that checkpoints take, at most, unless one is asked 
 class Checkpoints:
     """Writes the checkpoints of a case, and lets it go on from the last one; each rank calls every method.
 
-        DIR/cases/NNNN.checkpoint      the last state (`results.checkpoint`)
-        DIR/cases/NNNN.journal         the rows and snapshots up to it, and later ones (`results.journal`)
-        DIR/cases/NNNN.state           the state of a case before its end, for `output.keep_state`
-        DIR/cases/NNNN.*.aside         unusable files: a checkpoint and its journal, a damaged case
-
     The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
     when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on;
     where a step does not converge, this is the state before the step. A case with a later end than a complete

@@ -41,7 +41,7 @@ class _Group:
 
         self._ranks = MpiRanks(communicator)
 
-    def run(self, task: Callable[..., Result], *arguments: Any) -> Result:
+    def run(self, task: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
         """Run a task on all ranks of the group; called on the first of them, whose result is returned.
 
         An interrupt ends the job: it comes before the first case alone (`interrupts.at_once`), and the other
@@ -49,8 +49,8 @@ class _Group:
         """
         try:
             for rank in range(1, self._ranks.count):
-                self._ranks.control.send((task, arguments), rank)
-            return task(self._ranks, *arguments)
+                self._ranks.control.send((task, arguments, options), rank)
+            return task(*arguments, **options, ranks=self._ranks)
         except KeyboardInterrupt:
             sys.stderr.write("gfmdlayer: stopped before the first case\n")
             self._ranks.control.Abort(os.EX_TEMPFAIL)
@@ -61,15 +61,15 @@ class _Group:
         while True:
             while not self._ranks.control.iprobe(source=0):
                 time.sleep(_POLL)
-            task, arguments = self._ranks.control.recv(source=0)
+            task, arguments, options = self._ranks.control.recv(source=0)
             if task is None:
                 return
-            task(self._ranks, *arguments)
+            task(*arguments, **options, ranks=self._ranks)
 
     def dismiss(self) -> None:
         """End `serve` on the other ranks."""
         for rank in range(1, self._ranks.count):
-            self._ranks.control.send((None, ()), rank)
+            self._ranks.control.send((None, (), {}), rank)
 
 
 class _Member:
@@ -78,18 +78,9 @@ class _Member:
     group: _Group
 
 
-def together(task: Callable[..., Result], *arguments: Any) -> Result:
-    """Run a task, whose first argument are the ranks, on the group of this process."""
-    return _Member.group.run(task, *arguments)
-
-
 def run_case_together(case: SweepCase, **options: Any) -> Outcome:
     """Run a case on the group of this process, see `run_case`."""
-    return together(_run_case, case, options)
-
-
-def _run_case(ranks: Ranks, case: SweepCase, options: dict[str, Any]) -> Outcome:
-    return run_case(case, **options, ranks=ranks)
+    return _Member.group.run(run_case, case, **options)
 
 
 @contextmanager
@@ -130,7 +121,7 @@ def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[
 def input_errors_together(config: Config, ranks_per_case: int) -> Iterable[tuple[str, str]]:
     """Check the cases for several ranks, and by these ranks their numbers and input files."""
     found = [error for case in cases(config) for error in _errors(case.config, ranks_per_case)]
-    return list(dict.fromkeys(found)) or together(_input_errors, config)
+    return list(dict.fromkeys(found)) or _Member.group.run(_input_errors, config)
 
 
 def refuse_other_ranks(folder: Folder, todo: Sequence[SweepCase], ranks_per_case: int) -> None:
@@ -143,12 +134,12 @@ def refuse_other_ranks(folder: Folder, todo: Sequence[SweepCase], ranks_per_case
         begun = int(about["made_by"].get("ranks", 1)) if about else ranks_per_case
         if begun != ranks_per_case:
             raise FolderError(
-                f"{path}: was written by {begun} rank{'s' * (begun > 1)} a case, which alone "
-                f"can go on with it; resume with --ranks-per-case {begun}, or --restart to start over"
+                f"{path}: was written by {begun} rank{'s' * (begun > 1)} a case, and only this number can "
+                f"continue it; resume with --ranks-per-case {begun}, or --restart to start over"
             )
 
 
-def _input_errors(ranks: Ranks, config: Config) -> list[tuple[str, str]]:
+def _input_errors(config: Config, ranks: Ranks) -> list[tuple[str, str]]:
     with ending_together(ranks):
         return list(input_errors(config, ranks))
 

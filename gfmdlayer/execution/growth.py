@@ -19,13 +19,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from gfmdlayer.config import Config, digest, sweeps
 from gfmdlayer.config.model import stem
 from gfmdlayer.execution.folder import ASIDE, FOREIGN, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.status import running
-from gfmdlayer.execution.sweep import Earlier, Shard, SweepCase, cases, with_files
+from gfmdlayer.execution.sweep import Earlier, SweepCase, cases, with_files
 from gfmdlayer.files.locks import exclusive, no_link, open_for_writing, try_lock
 from gfmdlayer.files.whole import cannot_be_written, is_intact, is_unfinished, unfinished_path
 from gfmdlayer.validation.sections import files_named
@@ -133,10 +133,9 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
     kept: defaultdict[str, list[tuple[Course, Earlier]]] = defaultdict(list)
     for number in states:
         path = folder.case(number, "state")
-        if not _is_whole(path) or (about := read_about(path)) is None:
-            continue
-        if about["made_by"] == made_by(about["made_by"].get("digest")):
-            with suppress(KeyError, TypeError):  # forged
+        with suppress(OSError, KeyError, TypeError):  # unreadable, forged
+            about = read_about(path) if is_intact(path) else None
+            if about is not None and about["made_by"] == made_by(about["made_by"].get("digest")):
                 course = Course(**about["course"])
                 kept[about["stem"]].append((course, Earlier(number, course.time, about["made_by"])))
     found = []
@@ -147,12 +146,6 @@ def with_earlier(folder: Folder, every: Sequence[SweepCase]) -> Sequence[SweepCa
             case = replace(case, earlier=max(fit, key=lambda each: each.time, default=None))
         found.append(case)
     return found
-
-
-def _is_whole(path: Path) -> bool:
-    with suppress(OSError):
-        return is_intact(path) is True
-    return False
 
 
 def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[str]:
@@ -169,7 +162,7 @@ def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[st
     parts = (
         f"{len(every) - len(undone)} complete",
         f"{begun} at a checkpoint" if begun else "",
-        *(f"{_go(number)} on from t = {time:g}" for time, number in sorted(times.items())),
+        *(f"{n} go{'es' * (n == 1)} on from t = {time:g}" for time, n in sorted(times.items())),
         f"{new} new" if new else "",
     )
     found = [", ".join(filter(None, parts))]
@@ -177,10 +170,6 @@ def lines(folder: Folder, growth: Growth, every: Sequence[SweepCase]) -> list[st
     if growth.left:
         found.append(f"not in the sweep, left in place: {_listed(growth.left)}")
     return found
-
-
-def _go(number: int) -> str:
-    return f"{number} goes" if number == 1 else f"{number} go"
 
 
 def _listed(numbers: Sequence[int]) -> str:
@@ -279,14 +268,17 @@ def held(folder: Folder) -> Iterator[bool]:
             yield True
             return
         if granted is False and try_lock(common, shared=True) is False:
-            raise _in_use(folder, "another run is writing here, of all the cases")
+            raise _in_use(folder, "another run of all the cases is writing here")
         if granted:
             common.truncate(0)
             common.write(str(shard.count))
             common.flush()
             try_lock(common, shared=True)
         else:
-            _refuse_other_division(folder, common, shard)
+            common.seek(0)
+            if (count := common.read()) not in {"", str(shard.count)}:
+                other = f"of a sweep split in {count} and not in {shard.count}"
+                raise _in_use(folder, f"other runs are writing here, {other}")
         lock = folder.cases / f".lock-{shard.number}-of-{shard.count}"
         own = stack.enter_context(open(lock, "a+", opener=no_link))
         if try_lock(own) is False:
@@ -344,8 +336,8 @@ def _prepare(folder: Folder, config: Config, restart: bool, own: Collection[int]
         raise _in_use(folder, "other runs are writing here, of another configuration")
     left = _leftovers(folder)
     if own is not None:
-        mine = {found.numbers[place] for place in own}
-        left = [path for path in left if _case_number(path) in mine] + [folder.stop]
+        mine = {f"{found.numbers[place]:04d}" for place in own}
+        left = [path for path in left if path.name.partition(".")[0] in mine] + [folder.stop]
     for path in left:
         path.unlink(missing_ok=True)
     if is_new or found.changed:
@@ -387,11 +379,6 @@ def set_damaged_aside(folder: Folder, todo: Iterable[int]) -> list[str]:
     ]
 
 
-def _case_number(path: Path) -> int | None:
-    number = path.name.partition(".")[0]
-    return int(number) if number.isdigit() else None
-
-
 def _probe(folder: Folder) -> None:
     """Write some bytes, to find a full disk before any work."""
     path = unfinished_path(folder.cases / "probe")
@@ -414,15 +401,6 @@ def _as_folder_error(folder: Folder) -> Iterator[None]:
 
 def _in_use(folder: Folder, reason: str) -> FolderError:
     return FolderError(f"{folder.path}: {reason}; wait for it to end")
-
-
-def _refuse_other_division(folder: Folder, common: IO[str], shard: Shard) -> None:
-    common.seek(0)
-    count = common.read()
-    if count not in {"", str(shard.count)}:
-        raise _in_use(
-            folder, f"other runs are writing here, of a sweep split in {count} and not in {shard.count}"
-        )
 
 
 def refuse_foreign_folder(folder: Folder) -> None:

@@ -10,10 +10,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from gfmdlayer.files.locks import printable
+from gfmdlayer.results.provenance import UNKNOWN, version_of
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 # Set by launchers to the number of processes: MPICH and Slurm's pmi2, Open MPI, srun.
@@ -71,20 +71,14 @@ def launched_size(environment: Mapping[str, str]) -> int | None:
 
 def several_mpi_libraries() -> list[str]:
     """Warn of two MPI libraries in one Python environment: mpirun and the ranks may use different ones."""
-    found = [f"{package} {number}" for package in MPI_PACKAGES if (number := _installed(package))]
+    versions = {package: version_of(package) for package in MPI_PACKAGES}
+    found = [f"{package} {number}" for package, number in versions.items() if number != UNKNOWN]
     if len(found) < 2:
         return []
     return [
-        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to the one and the "
-        "ranks load the other; uninstall one of them"
+        f"two MPI libraries in one environment ({', '.join(found)}): mpirun may belong to one and the "
+        "ranks may load the other; uninstall one of them"
     ]
-
-
-def _installed(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def disk_warnings(directory: Path, needed: float) -> list[str]:

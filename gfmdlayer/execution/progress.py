@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from io import StringIO
 from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
@@ -22,13 +23,8 @@ if TYPE_CHECKING:
 READ_INTERVAL = 0.5  # seconds between two readings of the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
-PRIOR = 0.02  # part of the expected seconds of a run that counts as done in the time expected
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
-_REST = {
-    "failed": "further cases that fail are only counted",
-    "complete": "further cases that are complete are only counted",
-}
 _BAR_WIDTH = 24
 _CASE_LINES = 12  # running cases on a terminal, at most
 _OTHER_LINES = 6  # of the terminal, left free
@@ -127,7 +123,7 @@ class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
     `own` are the cases of this run, `complete` the number of those that were complete before; `seconds` are
-    expected for each case to be run, of which `workers` run at a time.
+    expected for each case to be run, of which `workers` run at a time. Without a display nothing is shown.
     """
 
     def __init__(
@@ -135,13 +131,13 @@ class Reporter:
         folder: Folder,
         own: Collection[int],
         complete: int,
-        display: Callable[[], Display],
+        display: Callable[[], Display] | None = None,
         seconds: Mapping[int, float] | None = None,
         workers: int = 1,
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
-        self._display = display()
+        self._display = Log(StringIO()) if display is None else display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None
@@ -193,7 +189,8 @@ class Reporter:
                 self._slowest = outcome
             number = self._failed if failed else self._complete - self._before
             if number <= SHOWN_ENDS + 1 and (failed or self._display.lists_complete):
-                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else _REST[outcome.state])
+                rest = f"further cases that {'fail' if failed else 'are complete'} are only counted"
+                self._display.note(self._end(outcome) if number <= SHOWN_ENDS else rest)
 
     def _end(self, outcome: Outcome) -> str:
         place = f"{self._complete + self._failed} of {self._total}"
@@ -224,11 +221,12 @@ class Reporter:
         if self._seconds is None:
             rate = (now.done - self._before) / spent if spent > 0 else 0.0
             return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
-        # The expected seconds, times the ratio of spent to expected ones so far; until a part of PRIOR is
-        # done, that is mostly one.
+        # The expected seconds weigh the cases against each other; the pace is only what was measured.
         total = sum(self._seconds.values())
         done = self._ended + sum(case.effort * self._seconds.get(case.index, 0.0) for case in at_work)
-        ratio = (self._workers * spent + PRIOR * total) / (done + PRIOR * total) if total > 0 else 0.0
+        if done <= 0:
+            return now
+        ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
         return replace(now, seconds_left=max(total - done, 0.0) * ratio / workers)
 

@@ -190,7 +190,7 @@ def world(size: int) -> Any:
     if size > 1 and comm.Get_size() == 1:
         library = MPI.Get_library_version().splitlines()[0].strip("\0 ")
         raise LauncherError(
-            f"the launcher started {size} processes, but each is alone to its MPI library ({library}): "
+            f"the launcher started {size} processes, but the MPI library of each ({library}) sees only one: "
             "use that library's mpirun, or srun with the --mpi type that it knows (see srun --mpi=list)"
             + "".join(f"; {warning}" for warning in preflight.several_mpi_libraries())
         )

@@ -6,7 +6,7 @@ It imports the numerics when they are first needed, since `gfmdlayer check` answ
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.body import Body
     from gfmdlayer.config import Config
     from gfmdlayer.indentation.isolated import IsolatedIndentation
+    from gfmdlayer.model import Progress, Resume
     from gfmdlayer.results.journal import Recorder
 
 # Steps of an isolated contact at least, their work in points times FFT pairs, and their seconds.
@@ -119,12 +120,7 @@ class IsolatedContact(Model):
         compile_by(lambda: type(self)(smallest_equivalent_case(self.config)).run(Recording()))
         return ""
 
-    def run(
-        self,
-        recorder: Recorder,
-        progress: Callable[[float], None] | None = None,
-        resume: Callable[[CompositeState], None] | None = None,
-    ) -> list[str]:
+    def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
         """Compute all rows and profiles; `progress` is called before the first row only."""
         if resume is not None:
             resume(CompositeState())

@@ -22,7 +22,7 @@ Smoothing = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from
 
 
 class HardWall(Interface):
-    """The paper's contact: no interaction but that the surface cannot pass through the punch.
+    """The paper's contact: the surface cannot pass through the punch, and there is no attraction.
 
     With a hardness, pressures end there, and the surfaces keep an imprint.
     """
@@ -30,7 +30,7 @@ class HardWall(Interface):
     attracts: ClassVar[bool] = False
 
     law: Literal["hard_wall"] = "hard_wall"
-    """the hard wall alone"""
+    """a hard wall without attraction"""
     hardness: Optional = None
     """largest contact pressure, at which the surfaces yield: pressure"""
 

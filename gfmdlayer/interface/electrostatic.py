@@ -36,7 +36,7 @@ class Insulator(Section):
     thickness: Positive
     """thickness: length"""
     permittivity: Relative
-    """permittivity over that of vacuum"""
+    """relative permittivity"""
 
 
 _thickness = MustBe("a number > 0, finite, or a list of {thickness: ..., permittivity: ...}")

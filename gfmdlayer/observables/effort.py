@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 _PAIRS = (
     "pairs of Fourier transforms (forward and backward) spent on the step; "
-    "of a window, the part of the surface that it is"
+    "a pair over a window counts as its part of the surface"
 )
-_STEP = "of this step alone, with the attempts that were rejected"
+_STEP = "in this step, rejected attempts included"
 
 
 class Effort(Observable):

@@ -47,7 +47,7 @@ class Shape(Kind):
 
     @property
     def whole_only(self) -> str:
-        """Key and value for which no process may hold a part of the surface alone; else empty."""
+        """Key and value that keep this shape from being distributed over ranks; else empty."""
         return ""
 
     @abstractmethod
@@ -116,7 +116,7 @@ class Analytic(Shape):
                 message = f"got {shown(value)}; must be one number, or grid.points two numbers"
                 return Problem((key,), message)
             if isinstance(value, tuple) and all(each in {0, math.inf} for each in value):
-                message = f"got {shown(value)}, which is flat all over; must not be, along one direction"
+                message = f"got {shown(value)}, which makes the punch flat; one must be > 0 and finite"
                 return Problem((key,), message)
         return None
 

@@ -312,7 +312,7 @@ class Pyramid(Analytic):
 
 
 class BluntedCone(Analytic):
-    """A cone whose tip is a paraboloid that goes over into it without a kink.
+    """A cone with a paraboloid as its tip; the slope is continuous.
 
     Examples
     --------

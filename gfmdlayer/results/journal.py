@@ -168,7 +168,7 @@ class Journal:
 
     def _clear(self) -> None:
         self._rows: list[tuple[float | FloatArray, ...]] = []
-        self._snapshots: list[tuple[float, tuple[FloatArray | None, ...]]] = []
+        self._snapshots: list[tuple[float, tuple[Any, ...]]] = []  # time and fields, None where not given
         self._size = 0
 
     def _append(self) -> None:
@@ -237,7 +237,8 @@ class Journal:
             recorder.row(**dict(zip(self._columns, row, strict=True)))
         if places:
             instant, fields = float(npy.read_array(file)), {place: _mapped(file) for place in places}
-            recorder.snapshot(instant, *(fields.get(place + 1) for place in range(places[-1])))
+            given: list[Any] = [fields.get(place + 1) for place in range(places[-1])]
+            recorder.snapshot(instant, *given)
 
 
 def _places(fields: Sequence[FloatArray | None]) -> NDArray[np.int64]:
@@ -327,19 +328,11 @@ class Recording:
         found: dict[str, Any] = {}
         for each in (declared[name] for name in names):
             values = np.array([row[each.name] for row in self.rows], dtype=each.dtype)
-            found[each.name] = (
-                ("time", each.along.name) if each.along else ("time",),
-                values,
-                each.described,
-            )
+            dimensions = ("time", each.along.name) if each.along else ("time",)
+            found[each.name] = (dimensions, values, each.described)
             if each.along is not None:
-                bins = each.along
-                for name, end, edges in (
-                    (bins.name, "lower", bins.edges[:-1]),
-                    (f"{bins.name}_end", "upper", bins.edges[1:]),
-                ):
-                    meaning = {"long_name": f"{end} end of the bin of {bins.quantity}", "units": bins.units}
-                    found[name] = ((bins.name,), np.array(edges), meaning)
+                for name, edges, meaning in each.along.ends:
+                    found[name] = ((each.along.name,), np.array(edges), meaning)
         return found
 
     def _snapshots(self, lengths: Mapping[str, int], known: Mapping[str, Variable]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
 from gfmdlayer.files.whole import publish, seal, unfinished_path
-from gfmdlayer.results.schema import ResultsError, variable
+from gfmdlayer.results.schema import ResultsError
 
 
 class _Stream(io.FileIO):
@@ -74,11 +74,6 @@ class NewFile:
         if self._stream.failure is not None:
             with naming(self.path):
                 raise self._stream.failure
-
-    def flush(self) -> None:
-        """Hand everything written so far to the operating system."""
-        self.h5.flush()
-        self.check()
 
     def complete(self) -> None:
         """Close and seal the file, bring it to the disk and give it its final name."""
@@ -132,18 +127,13 @@ def add_variable(
     h5: h5py.File,
     name: str,
     dimensions: Sequence[str],
-    described: Mapping[str, str] | None = None,
+    described: Mapping[str, str],
     **options: Any,
 ) -> h5py.Dataset:
     """Create a variable on existing dimensions; `options` are those of h5py's create_dataset.
 
-    A variable whose only dimension has its name is the coordinate of this dimension. By default long_name and
-    units come from the table of variables.
+    A variable whose only dimension has its name is the coordinate of this dimension.
     """
-    if described is None:
-        entry = variable(name)
-        described = entry.described
-        options.setdefault("dtype", entry.dtype)
     dataset = h5.create_dataset(name, **options)
     if tuple(dimensions) == (name,):
         dataset.make_scale(name)

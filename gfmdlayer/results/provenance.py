@@ -11,6 +11,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+UNKNOWN = "unknown"
 CHECKPOINT_FORMAT = "5"  # of checkpoint and journal
 LIBRARIES = ("numpy", "scipy", "numba", "pyfftw", "h5py", "mpi4py")
 _DECISIVE = ("gfmdlayer", "numpy", "numba", "pyfftw")  # for the bits of results
@@ -28,30 +29,31 @@ def provenance() -> dict[str, str]:
 
 @cache
 def _software() -> dict[str, str]:
-    versions = {f"{library}_version": _version(library) for library in LIBRARIES}
+    versions = {f"{library}_version": version_of(library) for library in LIBRARIES}
     return {
-        "gfmdlayer_version": _version("gfmdlayer"),
+        "gfmdlayer_version": version_of("gfmdlayer"),
         "git_commit": git_commit(Path(__file__).parents[2]),
         "python_version": platform.python_version(),
         **versions,
     }
 
 
-def _version(distribution: str) -> str:
+def version_of(distribution: str) -> str:
+    """Return the version of an installed package."""
     try:
         return version(distribution)
     except PackageNotFoundError:
-        return "unknown"
+        return UNKNOWN
 
 
 def git_commit(checkout: Path) -> str:
-    """Return the commit checked out in a folder, with "-dirty" where files differ from it, or "unknown".
+    """Return the commit checked out in a folder, with "-dirty" where files differ from it, or UNKNOWN.
 
     The folder itself must be the checkout: a package installed inside an unrelated repository has no commit.
     Nothing is written to the repository, not even to git's index.
     """
     if not (checkout / ".git").exists():
-        return "unknown"
+        return UNKNOWN
     describe = ["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
     command = ["git", "--no-optional-locks", "-C", str(checkout), *describe]
     # Schedulers and terminals signal all processes of a run. A child inherits the blocked signals, so that a
@@ -60,10 +62,10 @@ def git_commit(checkout: Path) -> str:
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
     except (OSError, subprocess.SubprocessError):
-        return "unknown"
+        return UNKNOWN
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-    return answer.stdout.strip() or "unknown"
+    return answer.stdout.strip() or UNKNOWN
 
 
 def made_by(digest: str) -> dict[str, str]:

@@ -24,11 +24,9 @@ from xarray.core import indexing
 
 from gfmdlayer.files.locks import open_for_writing, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.schema import FIELDS, ResultsError
+from gfmdlayer.results.schema import FIELDS, SAME_TIME, ResultsError
 
 if TYPE_CHECKING:
-    import xarray
-
     from gfmdlayer.results.journal import Recorder
 
 
@@ -117,7 +115,7 @@ def replay(path: Path, until: float, recorder: Recorder) -> None:
         last = max((place for place, name in enumerate(FIELDS, start=1) if name in fields), default=0)
         for i, time in enumerate(fields["snapshot"][:].tolist()):
             if time <= until:
-                given = (fields[name][i] if name in fields else None for name in FIELDS[:last])
+                given: list[Any] = [fields[name][i] if name in fields else None for name in FIELDS[:last]]
                 recorder.snapshot(time, *given)
 
 
@@ -232,21 +230,7 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     raise ResultsError(f"{directory}: no complete case")
 
 
-def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
-    from gfmdlayer.results.reader import with_snapshots
-
-    files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
-    first = next((path for path in files.flat if _is_whole(path, VERIFIED)), None)
-    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
-        return sweep
-    with _open(first) as example:
-        alike = example.sizes["snapshot"] and "axes" not in example.attrs  # each case has its own
-        return with_snapshots(sweep, example, files) if alike else sweep
-
-
 def _open(path: Path) -> xarray.Dataset:
-    import xarray
-
     try:
         if is_intact(path, VERIFIED) is not False:
             return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
@@ -275,30 +259,26 @@ def _reason(path: Path) -> str:
 #     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
 #
 # Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and
-# reads
-# the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
-# file read as fast, but a file with another grid would be read without an error, and wrongly.)
-
-SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
-
-if TYPE_CHECKING:
-    from xarray import Dataset
+# reads the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the
+# sweep file read as fast, but a file with another grid would be read without an error, and wrongly.)
 
 
-def with_snapshots(sweep: Dataset, example: Dataset, files: NDArray[np.object_]) -> Dataset:
-    """Add the snapshots of all cases to a sweep.
-
-    `files` has the shape of the coordinate `case`; `example` is one of the cases, and all have its grid and
-    times.
-    """
-    axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
-    times = axes["snapshot"].to_numpy()
-    added = {}
-    for name in FIELDS:
-        if name in example:
-            field = example[name].variable
-            lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape, times))
-            added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
+def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
+    """Add the snapshots of all cases to a sweep whose cases share grid and times."""
+    files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
+    first = next((path for path in files.flat if _is_whole(path, VERIFIED)), None)
+    if first is None or any(key.startswith("grid.") for key in sweep.attrs["swept"].split()):
+        return sweep
+    with _open(first) as example:
+        if not example.sizes["snapshot"] or "axes" in example.attrs:  # each case has its own
+            return sweep
+        axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
+        added = {}
+        for name in FIELDS:
+            if name in example:
+                field, times = example[name].variable, axes["snapshot"].to_numpy()
+                lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape, times))
+                added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
     return sweep.assign_coords(axes).assign(added)
 
 
@@ -329,14 +309,11 @@ class _FieldOfCases(BackendArray):
     def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
         with h5py.File(file, locking=False) as h5:
             field = h5[self._name]
+            wrong = ""
             if field.shape != self._inner:
-                raise ResultsError(
-                    f"{file}: {self._name} of shape {field.shape}, where the first case has {self._inner}; "
-                    "open the cases one by one with open_case"
-                )
-            if not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                raise ResultsError(
-                    f"{file}: snapshots at other times than in the first case; open the cases one by one "
-                    "with open_case"
-                )
+                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
+            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                wrong = "snapshots at other times than in the first case"
+            if wrong:
+                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
             return np.asarray(field[part])

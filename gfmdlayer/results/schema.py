@@ -68,11 +68,12 @@ VARIABLES: dict[str, Variable] = {
     "imprint": Variable(
         "height that the surfaces have lost", "length", origin="at each point, from the beginning of the run"
     ),
-    "case": Variable("number of the case, that of its file in cases/", "1", "i8", origin="from 0"),
+    "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness.
 FIELDS = ("displacement", "pressure", "gap", "traction", "imprint")
+SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 
 # Name and symbol of the keys that have one; the dimension is declared with the key, in its section.
@@ -146,10 +147,3 @@ def described_key(key: str, unit: Callable[[str], str]) -> dict[str, str]:
         return {"key": key}
     symbol = {"symbol": known.symbol} if known.symbol else {}
     return {"key": key, "long_name": known.long_name, **symbol, "units": unit(known.units)}
-
-
-def variable(name: str) -> Variable:
-    """Return a coordinate or field of the result files; KeyError if the table has no such name."""
-    if name not in VARIABLES:
-        raise KeyError(f"results have no variable {name!r}; known: {', '.join(sorted(VARIABLES))}")
-    return VARIABLES[name]

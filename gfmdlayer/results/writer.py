@@ -4,9 +4,9 @@
     snapshot(snapshot), displacement, pressure, gap, and traction with attraction, imprint with a hardness
                                                                                        (snapshot, x[, y])
 
-Rows are gathered in memory and appended when there are ROWS_HELD of them or FLUSH_INTERVAL has passed, and
-snapshots are written at once, so that a run of any length needs the same memory. Chunks carry checksums:
-damaged data are refused when they are read. The file ends with a seal, the checksum of all of it.
+Rows are appended ROWS_HELD at a time and snapshots are written at once, so that a run of any length needs the
+same memory. Chunks carry checksums: damaged data are refused when they are read. The file ends with a seal,
+the checksum of all of it.
 """
 
 from __future__ import annotations
@@ -69,11 +69,7 @@ def _lay_out(
     for name, length in axes:
         add_variable(h5, name, (name,), known[name].described, shape=(length,), dtype="f8")
     for bins in dict.fromkeys(column.along for column in columns if column.along is not None):
-        for name, end, edges in (
-            (bins.name, "lower", bins.edges[:-1]),
-            (f"{bins.name}_end", "upper", bins.edges[1:]),
-        ):
-            described = {"long_name": f"{end} end of the bin of {bins.quantity}", "units": bins.units}
+        for name, edges, described in bins.ends:
             add_variable(h5, name, (bins.name,), described, data=edges, dtype="f8")
     add_variable(h5, "snapshot", ("snapshot",), known["snapshot"].described, dtype="f8", **_growing())
     for field in ("displacement", "pressure"):
@@ -116,7 +112,6 @@ def add_field(h5: h5py.File, name: str, axes: tuple[str, ...], known: Variable) 
 
 
 ROWS_HELD = 512
-FLUSH_INTERVAL = 60.0  # seconds
 
 
 class CaseWriter:
@@ -127,7 +122,7 @@ class CaseWriter:
 
     `coordinates` of the grid are in the order of the arrays' axes. `attributes` take precedence over the
     provenance, so that a resumed case keeps the time of its first start; `elapsed` are the seconds of earlier
-    runs, added to `wall_seconds`. After `flush_interval` seconds the operating system gets the records.
+    runs, added to `wall_seconds`.
     """
 
     def __init__(
@@ -136,7 +131,6 @@ class CaseWriter:
         coordinates: Mapping[str, ArrayLike],
         attributes: Mapping[str, Attribute] | None = None,
         columns: Iterable[Column] | None = None,
-        flush_interval: float = FLUSH_INTERVAL,
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
     ) -> None:
@@ -148,7 +142,7 @@ class CaseWriter:
         self._declared = {column.name: column.in_units(unit) for column in declared}
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
         self.noted: dict[str, Attribute] = {}  # at the end of the run
-        self._flush_interval, self._elapsed = flush_interval, elapsed
+        self._elapsed = elapsed
         self._columns: tuple[str, ...] | None = None
         self._growing: dict[str, h5d.DatasetID] = {}
         self._held: list[tuple[float | NDArray[np.float64], ...]] = []
@@ -156,7 +150,7 @@ class CaseWriter:
         self._last_time = -math.inf
 
     def __enter__(self) -> Self:
-        self._begun = self._flushed = time.monotonic()
+        self._begun = time.monotonic()
         self._started = now()
         with ExitStack() as stack:
             self._file: NewFile = stack.enter_context(new_file(self.path))
@@ -195,11 +189,8 @@ class CaseWriter:
             raise ValueError(f"{self.path}: row at time {time_now} follows one at {self._last_time}")
         self._last_time = time_now
         self._held.append(tuple(values[name] for name in self._columns or ()))
-        due = time.monotonic() - self._flushed > self._flush_interval
-        if due or len(self._held) == ROWS_HELD:
+        if len(self._held) == ROWS_HELD:
             self._append_rows()
-        if due:
-            self._flush()
 
     def snapshot(
         self,
@@ -264,10 +255,6 @@ class CaseWriter:
         self._rows += len(self._held)
         self._held.clear()
         self._file.check()
-
-    def _flush(self) -> None:
-        self._file.flush()
-        self._flushed = time.monotonic()
 
     def _finish(self) -> None:
         if self._columns is None:

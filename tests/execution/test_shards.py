@@ -150,7 +150,7 @@ def test_a_run_keeps_out_those_that_would_compute_the_same_cases_and_no_others()
         assert run(Shard(2, 2)).count("complete") == 3
     with (
         claimed(Folder(Path("out")), config),
-        pytest.raises(FolderError, match="of all the cases"),
+        pytest.raises(FolderError, match="another run of all the cases"),
     ):
         run(Shard(2, 2))
 

@@ -71,10 +71,10 @@ def test_a_column_that_some_cases_lack_is_nan_there_and_said(
         found = data["gap_histogram"].isnull().all(("time", "gap_bin")).to_numpy().tolist()
         assert found == [False] + [True] * 8
         assert not data["depth_over_time"].isnull().any()
-        of_histogram, of_versions, of_work = sorted(data.attrs["notes"].splitlines())
+        of_versions, of_histogram, of_work = sorted(data.attrs["notes"].splitlines())
     first = "NaN in cases 0001, 0002, 0003, 0004, 0005 and 3 more"
     assert of_histogram == f"gap_histogram: {first}"
-    assert of_versions.startswith("the cases are of different versions")
+    assert of_versions.startswith("different versions")
     assert of_work == "work: NaN in cases 0002, 0003, 0004, 0005, 0006 and 2 more"
 
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gfmdlayer.config import text
+from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
-from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.indentation.estimates import Estimate, IndentationFit
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
+from gfmdlayer.fitting.report import plain_name, with_suffixes, written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,25 +22,17 @@ SHOWN_CURVES = 6
 SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
-def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
+def targets(out: Path, force: bool) -> list[Path]:
     """Return the names of YAML, JSON and picture; existing files are an error unless `force`."""
     material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
-    found = material, material.with_suffix(".json"), material.with_suffix(".png")
-    for target in found:
-        if target.exists() and not force:
-            raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return found
+    return with_suffixes(material, [".json", ".png"], force)
 
 
 def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
     """Write YAML to `out`, JSON and picture beside it, and return the lines of a summary."""
     material, numbers, picture = targets(out, force)
-    try:
-        material.parent.mkdir(parents=True, exist_ok=True)
-        write_text(material, model_yaml(fit, material.stem), replace=force)
-        write_text(numbers, json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n", replace=force)
-    except OSError as error:
-        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    data = json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n"
+    written(material, {material: model_yaml(fit, material.stem), numbers: data}, force)
     save(fit_figure(fit), picture)
     return [*summary(fit), f"model: {material}", f"numbers: {numbers}", f"figure: {picture}"]
 
@@ -51,8 +40,7 @@ def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[st
 def model_yaml(fit: IndentationFit, name: str) -> str:
     """Write the fitted model as a small configuration, with the estimates in comments above it."""
     data = fit.config.model_dump(exclude_none=True)
-    word = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:128] or "model"
-    kept = {"name": word} | {key: data[key] for key in SECTIONS if key in data}
+    kept = {"name": plain_name(name, "model")} | {key: data[key] for key in SECTIONS if key in data}
     kept["trajectory"] = {"depth": fit.depth}
     return "".join(f"# {line}\n" for line in summary(fit)) + text.written(kept)
 
@@ -141,36 +129,26 @@ def fit_figure(fit: IndentationFit) -> Figure:
     with styled():
         figure = new_figure(1, 100.0)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        factor, prefix = _prefix(max(float(np.abs(each.curve.force).max()) for each in shown))
-        dark = colours(len(shown) + 1)
-        for each, colour in zip(shown, dark, strict=False):
-            _draw(above, below, each, (colour, factor))
-        above.set(ylabel=f"force{prefix}")
+        for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
+            _draw(above, below, each, colour)
         above.set_title("(a)", loc="left")
         handles, labels = above.get_legend_handles_labels()
         above.legend(handles[:3], labels[:3])
         below.axhline(0, color="black", linewidth=0.5)
-        below.set(xlabel="time", ylabel="residual")
+        units = fit.config.units
+        time, force = ("" if units is None else units.label(words) for words in ("time", "force"))
+        name_axes(above, y=Quantity("force", force))
+        name_axes(below, Quantity("time", time), Quantity("residual", force))
         below.set_title("(b)", loc="left")
+        finish(figure)
     return figure
 
 
-def _draw(above: Axes, below: Axes, each: Any, look: tuple[str, float]) -> None:
-    colour, factor = look
-    time, measured, fitted, band = (
-        each.curve.time, each.curve.force * factor, each.force * factor, each.band * factor,
-    )  # fmt: skip
+def _draw(above: Axes, below: Axes, each: CurveFit, colour: str) -> None:
+    time, measured, fitted, band = each.curve.time, each.curve.force, each.force, each.band
     thin = max(1, time.size // 400)  # more markers would hide the line
     above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
     above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
     above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
     below.plot(time[::thin], (measured - fitted)[::thin], ".", color=colour, ms=1.8, mew=0)
     below.fill_between(time, -band, band, color=colour, alpha=0.3, lw=0)
-
-
-def _prefix(largest: float) -> tuple[float, str]:
-    """Return a power of ten that makes the numbers readable, and its label."""
-    power = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
-    if -3 <= power <= 3:
-        return 1.0, ""
-    return 10.0**-power, rf" ($10^{{{power}}}$)"
