@@ -167,7 +167,8 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
 
 def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
     """Yield contradictions between a hardness and the other sections of a `Config`."""
-    at = next((at for at, law in sections_in(config) if getattr(law, "hardness", None) is not None), None)
+    laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Interface))
+    at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
     if at is None:
         return
     if config.interfaces:

@@ -89,7 +89,8 @@ def solve(
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap and contact along x[, y]; contact_area (part of the
+        pressure, displacement (positive upward), gap, contact and (with a hardness) imprint along x[, y];
+        contact_area (part of the
         cell), contact_area_interpolated (with edges between the points), mean_pressure, force, depth,
         residual and FFT pairs, in the units of the arguments.
 
@@ -157,8 +158,10 @@ def solve(
     spectrum = body.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
-    problem = loading.problem(kappa, nothing, 0.0)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
+    problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
+    if control == "load" and target >= problem.hardness:
+        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {problem.hardness!r}"])
     solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
@@ -226,6 +229,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
     import xarray
 
     touching = in_contact(problem, solution)
+    imprint = {} if solution.flow is None else {"imprint": solution.flow}
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
     area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape), grid)
     fields = {
@@ -233,6 +237,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
         "pressure": solution.pressure,
         "gap": closed_gap(problem, solution),
         "contact": touching,
+        **imprint,
     }
     scalars = {
         "contact_area": solution.contact_area,
