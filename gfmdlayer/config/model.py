@@ -369,10 +369,7 @@ class Config(Section):
 
 
 def digest(config: Config) -> str:
-    """Return a hash of all input of a case's results, and of nothing else.
-
-    Name and sweep do not enter; files enter by their contents, not by their paths.
-    """
+    """Return a hash of all input of a case's results: without name and sweep, files by their contents."""
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
 
