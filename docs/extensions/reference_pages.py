@@ -113,7 +113,7 @@ def _section(key: str, name: str, section: Mapping[str, Any], *, headed: bool) -
         yield f"### {': '.join([name.lower() if '.' in key else key, *words])}\n"
     if summary := section.get("description"):
         yield f"{_sentence(summary)}\n"
-    if key == "sweep":  # its keys are those of the other sections
+    if key in {"sweep", "zip"}:  # the keys are those of the other sections
         return
     defaults = _defaults(key, keys)
     required = section.get("required", ())

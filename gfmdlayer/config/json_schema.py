@@ -133,8 +133,15 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     different = {key: values | {"uniqueItems": True} for key, values in lists.items()}
     # The ends of a range need not satisfy the bounds of the key: no sample may lie there.
     ranges = {key: {"$ref": "#/$defs/Range"} for key, kind in kinds.items() if _takes_numbers(kind)}
-    sweep, samples = schema["$defs"]["Sweep"], schema["$defs"]["Samples"]
-    for section, values in ((sweep["properties"]["zip"], lists), (samples, ranges), (sweep, different)):
+    formulas = {
+        key: {"$ref": "#/$defs/Spaced", "properties": {"from": kind, "to": kind}}
+        for key, kind in kinds.items()
+        if _takes_numbers(kind, "number", "integer")
+    }
+    for each in (lists, different):
+        each |= {key: {"anyOf": [each[key], formula]} for key, formula in formulas.items()}
+    sweep, samples, zipped = (schema["$defs"][name] for name in ("Sweep", "Samples", "Zip"))
+    for section, values in ((zipped, lists), (samples, ranges), (sweep, different)):
         required = len(section.get("required", ()))
         named = {key: value for key, value in values.items() if not {_PLACE, _OWN} & {*key}}
         patterns = {re.escape(key): value for key, value in values.items() if key not in named}
@@ -153,10 +160,10 @@ def _sweep(schema: Mapping[str, Any]) -> None:
     sweep["allOf"] = [{"not": {"required": list(pair)}} for pair in combinations(sweeps.LISTS, 2)]
 
 
-def _takes_numbers(node: Mapping[str, Any]) -> bool:
-    """Whether a schema accepts numbers with a fraction."""
+def _takes_numbers(node: Mapping[str, Any], *types: str) -> bool:
+    """Whether a schema accepts numbers, by default those with a fraction."""
     members = [*node.get("anyOf", ()), *node.get("oneOf", ())]
-    return node.get("type") == "number" or any(map(_takes_numbers, members))
+    return node.get("type") in (types or ("number",)) or any(_takes_numbers(each, *types) for each in members)
 
 
 def _swept(schema: Mapping[str, Any]) -> dict[str, list[Any]]:

@@ -1,6 +1,7 @@
 """A sweep: its keys, and the cases that it stands for.
 
     layer.thickness: [0.1, 0.2]                          each value of a key with each of the other keys
+    punch.radius: {from: 0.1, to: 10, points: 5, spacing: log}     a list by a formula, here and in zip
     zip: {layer.thickness: [...], punch.radius: [...]}   first with first, second with second, ...
     latin_hypercube: {samples: 100, seed: 7, layer.thickness: {from: 0.01, to: 1, scale: log}, ...}
     sobol: {samples: 128, seed: 7, ...}                  likewise, by a scrambled Sobol sequence
@@ -20,14 +21,23 @@ from functools import lru_cache
 from itertools import chain, product
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from gfmdlayer.body.materials import Law
 from gfmdlayer.body.solid import Solid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.punch.shape import Shape
-from gfmdlayer.validation.fields import Count, Finite, Seed, Word, given
+from gfmdlayer.validation.fields import MANY, Count, Finite, MustBe, Seed, Word, given
 from gfmdlayer.validation.problems import (
     ConfigError,
     Location,
@@ -42,6 +52,7 @@ from gfmdlayer.validation.sections import Section, sections_in
 
 SAMPLED = ("latin_hypercube", "sobol")
 LISTS = ("zip", *SAMPLED)
+MAX_CASES = 1_000_000
 UNSWEPT = frozenset({"name", "units", "sweep"})  # keys and sections that are the same in all cases
 
 # Samples are rounded to so many digits: the last digits differ between mathematical libraries, and a sweep
@@ -51,15 +62,22 @@ _DIGITS = 12
 Row = dict[str, object]
 
 
-class Range(Section):
-    """Range of the samples of a key, spread evenly or evenly in the logarithm."""
+def _has_logarithm(scale: str, info: ValidationInfo) -> str:
+    if scale == "log" and info.data.get("from_", 1.0) <= 0:
+        raise ValueError(f"got log with from = {shown(info.data['from_'])}; must be linear, or set from > 0")
+    return scale
+
+
+Scale = Annotated[str, Word("linear", "log"), AfterValidator(_has_logarithm)]
+
+
+class Ends(Section):
+    """Both ends of a range."""
 
     from_: Finite = Field(alias="from")
     """start of the range"""
     to: Finite
     """end of the range"""
-    scale: Annotated[str, Word("linear", "log")] = "linear"
-    """spread evenly, or evenly in the logarithm"""
 
     @field_validator("to")
     @classmethod
@@ -68,22 +86,59 @@ class Range(Section):
             raise ValueError(f"got {shown(to)}; must be a number > from = {shown(info.data['from_'])}")
         return to
 
-    @field_validator("scale")
-    @classmethod
-    def _has_logarithm(cls, scale: str, info: ValidationInfo) -> str:
-        if scale == "log" and info.data.get("from_", 1.0) <= 0:
-            raise ValueError(
-                f"got log with from = {shown(info.data['from_'])}; must be linear, or set from > 0"
-            )
-        return scale
-
-    def at(self, part: float) -> float:
-        """Return the value at a part of the way, in [0, 1]."""
-        if self.scale == "log":
+    def between(self, part: float, scale: str) -> float:
+        """Return the value at a part of the way, in [0, 1], on a linear or a log scale."""
+        if scale == "log":
             value = self.from_ * math.exp(part * math.log(self.to / self.from_))
         else:
             value = self.from_ + part * (self.to - self.from_)
         return min(max(float(f"{value:.{_DIGITS}g}"), self.from_), self.to)
+
+
+class Range(Ends):
+    """Range of the samples of a key, spread evenly or evenly in the logarithm."""
+
+    scale: Scale = "linear"
+    """spread evenly, or evenly in the logarithm"""
+
+    def at(self, part: float) -> float:
+        """Return the value at a part of the way, in [0, 1]."""
+        return self.between(part, self.scale)
+
+
+class Spaced(Ends):
+    """Values of a key by a formula, both ends included, equally spaced or equally in the logarithm."""
+
+    points: Annotated[
+        int, Field(strict=True, ge=2, le=MAX_CASES), MustBe(f"a whole number from 2 to {MAX_CASES}")
+    ]
+    """number of values"""
+    spacing: Scale = "linear"
+    """equally spaced, or equally in the logarithm"""
+
+    def values(self) -> list[float]:
+        """Return the values; numbers of points have to be whole ones."""
+        found = (self.between(i / (self.points - 1), self.spacing) for i in range(self.points))
+        return [int(value) if value.is_integer() and abs(value) < MANY else value for value in found]
+
+
+def _form(values: object) -> str:
+    return "<range>" if isinstance(values, Mapping) and not _ENDS.isdisjoint(values) else "<list>"
+
+
+_ENDS = {"from", "to", "spacing"}
+_Values = Annotated[
+    Annotated[Spaced, AfterValidator(Spaced.values), Tag("<range>")] | Annotated[Any, Tag("<list>")],
+    Discriminator(_form),
+]
+
+
+class Zip(Section):
+    """Keys with lists of equal length."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, _Values]
+    entries = Spaced
 
 
 class Samples(Section):
@@ -106,8 +161,10 @@ class Sweep(Section):
     """The form of a sweep; the functions below check its keys and values."""
 
     model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, _Values]
+    entries = Spaced
 
-    zip: Annotated[dict[str, Any] | None, given] = None
+    zip: Annotated[Zip | None, given] = None
     """dotted keys with lists of equal length: first with first, second with second"""
     latin_hypercube: _Samples = None
     """number of samples, and dotted keys with ranges"""
@@ -278,7 +335,6 @@ def assigned(data: Mapping[str, Any], values: Mapping[str, object]) -> dict[str,
 
 # Checks of a sweep: its keys, its values, and the cases that they make.
 
-MAX_CASES = 1_000_000
 MAX_CHECKED_PRODUCT = 10_000  # beyond it, one value is varied at a time; 10 000 cases take about a second
 MAX_CHECKED_VALUES = 5_000  # of a key; of more, some are checked now and the others when their cases run
 
@@ -332,8 +388,7 @@ def _keys(sweep: Mapping[str, Any], keys: Sequence[str]) -> Iterator[Problem]:
             (other for other in seen if other.startswith(f"{key}.")), None
         )
         values = _value(sweep, location)
-        nested = values and isinstance(values, Mapping) and location[1] not in SAMPLED
-        if nested and (key in keys or not _is_range(values)):
+        if values and isinstance(values, Mapping) and location[1] not in SAMPLED:
             yield Problem(location, _nested(key, values, keys), at_key=True)
         elif key not in keys:
             yield Problem(location, _not_swept(key, keys, location), at_key=True)
@@ -349,14 +404,8 @@ def _value(sweep: Mapping[str, Any], location: Location) -> Any:
     return sweep
 
 
-def _is_range(values: Mapping[str, Any]) -> bool:
-    return not {"from", "to"}.isdisjoint(values)
-
-
 def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
-    """Return the message for a range or a mapping in place of a list, with the dotted keys to use."""
-    if _is_range(values):
-        return f"got a range; give a list of values, or put the range under {' or '.join(SAMPLED)}"
+    """Return the message for a mapping in place of a list, with the dotted keys to use."""
     names, inner = [], [(key, values)]
     for head, mapping in inner:
         for name, value in mapping.items():
@@ -364,7 +413,9 @@ def _nested(key: str, values: Mapping[str, Any], keys: Sequence[str]) -> str:
             names += [] if isinstance(value, Mapping) else [f"{head}.{name}"]
     meant = [name if name in keys else next(iter(get_close_matches(name, keys, n=1)), name) for name in names]
     hint = " and ".join(name for name in dict.fromkeys(meant) if name != key)
-    return "got a mapping; give a list under each dotted key" + (hint and f"; did you mean {hint}?")
+    if hint:
+        return f"got a mapping; give a list under each dotted key; did you mean {hint}?"
+    return "got a mapping; must be a list of values, or {from: ..., to: ..., points: ...}"
 
 
 def _not_swept(key: str, keys: Sequence[str], location: Location) -> str:

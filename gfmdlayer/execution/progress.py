@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 READ_INTERVAL = 0.5  # seconds between two readings of the status files
 LOG_INTERVAL = 5.0  # seconds between two lines in a log, more in a long run
 PREPARATION = 2.0  # seconds of preparation that pass in silence: most kernels are compiled already
-PRIOR = 0.02  # part of the expected seconds of a run that counts as done in the time expected
 SHOWN_ENDS = 20  # ends of cases that get a line of their own, of complete and of failed ones each
 
 _BAR_WIDTH = 24
@@ -221,11 +220,12 @@ class Reporter:
         if self._seconds is None:
             rate = (now.done - self._before) / spent if spent > 0 else 0.0
             return replace(now, seconds_left=(self._total - now.done) / rate) if rate > 0 else now
-        # The expected seconds, times the ratio of spent to expected ones so far; until a part of PRIOR is
-        # done, that is mostly one.
+        # The expected seconds weigh the cases against each other; the pace is only what was measured.
         total = sum(self._seconds.values())
         done = self._ended + sum(case.effort * self._seconds.get(case.index, 0.0) for case in at_work)
-        ratio = (self._workers * spent + PRIOR * total) / (done + PRIOR * total) if total > 0 else 0.0
+        if done <= 0:
+            return now
+        ratio = self._workers * spent / done
         workers = max(1, min(self._workers, self._total - now.complete - now.failed))
         return replace(now, seconds_left=max(total - done, 0.0) * ratio / workers)
 

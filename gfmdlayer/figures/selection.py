@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import in_unit, power_of_ten, quantity, symbol, value_labels
+from gfmdlayer.figures.labels import quantity, symbol, value_labels
 from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import OVER_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
@@ -42,16 +42,10 @@ def case_dimensions(dataset: Dataset) -> list[str]:
 def value_titles(coordinate: DataArray) -> list[str]:
     """Return the values of a swept key, each with its symbol and unit; a mapping has neither."""
     values = np.atleast_1d(coordinate.to_numpy()).tolist()
-    drawn, power = quantity(coordinate), 0
-    if drawn.unit and coordinate.dtype.kind in "if":
-        power = power_of_ten(values)
-        values = [float(f"{value / 10.0**power:.12g}") for value in values]
-    bare, drawn = drawn._replace(unit=""), drawn._replace(unit=in_unit(power, drawn.unit))
-    labels = value_labels(values)
-    return [
-        label if "=" in str(value) else (bare if value in (math.inf, -math.inf) else drawn).equals(label)
-        for label, value in zip(labels, values, strict=True)
-    ]
+    if any("=" in str(value) for value in values):
+        titles = zip(values, value_labels(values), quantity(coordinate).equals(values), strict=True)
+        return [label if "=" in str(value) else title for value, label, title in titles]
+    return quantity(coordinate).equals(values)
 
 
 def case_titles(sweep: Dataset) -> dict[tuple[int, ...], str]:
@@ -261,4 +255,4 @@ def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, 
     row = (
         column.isel(time=-1) if time in (None, "end") else column.sel(time=float(time or 0), method="nearest")
     )
-    return row, clock.equals(f"{float(row['time']) / clock.scale:.4g}")
+    return row, clock.equals([float(f"{float(row['time']) / clock.scale:.4g}")])[0]

@@ -35,7 +35,7 @@ _SHAPES = {
 }
 
 # Tags for the forms of a value (one or several); pydantic adds them to the places of its errors.
-FORMS = frozenset({"<one>", "<list>", "<number>", "<file>"})
+FORMS = frozenset({"<one>", "<list>", "<number>", "<file>", "<range>"})
 
 Init = TypeVar("Init", bound=Callable[..., None])
 

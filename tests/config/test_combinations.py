@@ -51,6 +51,27 @@ def test_zip_takes_the_first_with_the_first(read: Read) -> None:
     assert [case.config.punch.radius for case in cases(config)] == [1, 2, 3]
 
 
+@pytest.mark.parametrize(
+    ("formula", "values"),
+    [
+        (
+            "layer.thickness: {from: 1.0e-3, to: 1.0e+2, points: 6, spacing: log}",
+            [1e-3, 0.01, 0.1, 1, 10, 100],
+        ),
+        ("layer.thickness: {from: 0.1, to: 0.5, points: 5}", [0.1, 0.2, 0.3, 0.4, 0.5]),
+        ("grid.points: {from: 16, to: 128, points: 4, spacing: log}", [16, 32, 64, 128]),
+    ],
+)
+def test_values_by_a_formula_are_those_of_the_list(read: Read, formula: str, values: list[float]) -> None:
+    key = formula.partition(":")[0]
+    config, listed = read(f"{{{formula}}}"), read(f"{{{key}: {values}}}")
+    assert config.sweep == {key: values}
+    assert [digest(case.config) for case in cases(config)] == [digest(case.config) for case in cases(listed)]
+    assert load("", content=config.dump()).sweep == {key: values}  # config.yaml of the results lists them
+    zipped = read(f"{{zip: {{{formula}, punch.radius: {[1 + i for i in range(len(values))]}}}}}")
+    assert [row[0] for row in rows(zipped)] == values
+
+
 def test_every_combination_of_a_list_meets_every_product_of_the_other_keys(read: Read) -> None:
     config = read(
         "{solver.method: [fire, active_set], zip: {layer.thickness: [0.1, 0.2], punch.radius: [1, 2]}}"

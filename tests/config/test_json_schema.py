@@ -132,6 +132,8 @@ sweep: {trajectory.retract_speed: [0.1, 1]}
     LINE
     + "sweep: {latin_hypercube: {samples: 4, seed: 7, layer.thickness: {from: 0.1, to: 1, scale: log}}}\n",
     LINE + "sweep: {latin_hypercube: {samples: 2, layer.poisson: {from: -1, to: 0.5}}}\n",
+    LINE + "sweep: {trajectory.velocity: {from: 1, to: 2, points: 3, spacing: log}, grid.points: [8, 9]}\n",
+    LINE + "sweep: {zip: {trajectory.velocity: {from: 1, to: 2, points: 2}, punch.radius: [0.1, 0.2]}}\n",
     LINE + "sweep: {sobol: {samples: 4, layer.material.Ginf: {from: 2, to: 3}}}\n",
     LINE + "sweep: {punch: [{shape: wedge, slope: 0.1}, {radius: 0.1}], output.snapshots: [[1], [1, 2]]}\n",
     SURFACE + "punch: {shape: sphere, radius: 3}\n",
@@ -326,3 +328,9 @@ def test_what_the_schema_refuses_the_loader_refuses(draws: st.DataObject) -> Non
         data = changed(data, place, draws.draw(_values))
     if not VALIDATOR.is_valid(data):
         assert is_refused(data)
+
+
+def test_the_ends_of_a_formula_obey_the_bounds_of_their_key() -> None:
+    swept = "name: x\nsweep: {layer.poisson: {from: 0, to: %s, points: 3}}\n"
+    assert VALIDATOR.is_valid(plain(swept % "0.5"))
+    assert not VALIDATOR.is_valid(plain(swept % "0.9"))

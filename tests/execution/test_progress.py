@@ -95,24 +95,20 @@ def test_preparation_has_a_line_above_the_moving_ones_of_a_terminal(
 def test_the_time_left_counts_cases_by_their_expected_seconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before any case has ended it is the expected one; later it follows the pace."""
+    """Before a step is done nothing is measured and none is shown; later it follows the pace."""
     now = [1000.0]
     monkeypatch.setattr(reports.time, "monotonic", lambda: now[0])
     expected = {0: 10.0, 1: 90.0, 2: 100.0}
     reporter = Reporter(Folder(tmp_path), range(3), 0, lambda: reports.Log(io.StringIO()), expected, 2)
 
-    def left() -> float:
-        seconds = reporter._progress(()).seconds_left
-        assert seconds is not None
-        return seconds
-
-    assert left() == pytest.approx(100.0)  # 200 s on two workers
+    begun = status.Running(2, "here", 1, 0.0, 2.0, 0.0, 0.0)
+    assert reporter._progress((begun,)).seconds_left is None
     now[0] += 15  # twice as fast as expected: 60 s of work by two workers in 15 s
     reporter.ended(Outcome(0, "complete", seconds=5.0))
     at_work = (status.Running(2, "here", 1, 1.0, 2.0, 0.0, 0.0, "", 5, 0.0, 0.0, 10),)
     seconds = reporter._progress(at_work).seconds_left
     # 60 of 200 expected seconds are done in 30 s of two workers.
-    assert seconds == pytest.approx(140 * (30 + 4) / (60 + 4) / 2)
+    assert seconds == pytest.approx(140 * 30 / 60 / 2)
 
 
 def test_adaptive_steps_tell_the_progress_where_time_passes_slowly_at_first() -> None:

@@ -21,7 +21,16 @@ SCHEMA = json_schema()
 # Pure numbers. A new key with a number belongs here, or its meaning ends with its dimension.
 PURE = {
     *("alpha", "exponent", "gamma", "hurst", "poisson", "rms_slope", "slope", "smoothing", "taper"),
-    *("C1", "steady", "tolerance", "Insulator.permittivity", "Range.from", "Range.to"),
+    *(
+        "C1",
+        "steady",
+        "tolerance",
+        "Insulator.permittivity",
+        "Range.from",
+        "Range.to",
+        "Spaced.from",
+        "Spaced.to",
+    ),
 }
 
 

@@ -1,0 +1,227 @@
+r"""Stationary flow of a thin fluid film through the gap of a contact, by the Reynolds equation.
+
+    div(g^3 grad P) = 0 where g > 0, no flow through contact        (Reynolds, Phil. Trans. 177 (1886) 157)
+
+In a periodic cell P = -G.x + p(x, y) with a periodic p and the mean drop per length G. The mean flow per
+width is q = K.G/(12 eta) with a symmetric tensor K [length^3], which depends on neither fluid nor pressure:
+K = h^3 between plates at a distance h.
+
+Finite volumes around the points and a five-point stencil: a face between a and b has the conductance
+k(a, b) h_across/h_along, and none if either point is in contact. Mass is conserved to the solver's precision.
+With the harmonic mean, k = 2 a^3 b^3/(a^3 + b^3), a coarse throat conducts too little, with the linear mean,
+k = 2 a^2 b^2/(a + b), too much; their difference estimates the error. Only clusters that wind around the cell
+carry a flow (`percolation`): without one, K is exactly zero.
+
+A line has closed forms: K_xx = 1/mean(g^-3) across the ridges, 0 with any contact; K_yy = mean(g^3) along
+them.
+
+Valid for small slopes, an incompressible fluid, a gap wide against molecules, a Reynolds number times the
+slope below 1, and one way only: the fluid does not lift the surface.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, Literal
+
+import numpy as np
+from scipy.optimize import brentq
+
+from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.transport.memory import LARGEST_DIRECT
+from gfmdlayer.transport.percolation import Clusters, Throat, clusters
+
+Mean = Literal["harmonic", "linear"]
+# Contact area at which paths close: Dapp, Luecke, Persson & Mueser, Phys. Rev. Lett. 108 (2012) 244301.
+THRESHOLD = 0.42
+_RESIDUAL = 1e-9  # of the iterative solver, relative to the largest source
+_MOST_ITERATIONS = 1000
+_STRONG = ("symmetric", {"theta": 0.08})
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Flow through a gap.
+
+    Attributes
+    ----------
+    tensor : ndarray, shape (2, 2)
+        K [length^3].
+    imbalance : ndarray, shape (2,)
+        Spread of the flow through the cross-sections, relative to their mean; 0 without a flow.
+    pressure : ndarray, shape (2, nx, ny)
+        Pressure of the fluid under a drop along x, and along y, over the drop across the cell; 0 in the
+        middle of the cell on average. NaN in contact and where nothing flows. Empty for a line.
+    flow : ndarray, shape (2, 2, nx, ny)
+        Components along x and y of 12 eta q/G under a drop along x, and along y [length^3]; their means are
+        the columns of K. Empty for a line.
+    """
+
+    tensor: FloatArray
+    imbalance: FloatArray
+    pressure: FloatArray
+    flow: FloatArray
+
+
+def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmonic") -> Flow:
+    """Return the flow through a gap (nx,) or (nx, ny), 0 in contact, over a cell of these lengths."""
+    gap = np.asarray(gap, dtype=float)
+    if gap.ndim == 1:
+        return _of_a_line(gap)
+    found = clusters(gap > 0)
+    if not found.winds.any():
+        nowhere = np.full((2, *gap.shape), np.nan)
+        return Flow(np.zeros((2, 2)), np.zeros(2), nowhere, np.zeros((2, *nowhere.shape)))
+    return _of_clusters(gap, (period[0], period[1]), mean, found)
+
+
+def _of_a_line(gap: FloatArray) -> Flow:
+    across = 0.0 if gap.min() <= 0 else 1.0 / float(np.mean(gap**-3.0))
+    empty = np.empty((2, 0, 0))
+    return Flow(np.diag([across, float(np.mean(gap**3))]), np.zeros(2), empty, np.empty((2, 2, 0, 0)))
+
+
+def _of_clusters(gap: FloatArray, period: tuple[float, float], mean: Mean, found: Clusters) -> Flow:
+    spacing = period[0] / gap.shape[0], period[1] / gap.shape[1]
+    active, scale = np.logical_or(*found.winds), float(gap.max())
+    k = _conductances(np.where(active, gap / scale, 0.0), spacing, mean)
+    # Under a drop along an axis only the clusters that wind along it carry a flow.
+    inside = [found.winds[axis] for axis in (0, 1)]
+    sources = [
+        np.where(inside[axis], np.roll(k[axis], 1, axis) - k[axis], 0.0)[active] * spacing[axis]
+        for axis in (0, 1)
+    ]
+    pressures = np.full((2, *gap.shape), np.nan)
+    flows, tensor, imbalance = np.zeros((2, 2, *gap.shape)), np.zeros((2, 2)), np.zeros(2)
+    drops: list[list[FloatArray]] = []
+    for axis, solved in enumerate(_solved(k, active, gap, found.label, sources)):
+        p = np.zeros(gap.shape)
+        p[active] = solved
+        own = [inside[axis] * (p - np.roll(p, -1, c) + spacing[c] * (c == axis)) for c in (0, 1)]
+        drops.append(own)
+        for c in (0, 1):  # through the faces; at a point the mean of its two faces
+            through = k[c] * own[c] * scale**3 / spacing[1 - c]
+            flows[axis, c] = (through + np.roll(through, 1, c)) / 2
+        sections = (k[axis] * own[axis]).sum(axis=1 - axis)
+        imbalance[axis] = np.ptp(sections) / sections.mean() if inside[axis].any() else 0.0
+        x = (np.arange(gap.shape[axis]) * spacing[axis] - period[axis] / 2)[:, np.newaxis]
+        total = np.where(inside[axis], p - (x if axis == 0 else x.T), np.nan)
+        if inside[axis].any():
+            pressures[axis] = (total - np.nanmean(total)) / period[axis]
+    for a in (0, 1):
+        for c in (0, 1):  # by dissipation: its error is the square of that of the pressure
+            dissipated = sum(float((k[f] * drops[a][f] * drops[c][f]).sum()) for f in (0, 1))
+            tensor[a, c] = dissipated / math.prod(period) * scale**3
+    return Flow(tensor, imbalance, pressures, flows)
+
+
+def _conductances(gap: FloatArray, spacing: tuple[float, float], mean: Mean) -> list[FloatArray]:
+    """Conductances of the faces after each point, along x and along y; 0 beside contact."""
+    found = []
+    for axis in (0, 1):
+        a, b = gap, np.roll(gap, -1, axis)
+        both = (a > 0) & (b > 0)
+        k = np.zeros(gap.shape)
+        a, b = a[both], b[both]
+        k[both] = 2 * a**2 * b**2 / (a + b) if mean == "linear" else 2 / (a**-3.0 + b**-3.0)
+        found.append(k * spacing[1 - axis] / spacing[axis])
+    return found
+
+
+def _solved(
+    k: Sequence[FloatArray], active: BoolArray, gap: FloatArray, label: Any, sources: Sequence[FloatArray]
+) -> Iterator[FloatArray]:
+    """Solve for the pressures of the active points, for each of the sources."""
+    from scipy import sparse
+
+    number = np.cumsum(active.ravel()).reshape(active.shape) - 1
+    faces = [k[axis] > 0 for axis in (0, 1)]
+    i = np.concatenate([number[faces[axis]] for axis in (0, 1)]).astype(np.int32)
+    j = np.concatenate([np.roll(number, -1, axis)[faces[axis]] for axis in (0, 1)]).astype(np.int32)
+    value = np.concatenate([k[axis][faces[axis]] for axis in (0, 1)])
+    count = int(active.sum())
+    diagonal = np.bincount(i, value, count) + np.bincount(j, value, count)
+    # The pressure of a cluster is free up to a constant: 0 at its widest point, held there by a spring.
+    order = np.argsort(-gap[active])
+    held = order[np.unique(label[active][order], return_index=True)[1]]
+    diagonal[held] *= 2
+    own = np.arange(count, dtype=np.int32)
+    entries = np.concatenate((-value, -value, diagonal))
+    places = np.concatenate((i, j, own)), np.concatenate((j, i, own))
+    matrix = sparse.coo_matrix((entries, places), shape=(count, count)).tocsc()
+    del i, j, value, entries, places
+    if active.size > LARGEST_DIRECT and find_spec("pyamg"):
+        yield from _by_multigrid(matrix.tocsr(), sources)
+        return
+    from scipy.sparse.linalg import splu
+
+    options = {"SymmetricMode": True}
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    yield from (factors.solve(source) for source in sources)
+
+
+def _by_multigrid(matrix: Any, sources: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """Solve by conjugate gradients with smoothed aggregation, to a residual relative to each source."""
+    import pyamg
+    from scipy.sparse.linalg import cg
+
+    # The default coarse solver, a pseudo-inverse, loses conductances of 1e-12 of the largest.
+    options = {"strength": _STRONG, "max_coarse": 500, "coarse_solver": "splu"}
+    smoothed = pyamg.smoothed_aggregation_solver(matrix, **options).aspreconditioner()
+    for source in sources:
+        allowed = _RESIDUAL * float(np.abs(source).max())
+        found, failed = cg(matrix, source, rtol=0, atol=allowed, M=smoothed, maxiter=_MOST_ITERATIONS)
+        if failed:
+            raise ArithmeticError(
+                f"the flow was not found in {_MOST_ITERATIONS} iterations; take fewer points"
+            )
+        yield np.asarray(found)
+
+
+def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
+    """Estimate (K_xx K_yy)^(1/2) [length^3] of an isotropic gap by Bruggeman's effective medium.
+
+    mean of n K/(g^3 + (n - 1) K) = 1 with n = 1/(1 - threshold); 0 from a contact area `threshold` on.
+    """
+    cubes, n = np.ravel(gap) ** 3, 1 / (1 - threshold)
+    largest = float(cubes.max(initial=0.0))
+    if largest == 0 or np.mean(cubes == 0) >= threshold:
+        return 0.0
+    cubes /= largest
+
+    def excess(logarithm: float) -> float:
+        K = math.exp(logarithm)
+        return float(np.mean(n * K / (cubes + (n - 1) * K))) - 1
+
+    # Near the threshold K falls below any bound: then it is zero to rounding.
+    if excess(-690.0) >= 0:
+        return 0.0
+    return largest * math.exp(brentq(excess, -690.0, 0.0, xtol=1e-10))
+
+
+FEWEST_POINTS = 6  # across a throat; below, K is an order of magnitude
+ALLOWED = 0.01  # relative error of K by the solution of the contact
+
+
+def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator[str]:
+    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely.
+
+    A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube of
+    the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
+    """
+    if throat.gap <= 0:
+        return
+    if throat.points < FEWEST_POINTS:
+        yield (
+            f"the throat along {axis} has {throat.points:.2g} points across it, below {FEWEST_POINTS}: the "
+            "flow is an order of magnitude; take more grid.points"
+        )
+    enough = ALLOWED * throat.gap / (3 * depth) if depth > 0 else math.inf
+    if residual > enough:
+        yield (
+            f"the contact, solved to {residual:.1e}, changes the flow along {axis} by up to "
+            f"{100 * ALLOWED * residual / enough:.2g} %; solver.tolerance: {enough:.1e} would do"
+        )
