@@ -90,8 +90,8 @@ class PeriodicContact(Model):
         yield f"solver     {method}: {reason}"
         if (body := self.case.isolated if self.config.grid.isolated else None) is not None:
             yield (
-                f"isolated   contacts up to {body.reach:g} periods wide, by a response within {body.error:.1e} "
-                "of the one without images"
+                f"isolated   contacts up to {body.reach:g} periods wide; the response is within "
+                f"{body.error:.1e} of the one without images"
             )
         if not any(isinstance(law, ContinuousLaw) for law in self.config.laws):
             return

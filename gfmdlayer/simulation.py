@@ -7,6 +7,7 @@ The only module that knows all numerics. The time loop, `Case.run`, follows the 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -47,6 +48,7 @@ from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
+    from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.model import Progress, Resume
 
@@ -346,10 +348,7 @@ class Case:
                     finished = finished or observable.finished
                 recorder.row(**self._recorded(row))
                 if instant.snapshot or finished or keeps_all:
-                    fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
-                    fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
-                    if self.reach is not None:
-                        fields[::2] = map(self.reach.masked, fields[::2])
+                    fields = self._fields(problem, solution, surface)
                     recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
                 if finished:
                     break
@@ -362,12 +361,20 @@ class Case:
                 recorder.note(**self._recorded(observable.attributes))
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
+    def _fields(self, problem: Problem, solution: Solution, surface: Surface) -> list[FloatArray]:
+        """Return the fields of a snapshot: displacement, pressure, gap, and traction where there is one."""
+        fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+        fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+        if self.reach is not None:
+            fields[::2] = map(self.reach.masked, fields[::2])
+        return fields
+
     def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return columns or attributes of the observables, those of an isolated contact as totals."""
         return dict(values) if self.isolated is None else totals(values, math.prod(self.grid.period))
 
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
-        """Solve the contact problem of a step; ConvergenceError unless solved, within reach, or pulled off."""
+        """Solve the contact problem of a step; ConvergenceError unless solved within reach, or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
         before, given = self.solver.state(), self.config.solver
         solution = self.solve(problem, time)

@@ -1,7 +1,8 @@
 """Compliances in creep form, and the way between them and relaxing modes.
 
-A stiffness K = K_0 + sum_j w_j s theta_j/(1 + s theta_j) has the compliance 1/K = 1/K_inf + sum_j J_j/(1 + s T_j),
-with one retardation time T_j between each relaxation time and the next longer one, and one beyond the longest:
+A stiffness K = K_0 + sum_j w_j s theta_j/(1 + s theta_j) has the compliance
+1/K = 1/K_inf + sum_j J_j/(1 + s T_j), with one retardation time T_j between each relaxation time and the next
+longer one, and one beyond the longest:
 
     sum_k w_k theta_k/(T - theta_k) = K_0
 

@@ -17,8 +17,8 @@ weights. In the form of creep, with retardation times T_k that the body has,
 and c follows from least squares. As relaxing modes (`creep`) C~ passes through histories, solvers and
 energies like any body that carries a mean pressure.
 
-The right-hand side has no singularity. A smooth low pass p(q), one near q = 0, leaves of G and of the sum over
-all waves what does not end before the nearest image; the rest of the two is equal. So it is
+The right-hand side has no singularity. A smooth low pass p(q), one near q = 0, leaves of G and of the sum
+over all waves what does not end before the nearest image; the rest of the two is equal. So it is
 
     int p C J_0(q r) q dq/(2 pi) - 1/A sum_(q > 0) p C cos(q x) + 1/A sum_(low, q > 0) C cos(q x)
 
@@ -37,10 +37,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import BoolArray, FloatArray, IntArray
-from gfmdlayer.body.body import Body
+from gfmdlayer.body.body import Body, ViscoelasticLayer
 from gfmdlayer.body.creep import relaxation, retardation
 from gfmdlayer.body.relaxation import Spectrum
 from gfmdlayer.body.solid import WIDEST
+from gfmdlayer.body.stack import LayerStack
 from gfmdlayer.body.wavevectors import Wavevectors
 
 # Largest error of G within reach, relative to the largest value of its smooth part.
@@ -162,13 +163,17 @@ def isolated(body: Body, period: tuple[float, ...], datum: float | None = None) 
     ValueError
         If the body has no isolated state, or no reach has an error within `TOLERANCE`; with what would do.
     """
-    try:
-        return _isolated(body, tuple(map(float, period)), datum)
-    except TypeError:  # a body that cannot be hashed
-        return _isolated.__wrapped__(body, tuple(map(float, period)), datum)
+    lengths = tuple(map(float, period))
+    if isinstance(body, ViscoelasticLayer | LayerStack):  # which never change
+        return _kept(body, lengths, datum)
+    return _isolated(body, lengths, datum)
 
 
 @lru_cache(maxsize=8)
+def _kept(body: ViscoelasticLayer | LayerStack, period: tuple[float, ...], datum: float | None) -> Isolated:
+    return _isolated(body, period, datum)
+
+
 def _isolated(body: Body, period: tuple[float, ...], datum: float | None) -> Isolated:
     _refuse(body, period, datum)
     fits = []
@@ -324,7 +329,7 @@ def _times(body: Body, low: FloatArray, period: float) -> tuple[FloatArray, Floa
 
 
 def _response(body: Body, nodes: _Nodes, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what the lowest waves have to add up to, (points, s), and the size of the smooth response, (s,)."""
+    """Return what the lowest waves add up to, (points, s), and the size of the smooth response, (s,)."""
     smooth = nodes.integral @ np.stack([1 / body.stiffness(nodes.q, each) for each in s], axis=1)
     others = nodes.cosines @ np.stack([1 / body.stiffness(nodes.waves, each) for each in s], axis=1)
     return smooth - others, np.abs(smooth).max(axis=0)

@@ -12,7 +12,6 @@ C is integrated over q by Gauss's rule in panels that double in width.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from typing import NamedTuple
 

@@ -281,7 +281,7 @@ def _dataset(
         "iterations": solution.iterations,
     }
     if reach is not None:
-        fields |= {name: reach.masked(fields[name]) for name in ("displacement", "gap")}
+        fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in ("displacement", "gap")}
         scalars = totals(scalars, math.prod(grid.period))
     axes = dict(zip("xy", grid.coordinates, strict=False))
     held: dict[str, Any] = {

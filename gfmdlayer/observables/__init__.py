@@ -63,9 +63,9 @@ def observables(case: Parts) -> dict[str, Observable]:
 
 def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a case on a grid, in the order of its rows."""
-    every = (column for each in OBSERVABLES.values() for column in each.columns(config) or ())
+    every = [column for each in OBSERVABLES.values() for column in each.columns(config) or ()]
     if config.grid.isolated:
-        every = of_one_contact(every, line=len(config.grid.points) == 1)
+        return tuple(of_one_contact(every, line=len(config.grid.points) == 1))
     return tuple(every)
 
 
