@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.body import Body, check_body, internal_variables
 from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
@@ -114,6 +114,8 @@ class Case:
     ) -> None:
         if unknown := parts.keys() - Parts.__annotations__.keys():
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        if "body" in parts:
+            check_body(parts["body"], "mean_stiffness")
         self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
         vars(self).update(parts)  # where the cached properties look first
 
@@ -215,6 +217,7 @@ class Case:
             internal = internal_variables(self.body, waves)
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
+        check_body(self.body, "spectrum")
         spectrum = (self.isolated or self.body).spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)

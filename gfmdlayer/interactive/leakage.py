@@ -208,6 +208,8 @@ def _depth_and_residual(state: xarray.Dataset) -> tuple[float, float]:
     if "displacement" not in state or "residual" not in state:
         return 0.0, 0.0
     residual = state["residual"]
+    if "row" in residual.dims:  # a case of a sweep with time steps of its own
+        residual = residual.swap_dims(row="time").dropna("time")
     if "time" in residual.dims:
         residual = residual.sel(time=state["snapshot"], method="nearest")
     return max(-float(state["displacement"].min()), 0.0), float(residual)
