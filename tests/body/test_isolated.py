@@ -10,9 +10,10 @@ import pytest
 from scipy.special import erfc, j0
 
 import gfmdlayer
-from gfmdlayer import Elastic, LayerStack, Material, Prony, Wavevectors, Zener, bonded_layer, halfspace
+from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
 from gfmdlayer.body.body import Body, layered_body
 from gfmdlayer.body.isolated import TOLERANCE, Isolated, isolated
+from gfmdlayer.body.materials import Material
 
 CELL = (1.0, 1.0)
 
