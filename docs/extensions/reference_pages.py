@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gfmdlayer
+from gfmdlayer import figures
 from gfmdlayer.cli import VERBS, command_line
 from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
@@ -243,3 +244,7 @@ def python() -> Iterator[str]:
     yield ".. currentmodule:: gfmdlayer\n"
     yield ".. autosummary::\n   :toctree: names\n"
     yield from (f"   {name}" for name in sorted(gfmdlayer.__all__, key=str.lower))
+    yield "\nPictures\n--------\n"
+    yield ".. currentmodule:: gfmdlayer.figures\n"
+    yield ".. autosummary::\n   :toctree: names\n"
+    yield from (f"   {name}" for name in figures.__all__)
