@@ -122,7 +122,7 @@ class Spectrum:
 class VectorSpectrum:
     """Relaxing modes of n = 1, 2 or 3 components: K(s) = K_inf - sum_j v_j v_j^H/(1 + s theta_j).
 
-    The components are displacements of the surface, and the tractions that do work on them: normal alone,
+    The components are displacements of the surface, and the tractions that do work on them: only normal,
     normal and along the wave, or all three. K is Hermitian at real s; a component that is i times a real one
     makes it real. Each mode has one scalar state, driven by v^H u. A scalar mode of weight w is v = w^(1/2).
     """
