@@ -60,7 +60,7 @@ def line_jkr(_quick: bool) -> Iterator[Row]:
     At half-width a the mean pressure is sqrt(2 E* w tan(pi a)) below the pressure without adhesion, and the
     depth is smaller by the depth of a flat strip of this width. A range rho smears the edge over the cohesive
     zone l = (pi/4) E* rho^2/w, and the pull-off falls short: by 11, 3 and 0.5 % where rho is halved twice, of
-    second order and more. With six points to l the lattice adds 0.1 %. The bound at the shortest range is 1 %;
+    second order and more. With six points to l the grid adds 0.1 %. The bound at the shortest range is 1 %,
     at the others the last digit of an independent program, the time between two rows included.
     """
     work = 1e-3
