@@ -212,7 +212,7 @@ def _edge(
     """Place of the edge between a point in contact and the next along a line, in spacings from the point.
 
     A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
-    `line` that of pressure and gap, `marks` that of `touching`. Contact and gap are measured along `farthest`
+    `line` is of pressure and gap, `marks` of `touching`. Contact and gap are measured along `farthest`
     points; step is 1 or -1.
     """
     start, span, many, place = marks
