@@ -81,7 +81,7 @@ def solve(
         Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
     interface : Interface, mapping or sequence
         Law of the interaction across the gap, such as `Exponential`, or its keys; those of a sequence add. By
-        default the hard wall alone.
+        default only a hard wall.
     **options
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. method, tolerance,
         max_iterations : of the solver, as in a configuration.
