@@ -65,7 +65,7 @@ def leakage(
         Of the seal, along the flow and across it; by default those of the cell, and 1 along the ridges of a
         line.
     body : Body, optional
-        For the lift of the surface; by default that of the configuration of a case.
+        For the lift of the surface; default: the body of the case's configuration.
     fields : bool
         Whether to return the pressure and the flow at each point of a surface.
 

@@ -22,7 +22,7 @@ from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
 from gfmdlayer.observables import totals
-from gfmdlayer.observables.contact_statistics import closed_gap, in_contact, interpolated_area
+from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
 from gfmdlayer.periodic import too_deep
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -86,7 +86,7 @@ def solve(
         Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
     interface : Interface, mapping or sequence
         Law of the interaction across the gap, such as `Exponential`, or its keys; those of a sequence add. By
-        default the hard wall alone.
+        default only a hard wall.
     **options
         instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
         contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
@@ -97,10 +97,12 @@ def solve(
     -------
     xarray.Dataset
         pressure, displacement (positive upward), gap and contact along x[, y]; contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points), mean_pressure, force, depth,
-        residual and FFT pairs, in the units of the arguments. An isolated contact has area and
-        area_interpolated (of a line, the width) in place of parts and means of the cell, and displacement and
-        gap are NaN where they are not known, further from a point in contact than the reach.
+        cell), contact_area_interpolated (with edges between the points) and the estimate
+        contact_area_error of its error, mean_pressure, force, depth,
+        residual and FFT pairs, in the units of the arguments. An isolated contact has area,
+        area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
+        and displacement and gap are NaN where they are not known, further from a point in contact than the
+        reach.
 
     Raises
     ------
@@ -273,6 +275,7 @@ def _dataset(
     scalars = {
         "contact_area": solution.contact_area,
         "contact_area_interpolated": area,
+        "contact_area_error": area_error(touching.reshape(grid.shape), area, grid),
         "mean_pressure": solution.mean_pressure,
         "force": solution.mean_pressure * math.prod(grid.period),
         "depth": surface.depth,
@@ -302,7 +305,9 @@ _MEANINGS = {
     "contact_area": _meaning("relative contact area, contact points / all points"),
     "area": _meaning("contact area, of a line the width", "area"),
     "area_interpolated": _meaning("contact area, of a line the width, the edge between the points", "area"),
+    "area_error": _meaning("estimated error of area_interpolated", "area"),
     "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
+    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
     "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
     "force": _meaning("force over the cell, of a line per length", "pressure area"),
     "depth": _meaning("depth of the punch below its first touch", "length"),

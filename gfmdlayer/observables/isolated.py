@@ -29,6 +29,12 @@ TOTALS: dict[str, Column | None] = {
         "length^2",
         origin="of the whole contact; the edge from pressure and gap beside it",
     ),
+    "contact_area_error": Column(
+        "area_error",
+        "estimated error of area_interpolated",
+        "length^2",
+        origin="from the number of points across the contact",
+    ),
     "work": Column("work", "work done by the punch, and by a changing voltage", _ENERGY, origin=_SINCE),
     "stored": Column("stored", "elastic energy stored", _ENERGY, origin="from the body at rest"),
     "dissipated": Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),

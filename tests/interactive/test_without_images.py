@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from gfmdlayer import (
+    Config,
     ConfigError,
     ConvergenceError,
     Parabola,
@@ -21,6 +22,7 @@ from gfmdlayer import (
     run,
     solve,
 )
+from gfmdlayer.observables import columns
 
 E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1
 DEPTH = 0.01
@@ -157,6 +159,23 @@ def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
     if base > 1:  # else there is no room in the periodic cell
         periodic = run(loaded("periodic", period, layer, base))
         assert found.transforms.sum() <= 1.1 * periodic.transforms.sum()
+
+
+@pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])
+def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
+    config = Config(
+        name="a",
+        grid={"points": points, "boundary": "isolated"},
+        halfspace={"shear_modulus": math.inf},
+        interface={"law": "exponential", "work": 0.01, "range": 0.01},
+        trajectory={"control": "force", "force": 0.01},
+        output={"patches": True},
+    )
+    found = {each.name: each for each in columns(config)}
+    assert not [
+        each for each in found.values() if "over the cell" in each.origin or "per area" in each.long_name
+    ]
+    assert config.unit(found["area"].units) == ("length" if points == 64 else "length^2")
 
 
 def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before() -> None:
