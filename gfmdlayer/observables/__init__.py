@@ -1,4 +1,4 @@
-"""Observables of a step: contact, effort, friction, adhesion, energy balance, statistics, steady state."""
+"""Observables of a step: contact, effort, friction, adhesion, energy, statistics, transport, steady state."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.transport import Conductance, Leakage, SealEstimates, SpotRadius, Stiffness
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -47,6 +48,11 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "instabilities": Instabilities,
     "statistics": ContactStatistics,
     "temperature": Temperature,
+    "seal_estimates": SealEstimates,
+    "leakage": Leakage,
+    "spot_radius": SpotRadius,
+    "conductance": Conductance,
+    "stiffness": Stiffness,
     "series_error": SeriesError,
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
@@ -61,6 +67,12 @@ def observables(case: Parts) -> dict[str, Observable]:
 def columns(config: Config) -> tuple[Column, ...]:
     """Return the columns of a periodic case, in the order of its rows."""
     return tuple(column for each in OBSERVABLES.values() for column in each.columns(config) or ())
+
+
+def costs(config: Config) -> tuple[float, float]:
+    """Return the FFT pairs of a row that observables take, and the bytes of the largest of them."""
+    found = [each.cost(config) for each in OBSERVABLES.values() if each.columns(config) is not None]
+    return sum(pairs for pairs, _ in found), max((memory for _, memory in found), default=0.0)
 
 
 def known_columns() -> dict[str, Column]:
