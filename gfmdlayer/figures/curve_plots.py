@@ -8,7 +8,6 @@ chooses their looks.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from pathlib import Path
@@ -105,16 +104,18 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
     """Draw a column of each case against time or another column."""
     sweep = drawn.sweep
     along, up = (quantity(sweep[name], sweep.attrs) for name in (x, y))
-    ends = [math.inf, -math.inf]
+    ends: list[float] = []
     for curve in drawn.curves:
-        place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
-        across = sweep[x].isel(place).to_numpy() / along.scale
-        values = sweep[y].isel(curve.place).to_numpy() / up.scale
-        shown = across > 0 if "x" in log else np.full(across.shape, True)
-        axes.plot(across[shown], values[shown], color=curve.colour, linestyle=curve.dashes)
-        ends = [min([ends[0], *across[shown][:1]]), max([ends[1], *across[shown][-1:]])]
-    if x == "time" and ends[0] < ends[1]:
-        axes.set_xlim(*ends)
+        # Where each case has its own times, they are NaN behind its last row.
+        clock, across, values = (
+            sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
+        )
+        shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
+        across = across[shown] / along.scale
+        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        ends += [*across[:1], *across[-1:]]
+    if x == "time" and len({*ends}) > 1:
+        axes.set_xlim(min(ends), max(ends))
     left_out = _scale_axes(axes, {"x": x, "y": y}, log)
     name_axes(axes, along, up)
     return left_out
@@ -184,10 +185,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file holds
-    the times that all cases share, which runs of different speeds do not. The area is the integral of the
-    mean pressure over the depth, the work that the punch has done at the end; the part below zero in
-    retraction is the work of separation.
+    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file may
+    hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
+    work that the punch has done at the end; the part below zero in retraction is the work of separation.
     """
     with styled(style):
         drawn, legend = family(dataset), []

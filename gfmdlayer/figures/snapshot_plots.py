@@ -483,7 +483,7 @@ class Inset(NamedTuple):
             curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
         tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
         for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
-            value = float(curves.sel(time=time, method="nearest"))
+            value = float(curves[np.nanargmin(np.abs(curves["time"].to_numpy() - time))])
             axes.plot(
                 time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
             )

@@ -65,7 +65,7 @@ def leakage(
         Of the seal, along the flow and across it; by default those of the cell, and 1 along the ridges of a
         line.
     body : Body, optional
-        For the lift of the surface; by default that of the configuration of a case.
+        For the lift of the surface; default: the body of the case's configuration.
     fields : bool
         Whether to return the pressure and the flow at each point of a surface.
 
@@ -206,6 +206,8 @@ def _depth_and_residual(state: xarray.Dataset) -> tuple[float, float]:
     if "displacement" not in state or "residual" not in state:
         return 0.0, 0.0
     residual = state["residual"]
+    if "row" in residual.dims:  # a case of a sweep with time steps of its own
+        residual = residual.swap_dims(row="time").dropna("time")
     if "time" in residual.dims:
         residual = residual.sel(time=state["snapshot"], method="nearest")
     return max(-float(state["displacement"].min()), 0.0), float(residual)

@@ -18,6 +18,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 
+_CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabola of n points it is n times
+
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Return whether each point is in contact."""
@@ -33,6 +35,28 @@ def _touching(pressure: FloatArray, gap: FloatArray, per_pressure: float, per_ga
     for i in range(gap.size):
         found[i] = pressure[i] * per_pressure > gap[i] * per_gap
     return found
+
+
+def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
+    """Whether a punch touches first in a cusp at the edge of the cell, and is smooth where it is deepest.
+
+    Such is a convex punch with the wrong sign; `obstacle` is its surface upward, one value a point. A punch
+    over several ranks is not looked at.
+    """
+    if not grid.is_whole:
+        return False
+    heights = obstacle.reshape(grid.shape)
+    touches, deepest = (np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax()))
+
+    def bend(at: tuple[Any, ...]) -> float:
+        """Sum of the second differences along the axes."""
+        lines: list[FloatArray] = [heights[(*at[:k], slice(None), *at[k + 1 :])] for k in range(len(at))]
+        return sum(
+            abs(float(h[i - 1] - 2 * h[i] + h[(i + 1) % h.size])) for i, h in zip(at, lines, strict=True)
+        )
+
+    at_the_edge = any(i in (0, n - 1) for i, n in zip(touches, heights.shape, strict=True))
+    return at_the_edge and bend(touches) > _CUSP * bend(deepest)
 
 
 def closed_gap(problem: Problem, solution: Solution) -> FloatArray:
@@ -165,7 +189,7 @@ def _edge(
     """Place of the edge between a point in contact and the next along a line, in spacings from the point.
 
     A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
-    `line` that of pressure and gap, `marks` that of `touching`. Contact and gap are measured along `farthest`
+    `line` is of pressure and gap, `marks` of `touching`. Contact and gap are measured along `farthest`
     points; step is 1 or -1.
     """
     start, span, many, place = marks

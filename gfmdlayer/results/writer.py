@@ -37,7 +37,7 @@ from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
 #
 # Snapshots are shuffled by byte and compressed by gzip at level 1. Measured on a rough contact of 2^22
 # points, the pressure, mostly zeros, shrinks to 10 % in 34 ns a point, the gap to 74 % and the displacement
-# to 82 % in 142 ns, of which the disk alone takes 13; level 4 gains 1 % more.
+# to 82 % in 142 ns, of which the disk takes 13; level 4 gains 1 % more.
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
