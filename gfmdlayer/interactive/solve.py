@@ -19,7 +19,7 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
-from gfmdlayer.observables.contact_statistics import closed_gap, in_contact, interpolated_area
+from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
 from gfmdlayer.periodic import too_deep
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -90,7 +90,8 @@ def solve(
     -------
     xarray.Dataset
         pressure, displacement (positive upward), gap and contact along x[, y]; contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points), mean_pressure, force, depth,
+        cell), contact_area_interpolated (with edges between the points) and the estimate
+        contact_area_error of its error, mean_pressure, force, depth,
         residual and FFT pairs, in the units of the arguments.
 
     Raises
@@ -237,6 +238,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
     scalars = {
         "contact_area": solution.contact_area,
         "contact_area_interpolated": area,
+        "contact_area_error": area_error(touching.reshape(grid.shape), area, grid),
         "mean_pressure": solution.mean_pressure,
         "force": solution.mean_pressure * math.prod(grid.period),
         "depth": surface.depth,
@@ -262,6 +264,7 @@ _MEANINGS = {
     "contact": _meaning("whether the point is in contact"),
     "contact_area": _meaning("relative contact area, contact points / all points"),
     "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
+    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
     "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
     "force": _meaning("force over the cell, of a line per length", "pressure area"),
     "depth": _meaning("depth of the punch below its first touch", "length"),
