@@ -17,7 +17,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.config import Config
 from gfmdlayer.footprint import estimate, keep_pair_seconds
 from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, fault_of_the_body
-from gfmdlayer.observables import Column, columns
+from gfmdlayer.observables import Column, columns, costs
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -82,7 +82,8 @@ class PeriodicContact(Model):
     @property
     def footprint(self) -> Footprint:
         """Estimated steps, FFT pairs, memory and disk."""
-        return estimate(self.programme, sum(column.size for column in self.columns))
+        width = sum(column.size for column in self.columns)
+        return estimate(self.programme, width, costs(self.config))
 
     def methods(self) -> Iterator[str]:
         """Yield the contact solver and why it is taken, and the series that replace continuous laws."""

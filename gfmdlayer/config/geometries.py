@@ -27,7 +27,15 @@ _PERIODIC = {
     "solver": None,
     "trajectory": ("velocity", "velocity_file"),
     "time": ("integrator", "steady"),
-    "output": ("patches", "histograms", "keep_state"),
+    "output": (
+        "patches",
+        "histograms",
+        "observables",
+        "leakage",
+        "conductance",
+        "stiffness",
+        "keep_state",
+    ),
 }
 
 

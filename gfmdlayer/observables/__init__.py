@@ -1,4 +1,4 @@
-"""Observables of a step: contact, effort, friction, adhesion, energy balance, statistics, steady state."""
+"""Observables of a step: contact, effort, friction, adhesion, energy, statistics, transport, steady state."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from gfmdlayer.observables.friction import Friction
 from gfmdlayer.observables.isolated import TOTALS, of_one_contact, totals
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.transport import Conductance, Leakage, SealEstimates, SpotRadius, Stiffness
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -50,6 +51,11 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "instabilities": Instabilities,
     "statistics": ContactStatistics,
     "temperature": Temperature,
+    "seal_estimates": SealEstimates,
+    "leakage": Leakage,
+    "spot_radius": SpotRadius,
+    "conductance": Conductance,
+    "stiffness": Stiffness,
     "series_error": SeriesError,
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
@@ -67,6 +73,12 @@ def columns(config: Config) -> tuple[Column, ...]:
     if config.grid.isolated:
         return tuple(of_one_contact(every, line=len(config.grid.points) == 1))
     return tuple(every)
+
+
+def costs(config: Config) -> tuple[float, float]:
+    """Return the FFT pairs of a row that observables take, and the bytes of the largest of them."""
+    found = [each.cost(config) for each in OBSERVABLES.values() if each.columns(config) is not None]
+    return sum(pairs for pairs, _ in found), max((memory for _, memory in found), default=0.0)
 
 
 def known_columns() -> dict[str, Column]:

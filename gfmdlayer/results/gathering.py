@@ -159,7 +159,8 @@ class _File:
                 yield name, Column(_described(dataset))
             else:
                 bins = dataset.dims[1][0].name.lstrip("/")
-                edges = {end: (_described(h5[end]), h5[end][()]) for end in (bins, f"{bins}_end")}
+                ends = [end for end in (bins, f"{bins}_end") if end in h5]
+                edges = {end: (_described(h5[end]), h5[end][()]) for end in ends}
                 yield name, Column(_described(dataset), bins, edges)
 
 
@@ -191,7 +192,7 @@ class _Memory:
         for name, values in self._data.data_vars.items():
             if values.dims[:1] == ("time",):
                 bins = str(values.dims[1]) if values.ndim > 1 else ""
-                ends = (bins, f"{bins}_end") if bins else ()
+                ends = [end for end in (bins, f"{bins}_end") if end in self._data.coords]
                 edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
                 yield str(name), Column(values.attrs, bins, edges)
 

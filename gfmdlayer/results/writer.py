@@ -85,7 +85,8 @@ def _add_column(h5: h5py.File, column: Column) -> None:
         return
     dimensions, options = ("time", column.along.name), _growing(column.size) | PACKED
     dataset = add_variable(h5, column.name, dimensions, column.described, dtype=column.dtype, **options)
-    dataset.attrs["coordinates"] = f"{column.along.name}_end"
+    if beside := [name for name, *_ in column.along.ends if name != column.along.name]:
+        dataset.attrs["coordinates"] = " ".join(beside)
 
 
 def _growing(*places: int) -> dict[str, Any]:
