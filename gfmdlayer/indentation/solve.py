@@ -79,7 +79,10 @@ class Space(NamedTuple):
 
 
 def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Space:
-    """Return the nodes for contacts up to the radius `reach`, to a relative error of the force."""
+    """Return the nodes for contacts up to the radius `reach`, to a relative error of the force.
+
+    Raises ValueError if the contact is too large compared with the layers.
+    """
     phase = features.last * reach
     if phase > 1.001 * _MOST_PHASE:
         raise ValueError(
@@ -101,7 +104,11 @@ def make_space(features: Features, reach: float, tolerance: float = 1e-4) -> Spa
 def find_space(
     body: Body, profile: Revolution, history: History, tolerance: float = 1e-4, adhesion: float = 0.0
 ) -> Space:
-    """Return the nodes for the largest contact of a history, found from the glassy and the relaxed body."""
+    """Return the nodes for the largest contact of a history, found from the glassy and the relaxed body.
+
+    Raises ValueError if the body does not support an isolated load or the contact is too large compared with
+    its layers, and ArithmeticError if no contact radius is found.
+    """
     if math.isfinite(profile.rim) and abel_transform(profile, profile.rim) == 0:
         return make_space(find_features(body, profile.rim), profile.rim, tolerance)
     largest = max(float(history.value.max()), 0.0)
@@ -116,7 +123,7 @@ def find_space(
         space = make_space(features, reach)
         try:
             limits = [
-                on_steps(each, space, profile, ends, ends.time, adhesion)
+                march_on(each, space, profile, ends, ends.time, adhesion)
                 for each in _elastic_limits(body, space)
             ]
         except LeftGridError:
@@ -125,6 +132,29 @@ def find_space(
         radius = max(limit.radius[-1] for limit in limits)
         return make_space(features, min(_MARGIN * max(radius, 0.02 * reach), profile.rim), tolerance)
     raise ArithmeticError(f"no contact radius found for the largest value of the history, {largest:.6g}")
+
+
+def march_on(
+    body: Compliance,
+    space: Space,
+    profile: Revolution,
+    history: History,
+    time: FloatArray,
+    adhesion: float = 0.0,
+    snapshots: FloatArray | None = None,
+) -> Marched:
+    """Follow a history on given steps, see `on_steps`."""
+    value = np.interp(time, history.time, history.value)
+    breakpoints = np.isin(time, breakpoints_of(history))
+    kept = np.isin(time, [] if snapshots is None else snapshots)
+    drive = Drive(time, value, history.by_force, breakpoints, kept, adhesion, _EDGE)
+    found = march(body, profile, space.nodes, drive)
+    if found.status == COMPLETE:
+        return found
+    when = f"t = {time[found.stopped]:.6g}"
+    if found.status == LEFT_GRID:
+        raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
+    raise ArithmeticError(f"{when}: no contact radius found")
 
 
 def breakpoints_of(history: History) -> FloatArray:
@@ -158,7 +188,10 @@ def _halfspace_radius(
 
 @kernel
 def halfspace_radius(profile: Revolution, D: float, largest: float, by_force: bool, adhesion: float) -> float:
-    """Contact radius on an elastic halfspace of D = (1 - nu)/G, within 0.1 %, for a depth or a force."""
+    """Contact radius on an elastic halfspace of D = (1 - nu)/G, within 0.1 %, for a depth or a force.
+
+    It is the rim of an indenter that is pressed in as a whole.
+    """
     low, high, found = 0.0, min(_TINY, profile.rim), False
     for _ in range(_MOST_ITERATIONS):
         a = 0.5 * (low + high) if found else high
@@ -281,16 +314,7 @@ def on_steps(
     LeftGridError if the contact grows beyond the space, ArithmeticError if a contact radius is not found.
     """
     made = body if isinstance(body, Compliance) else space.compliance(body)
-    value = np.interp(time, history.time, history.value)
-    breakpoints = np.isin(time, breakpoints_of(history))
-    kept = np.isin(time, [] if snapshots is None else snapshots)
-    drive = Drive(time, value, history.by_force, breakpoints, kept, adhesion, _EDGE)
-    found = march(made, profile, space.nodes, drive)
-    if found.status != COMPLETE:
-        when = f"t = {time[found.stopped]:.6g}"
-        if found.status == LEFT_GRID:
-            raise LeftGridError(f"{when}: the contact grows beyond the radius {space.nodes.reach:.6g}")
-        raise ArithmeticError(f"{when}: no contact radius found")
+    found = march_on(made, space, profile, history, time, adhesion, snapshots)
     return Indentation(
         time, found.force, found.depth, found.radius, found.stored, found.dissipated, found.rise,
         math.nan, found.solutions, found, space,
@@ -374,7 +398,10 @@ def follow(
 def in_growing_space(
     attempt: Callable[[Space], Indentation], space: Space, profile: Revolution, tolerance: float
 ) -> Indentation:
-    """Return the result of an attempt, with nodes for larger contacts where one grows beyond the space."""
+    """Return the result of an attempt, with nodes for larger contacts if a contact grew beyond the space.
+
+    Raises ArithmeticError if the contact grows without bound.
+    """
     for _ in range(_MOST_SPACES):
         try:
             return attempt(space)._replace(space=space)

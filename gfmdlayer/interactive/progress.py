@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from gfmdlayer.execution.progress import PREPARATION, Display, make_display
@@ -147,4 +146,4 @@ class Watch:
         progress = Progress(self._total, self._complete, self._failed, at_work)
         left = (self._total - progress.done) * (now - self._begun) / progress.done if progress.done else None
         assert self._display is not None
-        self._display.advance(replace(progress, seconds_left=left))
+        self._display.advance(Progress(self._total, self._complete, self._failed, at_work, left))
