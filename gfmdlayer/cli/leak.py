@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
     from xarray import Dataset
 
-EXAMPLE = "gfmdlayer leak results/seal --viscosity 1.0e-3 --pressure-drop 1.0e5"
+EXAMPLE = (
+    "gfmdlayer run configs/seal-quick.yaml && "
+    "gfmdlayer leak results/seal-quick --viscosity 1.0e-6 --pressure-drop 1.0e-4"
+)
 
 _SHOWN = (
     ("time", 10),

@@ -401,6 +401,7 @@ class _Run:
             model.columns,
             elapsed=checkpoints.elapsed,
             unit=case.config.unit,
+            swept=case.values,
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):

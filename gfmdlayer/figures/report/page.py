@@ -146,7 +146,7 @@ SCALES = ("L", "G0", "tau")
 # Attributes that have a place of their own on the page.
 PLACED = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
-    *(*SOFTWARE, *SCALES, "name", "warnings", "settled"),
+    *(*SOFTWARE, *SCALES, "name", "warnings", "settled", "coordinates"),
 }
 
 
