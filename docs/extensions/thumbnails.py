@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # The panel of a picture and the curve in it; by default the first panel, and the last curve.
 _CHOSEN = {
+    "plot_adhesion": (0, -2),
     "plot_coated_sphere": (1, -1),
     "plot_electroadhesion": (1, 2),
     "plot_fit": (0, 1),

@@ -66,6 +66,10 @@ class Grid(Section):
     """number of points, or [nx, ny]; axisymmetric: points of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """period L of the cell, or [Lx, Ly]: length"""
+    boundary: Annotated[Annotated[str, Word("periodic", "isolated")] | None, given] = None
+    """periodic (default), or isolated: one contact without periodic images"""
+    datum: Optional = None
+    """isolated line: distance at which the surface counts as at rest: length"""
     extent: Optional = None
     """axisymmetric: profiles are written up to this radius: length"""
 
@@ -85,6 +89,11 @@ class Grid(Section):
     def _number_where_one_will_do(self, values: tuple[float, ...], info: FieldSerializationInfo) -> object:
         same = len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
         return values[0] if same else values
+
+    @property
+    def isolated(self) -> bool:
+        """Whether the contact in the cell has no periodic images."""
+        return self.boundary == "isolated"
 
     @property
     def cell(self) -> Cell:
