@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
+    from gfmdlayer.body.pair import Pair
     from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.solid import Solid
@@ -68,6 +69,7 @@ __all__ = [
     "LayerStack",
     "LayeredHalfspace",
     "LennardJones",
+    "Pair",
     "Parabola",
     "PowerLaw",
     "Prony",
@@ -127,6 +129,7 @@ _MODULES = {
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("Spectrum", "relaxation_spectrum"),
+    "gfmdlayer.body.pair": ("Pair",),
     "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),

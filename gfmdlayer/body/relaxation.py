@@ -26,6 +26,7 @@ longest.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -269,36 +270,48 @@ def retardation_spectrum(
     Raises ArithmeticError if the iteration does not converge.
     """
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
-    width = max(1, _CHUNK // moduli.size**2)
-    for start in range(0, relaxed.size, width):
-        part = slice(start, start + width)
-        compliances[:, part], thetas[:, part] = _solve_secular(moduli, times, relaxed[part])
+    for part in columns_at_once(moduli.size, relaxed.size):
+        compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
     return compliances, thetas
 
 
-def _solve_secular(
-    moduli: FloatArray, times: FloatArray, relaxed: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """`retardation_spectrum` by the iteration of Bunch, Nielsen and Sorensen, Numer. Math. 31 (1978) 31-48.
+def columns_at_once(modes: int, columns: int) -> Iterator[slice]:
+    """Yield the columns for which secular equations are solved together."""
+    width = max(1, _CHUNK // modes**2)
+    for start in range(0, columns, width):
+        yield slice(start, start + width)
 
-    A root is held as its distance from the nearer of the two poles tau_k around it, so that it is accurate
-    however close the times are.
+
+def solve_secular(
+    strengths: FloatArray, times: FloatArray, relaxed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978).
+
+    Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their own;
+    `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2) and
+    roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is stored as its
+    distance from the nearer of the two poles around it, so that it is accurate however close the times are
+    (Numer. Math. 31, 31-48).
     """
-    strengths = moduli * times
+    n = len(times)
+    poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
     # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
     # longest time is kept separately: added to the time it may vanish, in a body that is almost rigid.
-    reach = 4 * strengths.sum() / relaxed.min()
-    ends = np.append(times, times[-1] + reach)
-    gap = np.append(np.diff(times), reach)[:, np.newaxis]
-    below = np.tril(np.ones((times.size, 1)) * strengths)
-    sides = np.stack((below, strengths - below), axis=-1)
+    reach = np.atleast_1d(4 * strengths.sum(axis=0) / bounds)
+    ends = np.concatenate((poles, poles[-1:] + reach))
+    gap = np.concatenate((np.diff(poles, axis=0), reach[np.newaxis]))
+    below = np.tril(np.ones((n, 1)) * strengths.T[..., np.newaxis, :])  # ([m,] roots, poles)
+    sides = np.stack((below, strengths.T[..., np.newaxis, :] - below), axis=-1)
+    if times.ndim == 2:
+        sides = np.moveaxis(sides, 1, 0)
 
-    distance = np.repeat(gap / 2, relaxed.size, axis=1)
-    values, _ = _secular_sums((times[:, np.newaxis] - times)[:, np.newaxis], distance, sides)
+    distance = np.array(np.broadcast_to(gap / 2, (n, relaxed.size)))
+    values, _ = _secular_sums(poles[..., np.newaxis] - poles.T, distance, sides)
     upward = values.sum(axis=-1) < relaxed
     sign = np.where(upward, 1, -1)
-    origin = ends[np.arange(times.size)[:, np.newaxis] + ~upward]
-    offsets = origin[..., np.newaxis] - times
+    nearer = np.arange(n)[:, np.newaxis] + ~upward
+    origin = np.take_along_axis(np.broadcast_to(ends, (n + 1, relaxed.size)), nearer, axis=0)
+    offsets = origin[..., np.newaxis] - poles.T
     for _ in range(_MOST_ITERATIONS):
         values, slopes = _secular_sums(offsets, sign * distance, sides)
         near, far = np.moveaxis(np.where(upward[..., np.newaxis], values, -values[..., ::-1]), -1, 0)
@@ -311,20 +324,23 @@ def _solve_secular(
         if (converged | (np.abs(residual) <= _ROUNDING * (relaxed + near - far))).all():
             break
     else:
-        raise ArithmeticError("no convergence to the retardation times of the layer's material")
+        raise ArithmeticError("no convergence to the retardation times of a body")
     theta = origin + sign * distance
     _, slopes = _secular_sums(offsets, sign * distance, sides)
-    return 1 / (theta * slopes.sum(axis=-1)), theta
+    return 1 / (theta * slopes.sum(axis=-1)), theta, offsets + (sign * distance)[..., np.newaxis]
 
 
 def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
     """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative.
 
     `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the strengths
-    on either side, shape (n, n, 2). Both results have shape (n, m, 2).
+    on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape (n, m, 2).
     """
     inverse = 1 / (offsets + y[..., np.newaxis])
-    return inverse @ sides, (inverse * inverse) @ sides
+    if sides.ndim == 3:
+        return inverse @ sides, (inverse * inverse) @ sides
+    rows = inverse[..., np.newaxis, :]
+    return (rows @ sides)[..., 0, :], ((rows * rows) @ sides)[..., 0, :]
 
 
 def _next_distance(
