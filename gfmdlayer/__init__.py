@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
@@ -88,6 +89,7 @@ __all__ = [
     "fit_indentation",
     "halfspace",
     "indent",
+    "leakage",
     "load",
     "open_case",
     "open_results",
@@ -103,6 +105,7 @@ _MODULES = {
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.model": ("ConvergenceError", "simulate"),
     "gfmdlayer.simulation": ("Case",),

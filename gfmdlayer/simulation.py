@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.body import Body, check_body, internal_variables
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
@@ -110,6 +110,8 @@ class Case:
     ) -> None:
         if unknown := parts.keys() - Parts.__annotations__.keys():
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        if "body" in parts:
+            check_body(parts["body"], "mean_stiffness")
         self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
         vars(self).update(parts)  # where the cached properties look first
 
@@ -200,6 +202,7 @@ class Case:
             internal = internal_variables(self.body, waves)
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
+        check_body(self.body, "spectrum")
         spectrum = self.body.spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)

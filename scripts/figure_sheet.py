@@ -44,7 +44,7 @@ PICTURES = (
     Picture("thicknesses", "--case 2 --inset 0.5 8"),
     Picture("experiment", "--kind curves"),
     Picture("cycles", "--x depth --y force"),
-    Picture("three_keys", "--kind curves --log-time"),
+    Picture("three_keys", "--kind curves --log x"),
     Picture("three_keys", "--x thickness --y mean_pressure contact_area --select poisson=0.5"),
     Picture("failures", "--kind map --z mean_pressure dissipated --time max"),
     Picture("samples", "--kind map --x thickness --y Ginf"),

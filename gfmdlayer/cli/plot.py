@@ -18,7 +18,9 @@ KINDS = {
 }
 # The kinds of figure that take an option; None stands for no --kind: the curves and the snapshots.
 KINDS_WITH: dict[str, tuple[str | None, ...]] = {
+    "log": (None, "curves"),
     "log_time": (None, "curves"),
+    "times": (None, "snapshots", "waterfall", "movie"),
     "inset": (None, "curves"),
     "x": (None, "curves", "map"),
     "y": (None, "curves", "loop", "map"),
@@ -29,7 +31,7 @@ KINDS_WITH: dict[str, tuple[str | None, ...]] = {
 
 MOST_FRAMES = 100  # per second, the limit of a GIF
 
-EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log-time"
+EXAMPLE = "gfmdlayer plot results/figure2-quick --out figure2.pdf --log x"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +56,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="paper: for a journal (default); screen: for a talk (default of movies)",
     )
     parser.add_argument("--case", metavar="N", type=int, help="draw the snapshots of this case")
-    parser.add_argument("--log-time", action="store_true", help="logarithmic time axis of the curves")
+    parser.add_argument(
+        "--log", metavar="AXES", type=_axes, default=(), help="logarithmic axes of the curves: x, y or x,y"
+    )
+    parser.add_argument("--log-time", action="store_true", help="--log x of curves over time")
+    parser.add_argument(
+        "--times",
+        metavar="T",
+        type=float,
+        nargs="+",
+        default=[],
+        help="draw the snapshots of these times, all of them (default: of very many, some)",
+    )
     parser.add_argument(
         "--inset",
         metavar="T",
@@ -93,6 +106,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fps", metavar="N", type=int, help="frames per second of a movie")
 
 
+def _axes(text: str) -> tuple[str, ...]:
+    """Return the names of axes; an error of the parser for other words."""
+    names = tuple(text.split(","))
+    if not set(names) <= {"x", "y"}:
+        raise argparse.ArgumentTypeError(f"got {text!r}; must be x, y or x,y")
+    return names
+
+
 def _selected(texts: list[str]) -> dict[str, str]:
     """Return the selected values by key; ValueError for another form."""
     selected: dict[str, str] = {}
@@ -119,7 +140,7 @@ def _time(text: str | None) -> Any:
 def plot(options: argparse.Namespace) -> int:
     """Draw the figures of results."""
     for name, kinds in KINDS_WITH.items():
-        if getattr(options, name) not in (None, False, [], "") and options.kind not in kinds:
+        if getattr(options, name) not in (None, False, (), [], "") and options.kind not in kinds:
             allowed = " or ".join(f"--kind {kind}" for kind in kinds if kind)
             return refuse(f"--{name.replace('_', '-')}: only with {allowed}")
     try:
@@ -136,6 +157,8 @@ def plot(options: argparse.Namespace) -> int:
         kind=options.kind,
         case=options.case,
         style=options.style or ("screen" if options.kind == "movie" else "paper"),
+        times=options.times,
+        log=options.log,
         log_time=options.log_time,
         inset=options.inset,
         time=time,

@@ -91,6 +91,16 @@ def from_python(
     return _validated(document, values or {}, Path.cwd(), inspect)
 
 
+def gives(config: str | Path | Mapping[str, Any] | Config, key: str) -> bool:
+    """Whether a configuration itself, a file's, a mapping's or a checked one, has a dotted key."""
+    data = _document(config).data if isinstance(config, str | Path) else plain(config)
+    for part in location_of_key(key):
+        if not isinstance(data, dict) or part not in data:
+            return False
+        data = data[part]
+    return True
+
+
 def _validated(
     document: Document,
     overrides: Iterable[str] | Mapping[str, object],

@@ -246,7 +246,8 @@ def _collect(
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
+            times = None if "output.times" in keys else config.output.times
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit, times)
             found = attributes(path)
             named = (line.partition(": ") for line in str(found["failed"]).splitlines())
             failed = {int(number): reason for number, _, reason in named if number.isdecimal()}

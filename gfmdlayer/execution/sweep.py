@@ -57,7 +57,8 @@ class Cases(Sequence[SweepCase]):
     """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
-    end/200, so that their curves share a time axis. A case whose values are not possible raises ConfigError.
+    end/200, so that cases of one end have rows at equal times. A case whose values are not possible raises
+    ConfigError.
     """
 
     def __init__(self, config: Config) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.config import Config, load
 from gfmdlayer.config.layers import Layers
-from gfmdlayer.figures.labels import value_labels
+from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import PAPER, Style, colours, new_figure, styled
 from gfmdlayer.programme import Programme
 from gfmdlayer.results.reader import attributes, case_path
@@ -69,9 +69,10 @@ def body_figure(config: Config, style: Style = PAPER) -> Figure:
             if block.law is not None:
                 values = block.law.relaxation_modulus(times)
             moduli.loglog(times, values, color=shade, label=block.label)
-        moduli.set(xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$G$", "pressure"))
+        name_axes(moduli, _quantity(config, "$t$", "time"), _quantity(config, "$G$", "pressure"))
         moduli.set_xlim(times[0], times[-1])
         moduli.legend()
+        finish(figure)
     return figure
 
 
@@ -96,13 +97,15 @@ def _response_figure(config: Config, style: Style) -> Figure:
             stiffness.loglog(q, found.glassy, color=shade, linestyle="--")
             kept = (found.weights[:, 0] * np.exp(-times[:, np.newaxis] / found.times[:, 0])).sum(axis=1)
             relaxation.loglog(times, found.relaxed[0] + kept, color=shade, label=f"along {name}")
-        stiffness.set(xlabel=_in(config, "$q$", "1 / length"), ylabel=_in(config, "$K$", _STIFFNESS))
+        along_y = _quantity(config, "$K$", _STIFFNESS)
+        name_axes(stiffness, _quantity(config, "$q$", "1 / length"), along_y)
         stiffness.set_title("relaxed, and sudden (dashed)")
-        relaxation.set(xlabel=_in(config, "$t$", "time"), ylabel=_in(config, "$K$", _STIFFNESS))
+        name_axes(relaxation, _quantity(config, "$t$", "time"), along_y)
         relaxation.set_title("at the longest wave")
         relaxation.set_xlim(times[0], times[-1])
         for axes in (stiffness, relaxation):
             axes.legend()
+        finish(figure)
     return figure
 
 
@@ -137,8 +140,7 @@ def _draw_section(axes: Axes, config: Config, body: Layers, blocks: list[Block],
         opacity = PALEST + (CLEAREST - PALEST) * float(logarithms[i] - logarithms.min()) / span
         axes.axhspan(top - height, top, color=shades[i], alpha=opacity, linewidth=0)
         axes.axhline(top, color="black", linewidth=0.6)
-        depth = value_labels([block.thickness])[0]
-        written = f"{block.label}: $d$ = {depth} {_label(config, 'length')}".rstrip()
+        written = f"{block.label}: {_quantity(config, '$d$', 'length').equals([block.thickness])[0]}"
         if math.isinf(block.thickness):
             written = block.label
         axes.text(0.5, top - height / 2, rf"{written}, $\nu$ = {poissons[i]:g}", ha="center", va="center")
@@ -153,10 +155,5 @@ def _draw_section(axes: Axes, config: Config, body: Layers, blocks: list[Block],
     axes.axis("off")
 
 
-def _label(config: Config, words: str) -> str:
-    return "" if config.units is None else config.unit(words)
-
-
-def _in(config: Config, symbol: str, words: str) -> str:
-    unit = _label(config, words)
-    return f"{symbol} ({unit})" if unit else symbol
+def _quantity(config: Config, symbol: str, words: str) -> Quantity:
+    return Quantity(symbol, "" if config.units is None else config.unit(words))

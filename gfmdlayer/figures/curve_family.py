@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.figures.labels import quantity, symbol, value_labels
+from gfmdlayer.figures.labels import Quantity, Ticks, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
 from gfmdlayer.figures.selection import (
     case_dimensions,
@@ -23,6 +23,7 @@ from gfmdlayer.figures.selection import (
     swept,
     value_titles,
 )
+from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,16 +37,20 @@ MOST_TICKS = 12  # of a colour bar of values in their order
 
 
 class Scale(NamedTuple):
-    """Position of values on an axis or a colour bar."""
+    """Position of values of a quantity on an axis or a colour bar."""
 
     kind: str  # log, linear, or order: evenly, in the order of the values
     positions: Any  # the values as an array, or their places in the order
     ticks: list[int]  # for `order`, the places that are labelled
     labels: list[str]
+    quantity: Quantity  # in the power of ten of the labels
 
     @classmethod
-    def of(cls, values: Sequence[Any]) -> Scale:
-        """Find the scale on which the median lies nearest to the middle; text and infinity lie in order."""
+    def of(cls, values: Sequence[Any], drawn: Quantity = Quantity(""), *, log: bool = False) -> Scale:  # noqa: B008
+        """Find the scale on which the median lies nearest to the middle; text and infinity lie in order.
+
+        ResultsError for text, infinity or zero on a scale that must be logarithmic.
+        """
         unique = list(dict.fromkeys(values))
         if not any(isinstance(value, str) for value in values):
             unique.sort()
@@ -54,33 +59,42 @@ class Scale(NamedTuple):
                 np.array([each for each in unique if each > 0]),
             )
             if np.isfinite(numbers).all():
-                is_log = unique[0] >= 0 and _off_middle(np.log(positive)) < _off_middle(np.asarray(unique))
+                middle = [_off_middle(each) for each in (np.log(positive), np.asarray(unique))]
+                is_log = log or (unique[0] >= 0 and middle[0] < middle[1])
                 if not is_log or unique[0] > 0:
-                    return cls("log" if is_log else "linear", numbers, [], [])
+                    return cls("log" if is_log else "linear", numbers, [], [], drawn)
+            drawn = drawn.fit(unique) if drawn.unit else drawn
+        if log:
+            raise ResultsError(
+                f"log x: {drawn.symbol} has values that are not positive numbers; draw it without"
+            )
         places = {value: place for place, value in enumerate(unique)}
-        ticks, labels = spread(len(unique), MOST_TICKS), value_labels(unique)
+        ticks, labels = spread(len(unique), MOST_TICKS), drawn.numbers(unique)
         positions = np.array([places[value] for value in values], dtype=float)
-        return cls("order", positions, ticks, [labels[i] for i in ticks])
+        return cls("order", positions, ticks, [labels[i] for i in ticks], drawn)
 
     def apply(self, axes: Axes, name: Literal["x", "y"]) -> None:
-        """Set the scale and the ticks of an axis."""
+        """Set the scale, the ticks and the label of an axis."""
+        axis = axes.xaxis if name == "x" else axes.yaxis
         if self.kind == "order":
-            getattr(axes, f"set_{name}ticks")(self.ticks, self.labels)
-            getattr(axes, f"set_{name}ticks")([], minor=True)
-        else:
-            axes.set(**{f"{name}scale": self.kind})
-            if self.kind == "log":
-                _round_ticks(axes.xaxis if name == "x" else axes.yaxis)
+            axis.set_ticks(self.ticks, self.labels)
+            axis.set_ticks([], minor=True)
+            axis.set_label_text(self.quantity.label)
+            return
+        axes.set(**{f"{name}scale": self.kind})
+        name_axes(axes, **{name: self.quantity})
+        if self.kind == "log":
+            round_ticks(axis, self.quantity)
 
 
-def _round_ticks(axis: Axis) -> None:
+def round_ticks(axis: Axis, drawn: Quantity) -> None:
     """Label a logarithmic axis of up to three decades at 1, 2 and 5, without powers of ten."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
     if high / low <= 1e3:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low <= 100 else (1,)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: value_labels([value])[0]))
+        axis.set_major_formatter(Ticks(drawn))
         axis.set_minor_formatter(NullFormatter())
 
 
@@ -90,21 +104,20 @@ def _off_middle(values: Any) -> float:
 
 
 class ColourBar(NamedTuple):
-    """A colour bar of values: its colours, label and ticks."""
+    """A colour bar of values: its colours, quantity and ticks."""
 
     mappable: ScalarMappable
-    label: str
     scale: Scale
 
     @classmethod
-    def of(cls, values: Sequence[Any], label: str) -> ColourBar:
+    def of(cls, values: Sequence[Any], drawn: Quantity) -> ColourBar:
         """Make the colour bar of values."""
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
-        scale = Scale.of(values)
+        scale = Scale.of(values, drawn)
         norm = (LogNorm if scale.kind == "log" else Normalize)(scale.positions.min(), scale.positions.max())
-        return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), label, scale)
+        return cls(ScalarMappable(norm, LinearSegmentedColormap.from_list("", colours(256))), scale)
 
     @property
     def colours(self) -> list[str]:
@@ -115,12 +128,15 @@ class ColourBar(NamedTuple):
 
     def draw(self, figure: Figure, panels: Any) -> None:
         """Draw it beside panels."""
-        bar = figure.colorbar(self.mappable, ax=panels, label=self.label, aspect=30, pad=0.02)
+        bar = figure.colorbar(self.mappable, ax=panels, aspect=30, pad=0.02)
         if self.scale.kind == "order":
             bar.set_ticks(self.scale.ticks, labels=self.scale.labels)
             bar.minorticks_off()
-        elif self.scale.kind == "log":
-            _round_ticks(bar.ax.yaxis)
+            bar.set_label(self.scale.quantity.label)
+            return
+        name_axes(bar.ax, y=self.scale.quantity)
+        if self.scale.kind == "log":
+            round_ticks(bar.ax.yaxis, self.scale.quantity)
 
 
 class Curve(NamedTuple):
@@ -205,7 +221,7 @@ def _has_many(key: DataArray) -> bool:
 def _coloured(key: DataArray) -> tuple[list[str], list[str], ColourBar | None]:
     """Return the colours of the values of a key, with titles for a legend or with a colour bar."""
     if key.dtype.kind in "if" and _has_many(key):
-        bar = ColourBar.of(key.to_numpy().tolist(), quantity(key).label)
+        bar = ColourBar.of(key.to_numpy().tolist(), quantity(key))
         return bar.colours, [], bar
     return colours(key.size), value_titles(key), None
 

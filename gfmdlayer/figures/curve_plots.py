@@ -8,15 +8,15 @@ chooses their looks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
-from gfmdlayer.figures.labels import finish, quantity, value_labels
+from gfmdlayer.figures.labels import finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -50,6 +50,7 @@ def curves_figure(
     columns: Columns = 2,
     *,
     style: Style = PAPER,
+    log: Sequence[Literal["x", "y"]] = (),
     log_time: bool = False,
     inset: Inset | None = None,
     x: str = "time",
@@ -59,10 +60,10 @@ def curves_figure(
     """Draw columns of results, a panel for each, against time, another column, or a swept key `x`.
 
     `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
-    default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. A
-    logarithmic time axis begins at the first row after t = 0. The inset shows punch and surface at chosen
-    times, in the first panel. Against a swept key, `time` is in the units of the config, or "max" or "min",
-    the extremes over time; by default "end".
+    default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. `log`
+    names the logarithmic axes, on which positive values have a place; `log_time` is "x", over time. The inset
+    shows punch and surface at chosen times, in the first panel. Against a swept key, `time` is in the units
+    of the config, or "max" or "min", the extremes over time; by default "end".
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
@@ -83,14 +84,13 @@ def curves_figure(
             axes.remove()
         for i, (axes, name) in enumerate(zip(panels.flat, names, strict=False)):
             if along:
-                when = _draw_against_key(axes, drawn, x, name, time)
+                when = _draw_against_key(axes, drawn, x, name, time, log)
             else:
-                when = _draw_against_column(axes, drawn, x, name, log_time=log_time)
+                when = _draw_against_column(axes, drawn, x, name, [*log, *["x"] * log_time])
             if len(names) > 1:
                 axes.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[i % 26]})", loc="left")
-            axes.set_xlabel(
-                quantity(dataset[x], dataset.attrs).label if columns == 2 or i == len(names) - 1 else ""
-            )
+            if columns == 1 and i < len(names) - 1:
+                axes.set_xlabel("")
             if inset is not None:
                 inset.mark(axes, drawn.sweep[name])
         more = _draw_legend(figure, panels, drawn, columns, style)
@@ -100,30 +100,48 @@ def curves_figure(
     return figure
 
 
-def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, *, log_time: bool) -> list[str]:
+def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequence[str]) -> list[str]:
     """Draw a column of each case against time or another column."""
     sweep = drawn.sweep
     along, up = (quantity(sweep[name], sweep.attrs) for name in (x, y))
-    shown = sweep["time"].to_numpy() > 0 if log_time else np.ones(sweep.sizes["time"], dtype=bool)
+    ends: list[float] = []
     for curve in drawn.curves:
-        place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
-        across = sweep[x].isel(place).to_numpy()[shown] / along.scale
-        values = sweep[y].isel(curve.place).to_numpy()[shown] / up.scale
-        axes.plot(across, values, color=curve.colour, linestyle=curve.dashes)
-    if log_time:
-        axes.set_xscale("log")
-    if x == "time" and np.count_nonzero(shown) > 1:
-        axes.set_xlim(across[0], across[-1])
-    if axes.dataLim.y0 >= 0:
+        # Where each case has its own times, they are NaN behind its last row.
+        clock, across, values = (
+            sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
+        )
+        shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
+        across = across[shown] / along.scale
+        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        ends += [*across[:1], *across[-1:]]
+    if x == "time" and len({*ends}) > 1:
+        axes.set_xlim(min(ends), max(ends))
+    left_out = _scale_axes(axes, {"x": x, "y": y}, log)
+    name_axes(axes, along, up)
+    return left_out
+
+
+def _scale_axes(axes: Axes, names: Mapping[str, str], log: Sequence[str]) -> list[str]:
+    """Set the scales of the axes; say which values a logarithmic one has no place for."""
+    said = []
+    if "y" not in log and axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0)
-    axes.set_ylabel(up.label)
-    return []
+    for each in set(log):
+        values = np.concatenate([np.asarray(getattr(line, f"get_{each}data")()) for line in axes.lines])
+        if not (values > 0).any():
+            raise ResultsError(f"log {each}: {names[each]} has no positive value; draw it without")
+        axes.set(**{f"{each}scale": "log"})
+        if (values <= 0).any():
+            said.append(f"values of {names[each].replace('_', ' ')} that are not positive are left out")
+    return said
 
 
-def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | None) -> list[str]:
+def _draw_against_key(
+    axes: Axes, drawn: Family, x: str, y: str, time: Time | None, log: Sequence[str]
+) -> list[str]:
     """Draw a column at a time against a swept key, a failed case being a gap in the line; say the time."""
     key, up = drawn.sweep[x], quantity(drawn.sweep[y], drawn.sweep.attrs)
-    scale = Scale.of(key.to_numpy().tolist())
+    scale = Scale.of(key.to_numpy().tolist(), quantity(key), log="x" in log)
     order = np.argsort(scale.positions, kind="stable")
     row, when = at_time(drawn.sweep, y, time)
     if key.dims == ("case",):
@@ -134,10 +152,9 @@ def _draw_against_key(axes: Axes, drawn: Family, x: str, y: str, time: Time | No
             look: dict[str, Any] = {"color": curve.colour, "linestyle": curve.dashes, "marker": "o"}
             axes.plot(scale.positions[order], values, markersize=3, **look)
     scale.apply(axes, "x")
-    if axes.dataLim.y0 >= 0:
-        axes.set_ylim(bottom=0)
-    axes.set_ylabel(up.label)
-    return [when] if when else []
+    left_out = _scale_axes(axes, {"y": y}, [each for each in log if each == "y"])
+    name_axes(axes, y=up)
+    return [when, *left_out] if when else left_out
 
 
 def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:
@@ -168,10 +185,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file holds
-    the times that all cases share, which runs of different speeds do not. The area is the integral of the
-    mean pressure over the depth, the work that the punch has done at the end; the part below zero in
-    retraction is the work of separation.
+    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file may
+    hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
+    work that the punch has done at the end; the part below zero in retraction is the work of separation.
     """
     with styled(style):
         drawn, legend = family(dataset), []
@@ -231,12 +247,12 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
         back = np.append(False, np.diff(depth) < 0)
         pulls = np.where(back, np.minimum(values, 0.0), np.nan)
         axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
-    axes.set(xlabel=along.label, ylabel=up.label)
+    name_axes(axes, along, up)
     found = {"loop_area": float(np.trapezoid(case["mean_stress"].to_numpy(), depth))}
     if _SEPARATION in case.attrs:
         found[_SEPARATION] = float(case.attrs[_SEPARATION])
     written = []
     for name, value in found.items():
         area = quantity(case["work"].isel(time=0).rename(name), case.attrs)
-        written.append(area.equals(value_labels([float(f"{value / area.scale:.3g}")])[0]))
+        written += area.equals([float(f"{value / area.scale:.3g}")])
     return written

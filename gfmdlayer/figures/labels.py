@@ -1,4 +1,4 @@
-r"""Labels of the figures: symbols, values, units, and the power of ten of the ticks.
+r"""Labels of the figures: symbols, values, and units with their prefixes.
 
 Symbols of swept keys come from the attribute `symbol` of the results, symbols of other variables from there
 or from the paper. Where the configuration names its units (`units: {length: m, ...}`), values are drawn in
@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from matplotlib.ticker import Formatter
 
 from gfmdlayer.observables import INDENTATION, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from matplotlib.axis import Axis
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from xarray import DataArray
+    from xarray import DataArray, Dataset
 
 
 PAPER_SYMBOLS = {
@@ -145,29 +147,58 @@ def _number_label(number: float, is_fractional: bool) -> str:
 
 
 SCALES = {"length": ("L", "L"), "pressure": ("G0", "G_0"), "time": ("tau", r"\tau")}
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-PLAIN = (1e-3, 1e5)  # magnitudes whose ticks are written without a power of ten
+MEANINGS = {"L": "period along x", "G_0": "relaxed modulus", r"\tau": "relaxation time"}
+PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_POWERS = {prefix: power for power, prefix in PREFIXES.items()} | {"u": -6, "μ": -6}
+# Magnitudes that are written as they are: in units that take a prefix, and others.
+WITH_PREFIX, PLAIN = (1e-1, 1e3), (1e-2, 1e5)
+DECADES = 1e4  # values within it have the same prefix in a legend
 
 _FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
-_SI = re.compile(r"(?:m|Pa|s|N|J|W)(?![\w^])")
-_UNIT = re.compile(r"\(([^()]*)\)$")
+_LEADING = re.compile(r"([afpnuµμmkMGT]?)(m|Pa|s|N|J)(?:\^(\d))?(?![\w^])")
 
 
 class Quantity(NamedTuple):
-    """A quantity on an axis: its symbol over the scale, its unit, and the value of the scale."""
+    """A quantity in a picture: its symbol over the scale, its unit, the value of the scale, a power of ten.
+
+    Every axis, colour bar, legend and title is written here. The power of ten is a prefix of the unit where
+    it takes one; the EngFormatter of matplotlib writes a prefix at each tick, and knows neither mm nor m^2.
+    """
 
     symbol: str
-    unit: str = ""
+    unit: str = ""  # as in the files: um, N/m, m^2
     scale: float = 1.0
+    power: int = 0  # of ten, of the written numbers
+
+    def fit(self, values: Iterable[float]) -> Quantity:
+        """Return it with the power of ten of values, which are already divided by the scale."""
+        return self._replace(power=power_of_ten(values, self.unit))
 
     @property
     def label(self) -> str:
-        """Label of the axis."""
-        return f"{self.symbol} ({self.unit})" if self.unit else self.symbol
+        """Label of an axis: symbol and unit, "$u$ (µm)"."""
+        unit = prefixed(self.unit, self.power)
+        if unit is None:
+            unit = rf"$10^{{{self.power}}}$ {self.unit}".rstrip()
+        return f"{self.symbol} ({mathtext_units(unit)})" if unit else self.symbol
 
-    def equals(self, value: str) -> str:
-        """Write that it has a value."""
-        return f"{self.symbol} = {value} {self.unit}".rstrip()
+    def numbers(self, values: Sequence[Any]) -> list[str]:
+        """Write values for ticks, in the power of ten of the label."""
+        return value_labels([_in_power(value, self.power) for value in values])
+
+    def equals(self, values: Sequence[Any]) -> list[str]:
+        """Write that it has each of some values, "$d$ = 2 µm": with one prefix, or each with its own."""
+        sizes = [abs(value) for value in values if isinstance(value, int | float) and math.isfinite(value)]
+        sizes = [size for size in sizes if size] or [1.0]
+        if max(sizes) > DECADES * min(sizes) and prefixed(self.unit, power_of_ten(sizes, self.unit)):
+            return [text for value in values for text in self.equals([value])]
+        drawn = self.fit(sizes)
+        unit = prefixed(self.unit, drawn.power)
+        if not unit:
+            drawn, unit = self._replace(power=0), self.unit
+        ends = ("" if value in (math.inf, -math.inf) else mathtext_units(unit) for value in values)
+        texts = zip(drawn.numbers(values), ends, strict=True)
+        return [f"{self.symbol} = {number} {end}".rstrip() for number, end in texts]
 
 
 def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({})) -> Quantity:
@@ -179,7 +210,7 @@ def quantity(array: DataArray, scales: Mapping[str, Any] = MappingProxyType({}))
     """
     factors = _factors(str(array.attrs.get("units", "1")))
     if not factors.keys() <= SCALES.keys():
-        return Quantity(symbol(array), mathtext_units(str(array.attrs["units"])))
+        return Quantity(symbol(array), str(array.attrs["units"]))
     if "key" in array.attrs or any(SCALES[each][0] not in scales for each in factors):
         return Quantity(symbol(array))
     scale = math.prod(float(scales[SCALES[each][0]]) ** power for each, power in factors.items())
@@ -216,44 +247,83 @@ def mathtext_units(units: str) -> str:
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", re.sub(r"\bu(?=m\b|s\b|Pa\b|N\b)", "µ", units))
 
 
-def power_of_ten(values: Sequence[float]) -> int:
-    """Return a multiple of three, the power of ten to be written with the unit of values; 0 for most."""
-    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-    if largest == 0 or PLAIN[0] <= largest < PLAIN[1]:
-        return 0
-    return 3 * math.floor(math.log10(largest) / 3 + 1e-9)
-
-
-def in_unit(power: int, unit: str) -> str:
-    """Write a power of ten and a unit: µm for 1e-6 m."""
+def prefixed(unit: str, power: int) -> str | None:
+    """Return the unit that is a power of ten larger: mm/s for 1e-3 m/s, mm^2 for 1e-6 m^2; or None."""
     if not power:
         return unit
-    if _SI.match(unit) and power in PREFIXES:
-        return PREFIXES[power] + unit
-    return rf"$10^{{{power}}}$ {unit}".rstrip()
+    if (first := _LEADING.match(unit)) is None:
+        return None
+    own, base, times = first[1], first[2], int(first[3] or 1)
+    found = PREFIXES.get(_POWERS[own] + power // times) if power % times == 0 else None
+    if found is None or (base == "s" and found in PREFIXES.values() and _POWERS[found] > 0):
+        return None
+    return f"{found}{unit[len(own) :]}"
+
+
+def power_of_ten(values: Iterable[float], unit: str = "") -> int:
+    """Return the power of ten to be written with the unit of values, by the largest; 0 for most."""
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    first = _LEADING.match(unit)
+    low, high = WITH_PREFIX if first else PLAIN
+    if largest == 0 or low <= largest < high:
+        return 0
+    step = 3 * int(first[3] or 1) if first else 3
+    room = step // 3 - 1  # a prefix of m^2 has six decades: numbers from 0.1 to 1e5
+    return step * math.floor((math.log10(largest) + room) / step + 1e-9)
+
+
+def _in_power(value: Any, power: int) -> Any:
+    return float(f"{value / 10.0**power:.12g}") if power else value
+
+
+class Ticks(Formatter):
+    """Ticks of a quantity, in the power of ten that is written with its unit."""
+
+    def __init__(self, drawn: Quantity) -> None:
+        self.quantity = drawn
+
+    def __call__(self, value: float, pos: int | None = None) -> str:  # noqa: ARG002
+        """Write a single tick."""
+        return self.format_ticks([value])[0]
+
+    def format_ticks(self, values: Sequence[float]) -> list[str]:
+        """Write all ticks with the digits that one of them needs."""
+        shown = [f"{value / 10.0**self.quantity.power:.10g}" for value in values]
+        if any("e" in text for text in shown):
+            return [_number_label(float(text), is_fractional=False) for text in shown]
+        digits = max((len(text.partition(".")[2]) for text in shown), default=0)
+        return [f"{float(text) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}") for text in shown]
+
+
+def name_axes(axes: Axes, x: Quantity | None = None, y: Quantity | None = None) -> None:
+    """Write the quantities along the axes of a panel, whose scales and shared axes are set before."""
+    for axis, drawn in ((axes.xaxis, x), (axes.yaxis, y)):
+        if drawn is not None:
+            axis.set_label_text(drawn.label)
+            if axis.get_scale() == "linear":
+                axis.set_major_formatter(Ticks(drawn))
 
 
 def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
-    """Write notes below a finished figure, and the powers of ten of its linear axes into their labels."""
+    """Write notes below a finished figure, and into the labels of its axes the prefixes of their units."""
     insets = [inset for axes in figure.axes for inset in axes.child_axes if isinstance(inset, type(axes))]
     for axes in [*figure.axes, *insets]:
-        _write_power(axes.xaxis)
-        _write_power(axes.yaxis)
+        for axis in (axes.xaxis, axes.yaxis):
+            # Panels that share an axis share its ticks; not all of them have a label.
+            if isinstance(ticks := axis.get_major_formatter(), Ticks):
+                ticks.quantity = ticks.quantity.fit(axis.get_view_interval())
+                axis.set_label_text(ticks.quantity.label if axis.get_label_text() else "")
     if notes:
         text = "\n".join(_lines(notes, figure.get_figwidth()))
         figure.supxlabel(text, x=0.01, ha="left", fontsize="small", color="0.3")
 
 
-def _write_power(axis: Axis) -> None:
-    from matplotlib.ticker import FuncFormatter, ScalarFormatter
-
-    low, high = axis.get_view_interval()
-    power = power_of_ten((low, high)) if isinstance(axis.get_major_formatter(), ScalarFormatter) else 0
-    if power:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 10.0**power:.10g}"))
-        label, parts = axis.get_label_text(), _UNIT.search(axis.get_label_text())
-        unit = in_unit(power, parts[1] if parts else "")
-        axis.set_label_text(f"{label[: parts.start()] if parts else f'{label} '}({unit})" if label else "")
+def explained(case: Dataset, names: Sequence[str]) -> list[str]:
+    """Return notes on the symbols of variables of a case, and on the scales by which they are divided."""
+    known = [case[name] for name in names if name in case and "long_name" in case[name].attrs]
+    parts = [f"{symbol(each)}: {each.attrs['long_name'].partition(',')[0]}" for each in known]
+    labels = "".join(quantity(each, case.attrs).symbol for each in [*known, case["snapshot"]] if known)
+    return parts + [f"${sign}$: {meaning}" for sign, meaning in MEANINGS.items() if f"/{sign}" in labels]
 
 
 def _lines(notes: Sequence[str], inches: float) -> list[str]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import finish, power_of_ten, quantity, symbol, value_labels
+from gfmdlayer.figures.curve_family import Scale, round_ticks
+from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -28,6 +28,7 @@ from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
@@ -72,9 +73,9 @@ def map_figure(
             axes, up = panels.flat[i], quantity(sweep[name], sweep.attrs)
             values, when = at_time(sweep, name, time)
             if values.dims == ("case",):
-                _draw_dots(axes, values / up.scale, x, y, up.label)
+                _draw_dots(axes, values / up.scale, x, y, up)
             else:
-                draw_quantity(axes, (values / up.scale).transpose(x, y), up.label)
+                draw_quantity(axes, (values / up.scale).transpose(x, y), up)
             axes.set_title(f"({chr(ord('a') + i % 26)})  {when}".rstrip(), loc="left")
             if i % across:
                 axes.set_ylabel("")
@@ -100,9 +101,9 @@ def _axes(sweep: Dataset, x: str, y: str) -> tuple[str, str]:
     return x, y
 
 
-def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> None:
+def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, drawn: Quantity) -> None:
     """Draw a dot for each case of a list; one that failed is an open circle."""
-    across, up = (Scale.of(values[name].to_numpy().tolist()) for name in (x, y))
+    across, up = (Scale.of(values[name].to_numpy().tolist(), quantity(values[name])) for name in (x, y))
     lost = np.isnan(values.to_numpy())
     dots = axes.scatter(
         across.positions[~lost],
@@ -113,10 +114,17 @@ def _draw_dots(axes: Axes, values: DataArray, x: str, y: str, label: str) -> Non
         s=18,
     )
     axes.scatter(across.positions[lost], up.positions[lost], s=18, facecolors="none", edgecolors="0.6")
-    axes.figure.colorbar(dots, ax=axes, label=label)
+    _draw_bar(axes, dots, drawn)
     across.apply(axes, "x")
     up.apply(axes, "y")
-    axes.set(xlabel=quantity(values[x]).label, ylabel=quantity(values[y]).label)
+
+
+def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
+    """Draw the colour bar of a quantity beside a panel."""
+    bar = axes.figure.colorbar(drawn_in, ax=axes)
+    name_axes(bar.ax, y=drawn)
+    if bar.ax.get_yscale() == "log":
+        round_ticks(bar.ax.yaxis, drawn)
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
@@ -134,8 +142,9 @@ def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -
         panels = figure.subplots(len(names), 2 if on_grid else 1, squeeze=False)
         for i, (row, name) in enumerate(zip(panels, names, strict=True)):
             if on_grid:
-                draw_quantity(row[0], fits[name].transpose("x", "y"), name)
-                draw_quantity(row[1], fits[f"{name}_error"].transpose("x", "y"), f"error of {name}")
+                draw_quantity(row[0], fits[name].transpose("x", "y"), _fitted(fits[name]))
+                error = _fitted(fits[name])._replace(symbol=f"error of {name}")
+                draw_quantity(row[1], fits[f"{name}_error"].transpose("x", "y"), error)
                 row[1].set_ylabel("")
             else:
                 _draw_intervals(row[0], fits, name)
@@ -151,11 +160,16 @@ def _draw_intervals(axes: Axes, fits: Dataset, name: str) -> None:
     value = fits[name].to_numpy()
     ends = np.stack([value - fits[f"{name}_low"].to_numpy(), fits[f"{name}_high"].to_numpy() - value])
     axes.errorbar(fits["curve"].to_numpy(), value, np.maximum(ends, 0.0), fmt=".", ms=3, lw=0.6, color="0.2")
-    axes.set(xlabel="curve", ylabel=name)
+    name_axes(axes, Quantity("curve"), _fitted(fits[name]))
 
 
-def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
-    """Draw values along two swept keys, the first along x, and a colour bar with a label beside the panel.
+def _fitted(parameter: DataArray) -> Quantity:
+    """Return how a fitted parameter is drawn: by its key."""
+    return quantity(parameter)._replace(symbol=str(parameter.name))
+
+
+def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
+    """Draw values along two swept keys, the first along x, and a colour bar beside the panel.
 
     Cases without a value are hatched.
     """
@@ -165,15 +179,17 @@ def draw_quantity(axes: Axes, values: DataArray, label: str) -> None:
     mesh = axes.imshow(
         cells, origin="lower", aspect="auto", interpolation="nearest", cmap="viridis", norm=_norm(cells)
     )
-    axes.figure.colorbar(mesh, ax=axes, label=label)
+    _draw_bar(axes, mesh, drawn)
     axes.tick_params(which="both", top=False, right=False, direction="out")
     axes.minorticks_off()
     for axis, coordinate in ((axes.xaxis, across), (axes.yaxis, up)):
-        ticks = spread(coordinate.size, MOST_TICKS)
-        labels = value_labels(coordinate.to_numpy().tolist())
+        ticks, known = spread(coordinate.size, MOST_TICKS), coordinate.to_numpy().tolist()
+        along = quantity(coordinate)
+        along = along.fit(known) if along.unit and coordinate.dtype.kind in "if" else along
+        labels = along.numbers(known)
         axis.set_ticks(ticks, [labels[i] for i in ticks])
-        axis.set_label_text(quantity(coordinate).label)
-    _write_numbers(axes, mesh, cells)
+        axis.set_label_text(along.label)
+    _write_numbers(axes, mesh, cells, drawn)
 
 
 def _norm(values: FloatArray) -> Normalize:
@@ -186,15 +202,15 @@ def _norm(values: FloatArray) -> Normalize:
     return Normalize(min(finite, default=0.0), max(finite, default=1.0))
 
 
-def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray) -> None:
+def _write_numbers(axes: Axes, mesh: AxesImage, cells: FloatArray, drawn: Quantity) -> None:
     """Write the values into their cells, where all of them have room, dark on light and light on dark.
 
-    They are in the power of ten that `finish` writes beside a linear colour bar.
+    They are in the power of ten that `finish` writes beside the colour bar.
     """
     from matplotlib.colors import LogNorm
 
     finite = {at: value for at, value in np.ndenumerate(cells) if np.isfinite(value)}
-    unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** power_of_ten(list(finite.values()))
+    unit = 1.0 if isinstance(mesh.norm, LogNorm) else 10.0 ** drawn.fit(finite.values()).power
     texts = {at: f"{value / unit:#.3g}".rstrip(".") for at, value in finite.items()}
     longest = max(map(len, texts.values()), default=0)
     if max(cells.shape) > MOST_NUMBERS or longest * cells.shape[1] > MOST_LETTERS:

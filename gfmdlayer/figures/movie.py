@@ -1,4 +1,4 @@
-"""Movies of a case: displacement and pressure, one frame for each snapshot."""
+"""Movies of a case, a frame for each snapshot: displacement and pressure; on a surface, gap and pressure."""
 
 from __future__ import annotations
 
@@ -10,9 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.labels import finish, quantity
+from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
-from gfmdlayer.figures.snapshot_plots import PUNCH, Extremes, draw_bar, draw_map, heights, limits, map_values
+from gfmdlayer.figures.snapshot_plots import (
+    PUNCH,
+    Extremes,
+    contact_entry,
+    draw_bar,
+    draw_map,
+    heights,
+    limits,
+    map_values,
+    mark_contact,
+    snapshot_titles,
+)
 from gfmdlayer.files.whole import unfinished
 from gfmdlayer.results.schema import ResultsError
 
@@ -70,25 +81,31 @@ def write_movie(
 
 
 def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Figure, Callable[[int], None]]:
-    """Return a figure of displacement and pressure, and a function that shows snapshot i in it."""
-    seen = Extremes.of([case])
+    """Return a figure of displacement and pressure, and a function that shows snapshot i in it.
+
+    On a surface the gap, with the spots of contact, stands in the place of the displacement.
+    """
+    from matplotlib.lines import Line2D
+
+    seen, first = Extremes.of([case]), "displacement"
     if "y" in case["pressure"].dims:
+        first = "gap" if "gap" in case else first
         draw, (across, up) = _draw_surface, (np.ptp(ends) for ends in seen.view.values())
         height = 25.0 + 62.0 * min(up / across, 2.0)
     else:
         draw, height = _draw_line, 85.0
     figure = new_figure(2, height, style)
     panels = figure.subplots(1, 2)
-    updates = [
-        draw(axes, case, name, seen) for axes, name in zip(panels, ("displacement", "pressure"), strict=True)
-    ]
-    finish(figure)
-    time = quantity(case["snapshot"], case.attrs)
-    times = case["snapshot"].to_numpy() / time.scale
+    updates = [draw(axes, case, name, seen) for axes, name in zip(panels, (first, "pressure"), strict=True)]
+    if "gap" in case:
+        punch = [] if "y" in case["pressure"].dims else [Line2D([], [], label="punch", **PUNCH)]
+        figure.legend(handles=[*punch, contact_entry()], loc="outside lower center", ncols=2)
+    finish(figure, explained(case, [first, "pressure"]))
+    times = snapshot_titles(case)
     heading = figure.suptitle("")
 
     def show(i: int) -> None:
-        heading.set_text(f"{title}    {time.equals(f'{times[i]:.4g}')}".strip())
+        heading.set_text(f"{title}    {times[i]}".strip())
         for update in updates:
             update(i)
 
@@ -104,15 +121,18 @@ def _draw_line(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callable
     x = case["x"].to_numpy() / along.scale
     (field,) = axes.plot(x, np.full(x.shape, np.nan), color=colours(1)[0])
     (punch,) = axes.plot(x, np.full(x.shape, np.nan), **PUNCH)
-    ends = (0.0, 1.05 * seen.peak) if name == "pressure" else heights(limits(case[name]))
-    axes.set(xlabel=along.label, ylabel=up.label)
+    touched = mark_contact(axes, x, x, np.ones(x.shape))
+    ends = seen.pressures if name == "pressure" else heights(limits(case[name]))
+    name_axes(axes, along, up)
     axes.set(xlim=np.divide(seen.view["x"], along.scale), ylim=np.divide(ends, up.scale))
 
     def update(i: int) -> None:
         one = case.isel(snapshot=i)
         field.set_ydata(one[name].to_numpy() / up.scale)
         if name == "displacement" and "gap" in case:
-            punch.set_ydata((one["displacement"].to_numpy() + one["gap"].to_numpy()) / up.scale)
+            surface, gap = one["displacement"].to_numpy() / up.scale, one["gap"].to_numpy()
+            punch.set_ydata(surface + gap / up.scale)
+            touched.set_ydata(np.where(gap <= 0, surface, np.nan))
 
     return update
 
@@ -120,10 +140,10 @@ def _draw_line(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callable
 def _draw_surface(axes: Axes, case: Dataset, name: str, seen: Extremes) -> Callable[[int], None]:
     """Draw a field of a surface in two dimensions as a map."""
     field = case[name]
-    ends = (0.0, seen.peak) if name == "pressure" else limits(field)
+    ends = (seen.least, seen.peak) if name == "pressure" else limits(field)
     mesh = draw_map(axes, case, field.isel(snapshot=0), seen.view, ends)
-    axes.set(xlabel=quantity(case["x"], case.attrs).label, ylabel=quantity(case["y"], case.attrs).label)
-    draw_bar(axes, mesh, quantity(field, case.attrs).label)
+    name_axes(axes, quantity(case["x"], case.attrs), quantity(case["y"], case.attrs))
+    draw_bar(axes, mesh, quantity(field, case.attrs))
 
     def update(i: int) -> None:
         mesh.set_data(map_values(case, field.isel(snapshot=i)))

@@ -27,6 +27,9 @@ Dashes = Literal["solid"] | tuple[float, tuple[float, ...]]
 
 WIDTH_MM: dict[Columns, float] = {1: 85.0, 2: 175.0}
 SUFFIXES = (".png", ".pdf", ".svg")
+# Contact has a colour of its own, vermillion. The colour-blind too tell it from the colours of gaps (Okabe &
+# Ito, https://jfly.uni-koeln.de/color/), which are pale beside the contact and blue where the gap is wide.
+CONTACT, PRESSURE_COLOURS, GAP_COLOURS = "#d55e00", "magma_r", "Blues"
 LINE_STYLES: tuple[Dashes, ...] = (
     "solid",
     (0, (6, 1.5)),

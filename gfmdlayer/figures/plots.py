@@ -16,6 +16,7 @@ from gfmdlayer.figures.selection import Time, Wanted, notes, select
 from gfmdlayer.figures.snapshot_plots import (
     MOST_CASES,
     Inset,
+    at_times,
     cases_with_snapshots,
     snapshots_figure,
     waterfall_figure,
@@ -47,7 +48,9 @@ class Options(TypedDict, total=False):
     time: Time | None  # of a map, or of curves against a swept key; end (the default), max or min over time
     case: int | None  # whose snapshots are drawn; by default all of a few, some, or the first
     inset: Sequence[float]  # times of snapshots at which the curves' inset shows punch and surface
-    log_time: bool  # of the curves
+    times: Sequence[float]  # of snapshots, waterfall and movie: all of these, and no others
+    log: Sequence[Literal["x", "y"]]  # logarithmic axes of the curves
+    log_time: bool  # as log x, over time
     fps: int | None  # frames of a movie in a second
     style: Literal["paper", "screen"]  # for the columns of a journal, or for a talk
 
@@ -78,6 +81,7 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         dataset = select(opened, options.get("select", {}))
         cases, said = _cases(stack, path, dataset, kind, options)
         title, first = next(iter(cases.items()), ("", dataset))
+        asked = bool(options.get("times"))
         if kind == "movie":
             picture = _beside(path, dataset, kind, default_suffix(), options) if out is None else Path(out)
             write_movie(first, picture, title, look, options.get("fps"))
@@ -87,8 +91,8 @@ def plot_results(path: str | Path, out: str | Path | None = None, **options: Unp
         draw: dict[Kind, Callable[[], Figure]] = {
             "curves": lambda: _curves(dataset, first, options),
             "loop": lambda: loop_figure(path, dataset, look, _one(options.get("y", ()), "a loop") or "force"),
-            "snapshots": lambda: snapshots_figure(cases, look, said),
-            "waterfall": lambda: waterfall_figure(first, title, look, said),
+            "snapshots": lambda: snapshots_figure(cases, look, said, every=asked),
+            "waterfall": lambda: waterfall_figure(first, title, look, said, every=asked),
             "map": lambda: _map(dataset, options),
         }
         pictures = {picture: draw[kind or "curves"]}
@@ -111,6 +115,8 @@ def _cases(
     if not cases and (inset or kind is not None):
         raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
     among = dataset["case"].size if "case" in dataset.coords else 1
+    if times := options.get("times", ()):
+        cases = {title: at_times(case, sorted(set(times))) for title, case in cases.items()}
     part = [f"{len(cases)} of {among} cases"] * (len(cases) < among)
     return cases, [*notes(dataset), *part]
 
@@ -120,6 +126,7 @@ def _curves(dataset: Dataset, first: Dataset, options: Options) -> Figure:
     return curves_figure(
         dataset,
         style=STYLES[options.get("style", "paper")],
+        log=options.get("log", ()),
         log_time=options.get("log_time", False),
         inset=Inset.of(first, inset) if inset else None,
         x=options.get("x") or "time",

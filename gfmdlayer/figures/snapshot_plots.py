@@ -17,9 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.figures.curve_family import LEGEND_MOST, ColourBar
-from gfmdlayer.figures.labels import finish, quantity, value_labels
+from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
 from gfmdlayer.figures.plot_style import (
+    CONTACT,
+    GAP_COLOURS,
     PAPER,
+    PRESSURE_COLOURS,
     Dashes,
     Style,
     colours,
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
     from numpy.typing import ArrayLike, NDArray
     from xarray import DataArray, Dataset
 
@@ -120,7 +124,12 @@ def snapshot_times(case: Dataset) -> tuple[Quantity, list[float]]:
 def snapshot_titles(case: Dataset) -> list[str]:
     """Return the times of the snapshots, each with the symbol and the unit of time."""
     time, times = snapshot_times(case)
-    return [time.equals(each) for each in value_labels(times)]
+    return time.equals(times)
+
+
+def touching(case: Dataset) -> DataArray:
+    """Return where there is contact: where the gap is zero, as result files have it."""
+    return case["gap"] <= 0
 
 
 def part_of(case: Dataset, most: int) -> tuple[Dataset, list[str]]:
@@ -132,26 +141,36 @@ def part_of(case: Dataset, most: int) -> tuple[Dataset, list[str]]:
 
 
 class Extremes(NamedTuple):
-    """The highest pressure of all snapshots of some cases, and the part of each axis around the contact."""
+    """Ends of the pressure over all snapshots of some cases, and the part of each axis around the contact."""
 
     peak: float
+    least: float  # 0 without attraction
     view: Window
 
     @classmethod
     def of(cls, cases: Iterable[Dataset]) -> Extremes:
-        """Read the pressure of every snapshot of the cases, all on one grid."""
+        """Read every snapshot of the cases, all on one grid."""
         every = list(cases)
         names = [name for name in "xy" if name in every[0]["pressure"].dims]
         ends: dict[str, list[float]] = {name: [] for name in names}
-        peak = 0.0
-        for one in (one for case in every for one in each_snapshot(case["pressure"])):
-            highest = float(one.max())
-            peak = max(peak, highest)
-            noticeable = one > NOTICEABLE * max(highest, 0.0)
+        peak = least = 0.0
+        for one in (case.isel(snapshot=i) for case in every for i in range(case.sizes["snapshot"])):
+            pressure = one["pressure"].load()
+            highest = max(float(pressure.max()), 0.0)
+            peak, least = max(peak, highest), min(least, float(pressure.min()))
+            touched = touching(one) if "gap" in one else pressure > NOTICEABLE * highest
             for name in names:
-                pressed = noticeable.any([dim for dim in one.dims if dim != name]).to_numpy()
-                ends[name] += one[name].to_numpy()[pressed][[0, -1]].tolist() if pressed.any() else []
-        return cls(peak or 1.0, {name: _shown(every[0][name].to_numpy(), ends[name]) for name in names})
+                inside = touched.any([dim for dim in touched.dims if dim != name]).to_numpy()
+                ends[name] += one[name].to_numpy()[inside][[0, -1]].tolist() if inside.any() else []
+        view = {name: _shown(every[0][name].to_numpy(), ends[name]) for name in names}
+        # A solver may leave less tension than its tolerance where nothing attracts.
+        return cls(peak or float(not least), least if least < -NOTICEABLE * peak else 0.0, view)
+
+    @property
+    def pressures(self) -> tuple[float, float]:
+        """Ends of an axis of pressure."""
+        room = 0.05 * (self.peak - self.least)
+        return self.least - room if self.least else 0.0, self.peak + room
 
 
 def _shown(coordinate: NDArray[np.float64], ends: list[float]) -> tuple[float, float]:
@@ -179,29 +198,38 @@ MOST_PROFILES = 60  # of a line contact
 MOST_MAPS = 4  # beside each other
 MOST_ROWS = 2  # of maps of a single case
 MAP_POINTS = 1024  # along each axis of a map: more than its dots in print
-MAPS_MM = 138.0  # width of a row of maps
-PRESSURE_COLOURS, GAP_COLOURS, CONTACT = "magma_r", "cividis_r", "black"
+MAPS_MM = 150.0  # width of a row of maps
 PUNCH: dict[str, Any] = {"color": "0.4", "linestyle": (0, (4, 2))}
 
 
-def snapshots_figure(cases: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = ()) -> Figure:
+def snapshots_figure(
+    cases: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = (), *, every: bool = False
+) -> Figure:
     """Draw the snapshots of cases (title -> case), whose grids have the same number of dimensions.
 
     Line contacts have a row of two panels for each case, displacement and pressure, with a curve for each
     snapshot. A single case in two dimensions is drawn as maps of pressure and gap, with punch, surface and
-    pressure along a cut; several cases as a row of pressure maps each.
+    pressure along a cut; several cases as rows of pressure maps. Of very many snapshots some are drawn, and
+    the note below says how many, unless `every` is set.
     """
     with styled(style):
-        first, more = next(iter(cases.values())), list[str]()
-        if "y" not in first["pressure"].dims:
-            parts = {title: part_of(case, MOST_PROFILES) for title, case in cases.items()}
-            figure = _profiles({title: case for title, (case, _) in parts.items()}, style)
-            more = list(dict.fromkeys(note for _, notes in parts.values() for note in notes))
-        elif len(cases) == 1 and "gap" in first:
-            figure, more = _surface(next(iter(cases)), first, style)
+        first, names = next(iter(cases.values())), ["displacement", "pressure"]
+        is_line, is_single = "y" not in first["pressure"].dims, len(cases) == 1 and "gap" in first
+        most = MOST_PROFILES if is_line else MOST_MAPS * (MOST_ROWS if is_single else 1)
+        parts = {
+            title: part_of(case, case.sizes["snapshot"] if every else most) for title, case in cases.items()
+        }
+        drawn = {title: part for title, (part, _) in parts.items()}
+        if is_line:
+            figure = _profiles(drawn, style)
+        elif is_single:
+            names.append("gap")
+            figure = _surface(next(iter(cases)), next(iter(drawn.values())), Extremes.of([first]), style)
         else:
-            figure, more = _maps(cases, style)
-        finish(figure, [*notes, *more])
+            names = ["pressure"]
+            figure = _maps(drawn, Extremes.of(cases.values()), style)
+        left_out = dict.fromkeys(note for _, said in parts.values() for note in said)
+        finish(figure, [*explained(first, names), *notes, *left_out])
     return figure
 
 
@@ -211,29 +239,54 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
     panels = figure.subplots(len(cases), 2, sharex=True, sharey="col", squeeze=False)
     times = sorted({time for case in cases.values() for time in snapshot_times(case)[1]})
     clock = snapshot_times(next(iter(cases.values())))[0]
-    bar = ColourBar.of(times, clock.label) if len(times) > LEGEND_MOST else None
+    bar = ColourBar.of(times, clock) if len(times) > LEGEND_MOST else None
     shades = bar.colours if bar else colours(len(times))
     looks = {
         time: (shade, line_style(0 if bar else i))
         for i, (time, shade) in enumerate(zip(times, shades, strict=True))
     }
-    left, right = Extremes.of(cases.values()).view["x"]
+    seen = Extremes.of(cases.values())
+    left, right = seen.view["x"]
     for row, (title, case) in zip(panels, cases.items(), strict=True):
         for axes, name in zip(row, ("displacement", "pressure"), strict=True):
             _draw_profiles(axes, case, name, (left, right), looks)
         row[0].set_title(title, loc="left")
-    x = quantity(case["x"], case.attrs)
+    x, p = quantity(case["x"], case.attrs), quantity(case["pressure"], case.attrs)
     for axes in panels[-1]:
-        axes.set(xlabel=x.label, xlim=(left / x.scale, right / x.scale))
-    panels[0, 1].set_ylim(bottom=0)
+        axes.set_xlim(left / x.scale, right / x.scale)
+        name_axes(axes, x)
+    panels[0, 1].set_ylim(np.divide(seen.pressures, p.scale))
+    entries = []
     if bar is not None:
         bar.draw(figure, panels)
     else:
-        titles = map(clock.equals, value_labels(times))
-        entries = legend_entries((title, *look) for title, look in zip(titles, looks.values(), strict=True))
-        rows = -(-len(times) // 5)
-        figure.legend(handles=entries, loc="outside upper center", ncols=-(-len(times) // rows))
+        entries = legend_entries(
+            (title, *look) for title, look in zip(clock.equals(times), looks.values(), strict=True)
+        )
+    if any("gap" in case for case in cases.values()):
+        entries.append(contact_entry())
+    if entries:
+        rows = -(-len(entries) // 5)
+        figure.legend(handles=entries, loc="outside upper center", ncols=-(-len(entries) // rows))
     return figure
+
+
+def contact_entry() -> Line2D:
+    """Return the entry of a legend for the contact: a broad line in its colour."""
+    from matplotlib import rcParams
+    from matplotlib.lines import Line2D
+
+    width = 3.0 * rcParams["lines.linewidth"]
+    look: dict[str, Any] = {"marker": "o", "markersize": width, "markeredgewidth": 0}  # for a single point
+    return Line2D([], [], color=CONTACT, linewidth=width, label="contact", zorder=1, **look)
+
+
+def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray) -> Line2D:
+    """Draw the part of a surface in contact, as a broad line below it."""
+    line = contact_entry()
+    line.set_data(x, np.where(gap <= 0, u, np.nan))
+    axes.add_line(line)
+    return line
 
 
 def _draw_profiles(
@@ -245,54 +298,56 @@ def _draw_profiles(
 ) -> None:
     """Draw a field at every snapshot, in the look of its time."""
     along, up = (quantity(case[each], case.attrs) for each in ("x", name))
-    x = case["x"].to_numpy()
-    inside = (x >= shown[0]) & (x <= shown[1])
-    for field, time in zip(each_snapshot(case[name]), snapshot_times(case)[1], strict=True):
-        shade, dashes = looks[time]
-        axes.plot(x[inside] / along.scale, field.to_numpy()[inside] / up.scale, color=shade, linestyle=dashes)
-    axes.set_ylabel(up.label)
+    part = case.sel(x=slice(*shown))
+    x = part["x"].to_numpy() / along.scale
+    for i, time in enumerate(snapshot_times(case)[1]):
+        (shade, dashes), one = looks[time], part.isel(snapshot=i)
+        values = one[name].to_numpy() / up.scale
+        axes.plot(x, values, color=shade, linestyle=dashes)
+        if name == "displacement" and "gap" in one:
+            mark_contact(axes, x, values, one["gap"].to_numpy())
+    name_axes(axes, y=up)
 
 
-def _maps(cases: Mapping[str, Dataset], style: Style) -> tuple[Figure, list[str]]:
-    """Draw a row of pressure maps for each case."""
+def _maps(cases: Mapping[str, Dataset], seen: Extremes, style: Style) -> Figure:
+    """Draw rows of pressure maps for each case."""
     most = max(case.sizes["snapshot"] for case in cases.values())
-    columns, seen = min(most, MOST_MAPS), Extremes.of(cases.values())
+    columns, lines = min(most, MOST_MAPS), -(-most // MOST_MAPS)
     height = _height_of_map(columns, seen.view)
-    figure = new_figure(2, 14.0 + (9.0 + height) * len(cases), style)
-    panels = figure.subplots(len(cases), columns, sharex=True, sharey=True, squeeze=False)
-    for row, (title, whole) in zip(panels, cases.items(), strict=True):
-        case, _ = part_of(whole, columns)
-        for axes, field, time in zip(
-            row, each_snapshot(case["pressure"]), snapshot_titles(case), strict=False
-        ):
-            mesh = draw_map(axes, case, field, seen.view, (0.0, seen.peak))
+    figure = new_figure(2, 14.0 + (9.0 + height) * len(cases) * lines, style)
+    panels = figure.subplots(len(cases) * lines, columns, sharex=True, sharey=True, squeeze=False)
+    for k, (title, case) in enumerate(cases.items()):
+        rows = panels[lines * k : lines * (k + 1)]
+        fields = zip(each_snapshot(case["pressure"]), snapshot_titles(case), strict=True)
+        for axes, (field, time) in zip(rows.flat, fields, strict=False):
+            mesh = draw_map(axes, case, field, seen.view, (seen.least, seen.peak))
             axes.set_title(time, loc="right")
-        for axes in row[case.sizes["snapshot"] :]:
+        for axes in rows.flat[case.sizes["snapshot"] :]:
             axes.set_axis_off()
-        draw_bar(row[case.sizes["snapshot"] - 1], mesh, quantity(case["pressure"], case.attrs).label)
-        row[0].set_title(f"{title}\n", loc="left")
-        row[0].set_ylabel(quantity(case["y"], case.attrs).label)
+        for row in rows:
+            if shown := [axes for axes in row if axes.axison]:
+                draw_bar(shown[-1], mesh, quantity(case["pressure"], case.attrs))
+                name_axes(row[0], y=quantity(case["y"], case.attrs))
+        rows[0, 0].set_title(f"{title}\n", loc="left")
     for axes in panels[-1]:
-        axes.set_xlabel(quantity(case["x"], case.attrs).label)
-    return figure, [f"{columns} of {most} snapshots"] * (most > columns)
+        name_axes(axes, quantity(case["x"], case.attrs))
+    return figure
 
 
-def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str]]:
-    """Draw maps of pressure and gap of one case, with cuts below, in up to MOST_ROWS rows."""
-    seen, cut = Extremes.of([whole]), section(whole)
-    gap = limits(whole["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
-    case, notes = part_of(whole, MOST_MAPS * MOST_ROWS)
-    count = case.sizes["snapshot"]
+def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
+    """Draw maps of pressure and gap of one case, with cuts below."""
+    cut, count = section(case), case.sizes["snapshot"]
+    gap = limits(case["gap"].sel({name: slice(*seen.view[name]) for name in "xy"}))[1] or 1.0
     rows = -(-count // MOST_MAPS)
     columns = -(-count // rows)
     height = _height_of_map(columns, seen.view)
-    figure = new_figure(2, 14.0 + (2 * height + 74.0) * rows, style)
+    figure = new_figure(2, 18.0 + (2 * height + 74.0) * rows, style)
     ratios = (height, height, 30.0, 30.0) * rows
     panels = figure.subplots(
         4 * rows, columns, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
     )
     x, y, u, p = (quantity(case[name], case.attrs) for name in ("x", "y", "displacement", "pressure"))
-    ranges = {"pressure": (0.0, seen.peak), "gap": (0.0, gap)}
+    ranges = {"pressure": (seen.least, seen.peak), "gap": (0.0, gap)}
     surface = np.array(heights(limits(cut["displacement"]))) / u.scale
     for i, time in enumerate(snapshot_titles(case)):
         row, place = divmod(i, columns)
@@ -300,18 +355,23 @@ def _surface(title: str, whole: Dataset, style: Style) -> tuple[Figure, list[str
         meshes = _draw_column(column, case.isel(snapshot=i), float(cut["y"]), seen.view, ranges)
         column[0].set_title(time, loc="right")
         column[2].set_ylim(surface)
-        column[3].set(xlabel=x.label, ylim=(0, 1.05 * seen.peak / p.scale))
+        column[3].set_ylim(np.divide(seen.pressures, p.scale))
+        name_axes(column[3], x)
         if place == 0:
-            for axes, label in zip(column, (y.label, y.label, f"{u.label}, punch", p.label), strict=True):
-                axes.set_ylabel(label)
+            for axes, along in zip(column, (y, y, u, p), strict=True):
+                name_axes(axes, y=along)
         column[3].tick_params(labelbottom=True)
         if place == columns - 1:
             for axes, mesh, name in zip(column, meshes, ranges, strict=False):
-                draw_bar(axes, mesh, quantity(case[name], case.attrs).label)
+                draw_bar(axes, mesh, quantity(case[name], case.attrs))
     for axes in panels[-4:, (count - 1) % columns + 1 :].flat:
         axes.remove()
     panels[0, 0].set_title(f"{title}\n" if title else "", loc="left")
-    return figure, notes
+    entries = legend_entries(
+        [("surface", colours(1)[0], "solid"), ("punch", PUNCH["color"], PUNCH["linestyle"])]
+    )
+    figure.legend(handles=[*entries, contact_entry()], loc="outside upper center", ncols=3)
+    return figure
 
 
 def _draw_column(
@@ -319,16 +379,15 @@ def _draw_column(
 ) -> list[AxesImage]:
     """Draw pressure, gap, and the cut along x at y = middle, of one snapshot; return the two maps."""
     x, y, u, p = (quantity(one[name], one.attrs) for name in ("x", "y", "displacement", "pressure"))
-    pressure, gap = one["pressure"].load(), one["gap"].load()
     cut = one.sel(y=middle)
-    across = cut["x"] / x.scale
+    across, surface = (cut["x"] / x.scale).to_numpy(), (cut["displacement"] / u.scale).to_numpy()
     meshes = []
-    fields = (pressure, _open_gap(gap, pressure))
-    for axes, field, line in zip(column, fields, ("0.4", "white"), strict=False):
-        meshes.append(draw_map(axes, one, field, view, ranges[str(field.name)]))
-        axes.axhline(middle / y.scale, color=line, linewidth=0.6, linestyle=(0, (4, 3)))
-    column[2].plot(across, cut["displacement"] / u.scale, color=colours(1)[0])
-    column[2].plot(across, (cut["displacement"] + cut["gap"]) / u.scale, **PUNCH)
+    for axes, name in zip(column, ("pressure", "gap"), strict=False):
+        meshes.append(draw_map(axes, one, one[name].load(), view, ranges[name]))
+        axes.axhline(middle / y.scale, color="0.4", linewidth=0.6, linestyle=(0, (4, 3)))
+    column[2].plot(across, surface, color=colours(1)[0])
+    column[2].plot(across, surface + (cut["gap"] / u.scale).to_numpy(), **PUNCH)
+    mark_contact(column[2], across, surface, cut["gap"].to_numpy())
     column[3].plot(across, cut["pressure"] / p.scale, color=colours(1)[0])
     return meshes
 
@@ -343,11 +402,11 @@ def draw_map(
 ) -> AxesImage:
     """Draw one field over the part `view` of the surface, with colours between two `ends`.
 
-    Values are divided by the scales of the case; NaN has the colour of the contact.
+    Values are divided by the scales of the case; where a gap is closed, it has the colour of the contact.
     """
     x, y = (quantity(case[name], case.attrs) for name in "xy")
     scale = quantity(field, case.attrs).scale
-    axes.set_facecolor(CONTACT)
+    axes.set_facecolor(CONTACT if field.name == "gap" else "white")
     mesh = axes.imshow(
         map_values(case, field),
         origin="lower",
@@ -362,9 +421,13 @@ def draw_map(
 
 
 def map_values(case: Dataset, field: DataArray) -> FloatArray:
-    """Return the values of a map, rows along y, without points that no picture can show."""
+    """Return the values of a map, rows along y, without points that no picture can show.
+
+    A closed gap is NaN, which has the colour of the contact.
+    """
     thinned = {name: slice(None, None, -(-field.sizes[name] // MAP_POINTS)) for name in "xy"}
-    values: FloatArray = field.isel(thinned).transpose("y", "x").to_numpy()
+    part = field.isel(thinned).transpose("y", "x")
+    values: FloatArray = (part.where(part > 0) if field.name == "gap" else part).to_numpy()
     return values / quantity(field, case.attrs).scale
 
 
@@ -375,9 +438,10 @@ def _edges(coordinate: DataArray, scale: float) -> tuple[float, float]:
     return float((values[0] - half) / scale), float((values[-1] + half) / scale)
 
 
-def draw_bar(axes: Axes, mesh: AxesImage, label: str) -> None:
+def draw_bar(axes: Axes, mesh: AxesImage, drawn: Quantity) -> None:
     """Draw a colour bar beside a map, as high as the map."""
-    axes.figure.colorbar(mesh, cax=axes.inset_axes((1.05, 0.0, 0.06, 1.0)), label=label)
+    bar = axes.figure.colorbar(mesh, cax=axes.inset_axes((1.05, 0.0, 0.06, 1.0)))
+    name_axes(bar.ax, y=drawn)
 
 
 def heights(ends: ArrayLike) -> tuple[float, float]:
@@ -385,11 +449,6 @@ def heights(ends: ArrayLike) -> tuple[float, float]:
     low, high = float(np.min(ends)), float(np.max(ends))
     size = (high - low) or 1e-12
     return low - 0.15 * size, high + 0.6 * size
-
-
-def _open_gap(gap: DataArray, pressure: DataArray) -> DataArray:
-    """Return the gap, or NaN in contact: where the pressure, relative to its maximum, is the larger."""
-    return gap.where(pressure * gap.max() <= gap * pressure.max())
 
 
 # Punch and surface at chosen times, as an inset of the curves over time.
@@ -424,7 +483,7 @@ class Inset(NamedTuple):
             curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
         tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
         for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
-            value = float(curves.sel(time=time, method="nearest"))
+            value = float(curves[np.nanargmin(np.abs(curves["time"].to_numpy() - time))])
             axes.plot(
                 time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
             )
@@ -446,8 +505,10 @@ class Inset(NamedTuple):
             axes.text(0.5, above, titles[i], transform=axes.transAxes, **look)
         ends = np.divide(Extremes.of([self.profile]).view["x"], along.scale)
         axes.set(xlim=ends, ylim=np.divide(heights(self.profile["displacement"]), up.scale))
-        axes.set_xlabel(along.label, fontsize="x-small", labelpad=0)
-        axes.set_ylabel(up.label, fontsize="x-small", labelpad=0)
+        name_axes(axes, along, up)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.label.set_fontsize("x-small")
+            axis.labelpad = 0
         axes.tick_params(which="both", labelsize="x-small")
         axes.locator_params(nbins=3)
 
@@ -480,12 +541,16 @@ MOST_TICKS = 12
 
 
 def waterfall_figure(
-    case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = ()
+    case: Dataset, title: str = "", style: Style = PAPER, notes: Sequence[str] = (), *, every: bool = False
 ) -> Figure:
-    """Draw the contact pressure at the times of the snapshots; a surface is cut along x."""
-    cut, more = part_of(section(case), MOST_PROFILES)
+    """Draw the contact pressure at the times of the snapshots; a surface is cut along x.
+
+    Of very many snapshots some are drawn, and the note below says how many, unless `every` is set.
+    """
+    cut, more = part_of(section(case), case.sizes["snapshot"] if every else MOST_PROFILES)
     clock, seconds = snapshot_times(cut)
-    times, count = value_labels(seconds), len(seconds)
+    clock, count = clock.fit(seconds) if clock.unit else clock, len(seconds)
+    times = clock.numbers(seconds)
     along, up = (quantity(cut[name], case.attrs) for name in ("x", "pressure"))
     x = cut["x"].to_numpy() / along.scale
     pressure = cut["pressure"].transpose("snapshot", "x").to_numpy() / up.scale
@@ -504,11 +569,12 @@ def waterfall_figure(
         axes.minorticks_off()
         axes.tick_params(right=False, top=False)
         axes.spines[["right", "top"]].set_visible(False)
-        axes.set(xlabel=along.label, xlim=(left / along.scale, right / along.scale))
-        axes.set(ylabel=clock.label, ylim=(-0.3, count - 0.8 + OVERLAP))
+        axes.set(xlim=(left / along.scale, right / along.scale), ylim=(-0.3, count - 0.8 + OVERLAP))
+        name_axes(axes, along)
+        axes.set_ylabel(clock.label)
         axes.set_title(title, loc="left")
         _draw_scale(axes, up, pressure.max(), scale, count - 1)
-        finish(figure, [*notes, *more])
+        finish(figure, [*explained(case, ["pressure"]), *notes, *more])
     return figure
 
 
@@ -521,5 +587,5 @@ def _draw_scale(axes: Axes, up: Quantity, peak: float, scale: float, base: float
     position = axes.get_yaxis_transform()  # x as a fraction of the panel
     axes.plot((0.97, 0.97), (base, base + scale * value), color="black", transform=position)
     axes.text(
-        0.95, base + scale * value / 2, up.equals(f"{value:g}"), ha="right", va="center", transform=position
+        0.95, base + scale * value / 2, up.equals([value])[0], ha="right", va="center", transform=position
     )

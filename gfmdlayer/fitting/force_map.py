@@ -42,6 +42,7 @@ from gfmdlayer.fitting.indentation.problem import Free, Model, Prediction
 from gfmdlayer.fitting.measurement import FitError
 from gfmdlayer.results.netcdf import add_variable, new_file, set_attributes
 from gfmdlayer.results.provenance import provenance
+from gfmdlayer.results.schema import parameter
 
 # The file cases/NNNN.h5 of the estimates of one curve:
 #
@@ -162,6 +163,7 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 # The last part of its key names a parameter, or the whole key where two share that part. A failed curve is
 # NaN, and the attribute `failed` lists it.
 
+SECTIONS = ("layer", "layers", "halfspace", "punch")
 SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
 _SUFFIXES = ("", "_error", "_low", "_high")
 _MEANINGS = (
@@ -181,7 +183,7 @@ class _Layout(NamedTuple):
 
 def collect(
     folder: Folder, cases: Sequence[MapCase], keys: Sequence[str], reasons: Mapping[int, str],
-    attributes: Mapping[str, str],
+    attributes: Mapping[str, str], unit: Callable[[str], str] = str,
 ) -> Path:  # fmt: skip
     """Write the map from the files of its curves; `reasons` are the errors of failed curves."""
     layout = _layout([case.entry.position for case in cases])
@@ -206,7 +208,7 @@ def collect(
         h5 = file.begin()
         for name, values in layout.coordinates.items():
             add_variable(h5, name, (name,), {}, data=values)
-        _add(h5, tuple(layout.coordinates), dict(zip(names, keys, strict=True)), tables)
+        _add(h5, tuple(layout.coordinates), dict(zip(names, keys, strict=True)), tables, unit)
         for name, table in zip(SCALARS, scalars, strict=True):
             add_variable(h5, name, tuple(layout.coordinates), {}, data=table)
         add_variable(h5, "case", tuple(layout.coordinates), {}, data=numbers)
@@ -225,10 +227,15 @@ def parameter_names(keys: Sequence[str]) -> list[str]:
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
-def _add(h5: h5py.File, dimensions: tuple[str, ...], names: Mapping[str, str], tables: FloatArray) -> None:
+def _add(
+    h5: h5py.File, dimensions: tuple[str, ...], names: Mapping[str, str], tables: FloatArray,
+    unit: Callable[[str], str],
+) -> None:  # fmt: skip
     for (name, key), parts in zip(names.items(), tables, strict=True):
         for suffix, meaning, table in zip(_SUFFIXES, _MEANINGS, parts, strict=True):
+            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
             described = {"long_name": f"{meaning}{key}", "key": key}
+            described |= {"units": unit(known.units)} if known else {}
             add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
 
 
@@ -289,7 +296,7 @@ class ForceMap:
         if isinstance(free, Mapping):
             data["free"] = {key: "free" if bounds is None else list(bounds) for key, bounds in free.items()}
         kept = self._model.config.model_dump(exclude_none=True)
-        data |= {key: kept[key] for key in ("units", "layer", "layers", "halfspace", "punch") if key in kept}
+        data |= {key: kept[key] for key in ("units", *SECTIONS) if key in kept}
         return f"{MARK}# Cases: {len(self.cases)}\n{text.written(data)}"
 
     def run(
@@ -313,7 +320,8 @@ class ForceMap:
             collected = all(each.state in {"complete", "failed"} for each in outcomes.values())
             if collected:
                 reasons = {each.index: each.reason for each in outcomes.values() if each.state == "failed"}
-                collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name})
+                collect(self.folder, self.cases, self.keys, reasons, {"name": self._model.config.name},
+                        self._model.config.unit)  # fmt: skip
         return Summary(tuple(outcomes[index] for index in sorted(outcomes)), collected)
 
     def _warm_up(self, pool: WorkerPool, todo: Sequence[MapCase]) -> None:

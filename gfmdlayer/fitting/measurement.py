@@ -38,6 +38,7 @@ class Measurement(ABC):
     source: str  # name of the file
     abscissa: FloatArray  # shape (rows,): angular frequencies or times, positive
     moduli: FloatArray  # shape (moduli, rows), positive
+    units: tuple[str, str] = ("", "")  # of abscissa and moduli, where the file names them
 
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
@@ -73,7 +74,7 @@ class Measurement(ABC):
 
     def in_units_of(self, modulus: float) -> Self:
         """The same curve with its moduli divided by one."""
-        return replace(self, moduli=self.moduli / modulus)
+        return replace(self, moduli=self.moduli / modulus, units=(self.units[0], ""))
 
 
 class MasterCurve(Measurement):
@@ -138,7 +139,7 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
     columns; without names they are omega, G' and G'', or t and G. `names` replaces the names in the file;
     `poisson` converts moduli in tension. Frequencies or times must increase.
     """
-    quantities = _quantities(path, names)
+    quantities, units = _quantities(path, names)
     symbols = symbols_of(quantities)
 
     def row_error(row: Sequence[float]) -> str | None:
@@ -152,11 +153,11 @@ def read(path: Path, poisson: float = 0.5, names: str | None = None) -> Measurem
     if not (np.diff(abscissa) > 0).all():
         raise TableError(f"{path}: frequencies or times must increase from row to row")
     kind = MasterCurve if len(moduli) == 2 else RelaxationCurve
-    return kind(path.name, abscissa, np.array(moduli))
+    return kind(path.name, abscissa, np.array(moduli), units)
 
 
-def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
-    """Find the quantities of the columns, by their names or their number."""
+def _quantities(path: Path, names: str | None) -> tuple[tuple[str, ...], tuple[str, str]]:
+    """Find the quantities of the columns, by their names or their number, and the units in their names."""
     by_width = {len(each): each for each in (MASTER, RELAXATION)}
     expected = " or ".join(f"{len(kind.columns)} ({', '.join(kind.columns)})" for kind in KINDS)
     lines = read_lines(path)
@@ -176,14 +177,25 @@ def _quantities(path: Path, names: str | None) -> tuple[str, ...]:
             raise TableError(
                 f"{path}:{number}: {text!r} is {len(words)} words; {header!r} names {len(found)}"
             )
-        return found
+        return found, _units(header, found)
     if names is not None or len(words) not in by_width:
         if names is not None:
             raise TableError(f"{place}: {names!r} is not known; must be {WAYS}")
         raise TableError(f"{path}:{number}: {text!r} is {len(words)} words; must be numbers, {expected}")
     if header is not None:
         _check_name(place, header, len(words))
-    return by_width[len(words)]
+    return by_width[len(words)], ("", "")
+
+
+def _units(header: str, quantities: Sequence[str]) -> tuple[str, str]:
+    """Return the units of the abscissa and of the moduli, "" where they have none or several."""
+    found = [_UNIT.search(name.strip().strip('"')) for name in separated(header)]
+    written = [match[1].strip("[]()/ ") if match else "" for match in found]
+    units = {each.removeprefix("E "): unit for each, unit in zip(quantities, written, strict=True)}
+    first = next(units[each] for each in ("omega", "frequency", "time") if each in units)
+    first = "rad/s" if "frequency" in units and first == "Hz" else first
+    moduli = {units[each] for each in ("storage", "loss", "relaxation") if each in units}
+    return first, moduli.pop() if len(moduli) == 1 else ""
 
 
 def _check_name(place: str, header: str, width: int) -> None:
@@ -283,14 +295,15 @@ WAYS = "omega or f with two of G', G'', tan delta; or t, G; E for G in tension"
 
 
 def recognised(header: str) -> tuple[str, ...] | None:
-    """Return the quantities of the columns in a line of names, with E before moduli in tension.
-
-    Commas, semicolons, tabs or several spaces separate names, or one space. None if a name is not known.
-    """
-    apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
-    separated = re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
-    found = [quantity_named(name) for name in separated]
+    """Return the quantities of the columns in a line of names, E before moduli in tension, or None."""
+    found = [quantity_named(name) for name in separated(header)]
     return None if None in found else tuple(map(str, found))
+
+
+def separated(header: str) -> list[str]:
+    """Return the names in a line: commas, semicolons, tabs or several spaces separate them, or one space."""
+    apart = re.search(r"[,;\t]|\S\s{2,}\S", header)
+    return re.split(r"[,;\t]|\s{2,}", header) if apart else header.split()
 
 
 def quantity_named(name: str) -> str | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from gfmdlayer.body.materials import Law, Prony
+from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.laws import Fit, fit, fit_law
@@ -96,7 +97,7 @@ def fit_figure(fitted: Fit) -> Figure:
             above.plot(curve.abscissa, curve.moduli[i], label=f"{symbol}, measured", **style)
             above.plot(smooth, lines[i], color=colour, linestyle=line_style(i), label=f"{symbol}, fitted")
             below.plot(curve.abscissa, 100 * fitted.errors[i], **style)
-        above.set(xscale="log", yscale="log", ylabel=", ".join(symbols))
+        above.set(xscale="log", yscale="log")
         span = curve.moduli.max() / curve.moduli.min()
         if span < 100:  # fewer than two powers of ten to label
             above.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span > 10 else range(1, 10)))
@@ -106,8 +107,11 @@ def fit_figure(fitted: Fit) -> Figure:
         above.legend()
         below.axhline(0, color="black", linewidth=0.5)
         limit = 115 * max(fitted.largest, 1e-6)
-        below.set(xlabel=r"$\omega$" if is_master else "$t$", ylabel="error (%)", ylim=(-limit, limit))
+        below.set(ylabel="error (%)", ylim=(-limit, limit))
+        name_axes(above, y=Quantity(", ".join(symbols), curve.units[1]))
+        name_axes(below, Quantity(r"$\omega$" if is_master else "$t$", curve.units[0]))
         below.set_title("(b)", loc="left")
+        finish(figure)
     return figure
 
 

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import check_body
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.indentation.solve import History
+from gfmdlayer.observables import INDENTATION
 from gfmdlayer.punch.revolution import OfRevolution, Revolution, of_table
+from gfmdlayer.results.schema import VARIABLES
 
 if TYPE_CHECKING:
     import xarray
@@ -59,10 +62,14 @@ def indent(
     -------
     xarray.Dataset
         force, depth, contact_radius, work, stored, dissipated and energy_residual over `time`, the times
-        of the steps; the profiles over `snapshot` and `r`. The attribute `error` is the estimated error.
+        of the steps; the profiles over `snapshot` and `r`. Each has the attributes long_name and units, a
+        dimension such as "length": the numbers are in the units of the arguments. The attribute `error` is
+        the estimated error.
 
     Raises
     ------
+    TypeError
+        If the body lacks what an indentation needs.
     ValueError
         If the input is impossible; the message has the reason and the allowed values.
     ArithmeticError
@@ -79,6 +86,7 @@ def indent(
     """
     import xarray
 
+    check_body(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
     if work_of_adhesion and body.spectrum(np.array([1.0])).weights.size:
         raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")
@@ -98,12 +106,17 @@ def indent(
         snapshots=times.tolist(),
     )
     columns = run.columns()
-    data: dict[str, Any] = {name: ("time", values) for name, values in columns.items()}
-    coordinates = {"time": data.pop("time")[1]}
+    about = {column.name: column.described for column in INDENTATION}
+    about |= {name: {"long_name": each.long_name, "units": each.units} for name, each in VARIABLES.items()}
+    about["r"] = {"long_name": "distance from the axis", "units": "length"}
+    data: dict[str, Any] = {name: ("time", values, about[name]) for name, values in columns.items()}
+    coordinates = {"time": data.pop("time")}
     if times.size:
         fields = run.profiles()
-        data |= {name: (("snapshot", "r"), getattr(fields, name)) for name in FIELDS}
-        coordinates |= {"snapshot": times, "r": fields.r}
+        data |= {name: (("snapshot", "r"), getattr(fields, name), about[name]) for name in FIELDS}
+        coordinates |= {
+            name: (name, each, about[name]) for name, each in (("snapshot", times), ("r", fields.r))
+        }
     for line in run.warnings:
         warnings.warn(line, stacklevel=2)
     return xarray.Dataset(data, coordinates, {"error": run.solved.error, "solutions": run.solved.solutions})

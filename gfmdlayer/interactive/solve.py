@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gfmdlayer.body.body import Body
+from gfmdlayer.body.body import Body, check_body
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
@@ -67,7 +67,8 @@ def solve(
     Parameters
     ----------
     body : Body
-        Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed.
+        Such as `halfspace`, or a `bonded_layer`; a viscoelastic one is relaxed. One of your own needs
+        `mean_stiffness` and `spectrum`.
     punch : array_like, callable, Shape or mapping
         Heights outward from the punch, as an array of the grid's shape or a function of x, or of x and y: the
         largest touches first, and a round punch is -x^2/(2 R). Or a shape, such as `Sphere`, or its keys.
@@ -96,6 +97,8 @@ def solve(
     ------
     ConfigError
         If an argument cannot be used.
+    TypeError
+        If the body lacks what a contact needs.
     ConvergenceError
         If the solver does not reach its tolerance, with its last state.
 
@@ -138,12 +141,9 @@ def solve(
     >>> abs(float(found.force / (4 / 3 * spring * 0.005**1.5 * 2**0.5)) - 1) < (0.0005 / 0.1) ** 2
     True
     """
-    if not hasattr(body, "spectrum"):
-        raise TypeError(
-            f"body: got {type(body).__name__}; must be a body, such as halfspace(...) or bonded_layer(...)"
-        )
+    check_body(body, "mean_stiffness", "spectrum")
     instantaneous = options.pop("instantaneous", False)
-    given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping) else {}
+    given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
@@ -171,7 +171,7 @@ def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
     """Return the points of the grid, by default the points of an array of heights."""
     if points is not None:
         return points
-    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping) else numbers(punch).shape  # type: ignore[arg-type]
+    return POINTS if callable(punch) or isinstance(punch, Shape | Mapping | str) else numbers(punch).shape  # type: ignore[arg-type]
 
 
 def _config(grid: Mapping[str, Any], solver: Mapping[str, object], given: Mapping[str, Any]) -> Config:

@@ -18,6 +18,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.ranks import ALONE, Ranks
 from gfmdlayer.kernels import kernel
 
+_CUSP = 3.0  # a cusp bends so many times more than the smooth part; on a parabola of n points it is n times
+
 
 def in_contact(problem: Problem, solution: Solution) -> BoolArray:
     """Return whether each point is in contact."""
@@ -33,6 +35,23 @@ def _touching(pressure: FloatArray, gap: FloatArray, per_pressure: float, per_ga
     for i in range(gap.size):
         found[i] = pressure[i] * per_pressure > gap[i] * per_gap
     return found
+
+
+def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
+    """Whether a punch touches first in a cusp at the edge of the cell, and is smooth where it is deepest.
+
+    Such is a convex punch with the wrong sign; `obstacle` is its surface upward, one value a point. A punch
+    over several ranks is not looked at.
+    """
+    if not grid.is_whole:
+        return False
+    heights = obstacle.reshape(grid.shape)
+    ends = [np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax())]
+    each = [np.roll(heights, 1, k) + np.roll(heights, -1, k) - 2 * heights for k in range(heights.ndim)]
+    bends = np.abs(each).sum(axis=0)
+    touches, deepest = (float(bends[end]) for end in ends)
+    at_the_edge = any(i in (0, n - 1) for i, n in zip(ends[0], heights.shape, strict=True))
+    return at_the_edge and touches > _CUSP * deepest
 
 
 def closed_gap(problem: Problem, solution: Solution) -> FloatArray:

@@ -24,7 +24,7 @@ from xarray.core import indexing
 
 from gfmdlayer.files.locks import open_for_writing, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.schema import FIELDS, ResultsError
+from gfmdlayer.results.schema import FIELDS, SAME_TIME, ResultsError
 
 if TYPE_CHECKING:
     from gfmdlayer.results.journal import Recorder
@@ -259,8 +259,6 @@ def _reason(path: Path) -> str:
 # Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and
 # reads the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the
 # sweep file read as fast, but a file with another grid would be read without an error, and wrongly.)
-
-SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 
 
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:

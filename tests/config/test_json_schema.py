@@ -119,6 +119,7 @@ sweep: {interface.insulation.0.thickness: [0.1, 0.2]}
 """,
     LINE + "punch: {shape: cone, slope: 0.1}\ntrajectory: {velocity_file: heights.txt}\n",
     LINE + "punch: {shape: wedge, slope: 0.1, along: y}\n",
+    LINE + "punch: {shape: profile, file: heights.txt, touches_first: highest}\n",
     LINE + "punch: {shape: profile, file: heights.txt}\nsweep: {solver.method: [fire, active_set]}\n",
     SURFACE + "punch: {radius: [0.5, .inf]}\nunits: {length: um, stress: MPa, time: s}\n",
     LINE + "trajectory: {control: force, force: 1.0}\n",

@@ -25,7 +25,7 @@ def test_layers_and_base_are_named_with_their_thickness() -> None:
         {"name": "x", "layers": LAYERS, "units": {"length": "mm", "stress": "MPa", "time": "s"}}
     )
     assert words(config) == [
-        r"layer 1: $d$ = 0.01 mm, $\nu$ = 0.4",
+        r"layer 1: $d$ = 10 µm, $\nu$ = 0.4",
         r"layer 2: $d$ = 1 mm, $\nu$ = 0.5",
         r"halfspace, $\nu$ = 0.5",
     ]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -21,10 +21,12 @@ from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import quantity, value_labels
 from gfmdlayer.figures.map_plots import map_figure
 from gfmdlayer.figures.movie import write_movie
+from gfmdlayer.figures.plot_style import CONTACT
 from gfmdlayer.figures.plots import plot_results
 from gfmdlayer.figures.selection import notes, select, swept
 from gfmdlayer.figures.snapshot_plots import snapshots_figure
 from gfmdlayer.results.schema import ResultsError, described_key
+from gfmdlayer.results.writer import CaseWriter
 
 TIMES = np.linspace(0.0, 4.0, 5)
 EIGHT = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0]
@@ -194,7 +196,7 @@ def test_the_spread_of_values_chooses_the_scale(values: list[Any], kind: str) ->
 def test_line_styles_go_to_the_key_of_fewer_values() -> None:
     drawn = family(sweep({"layer.poisson": [0.3, 0.4], "layer.thickness": EIGHT}))
     assert drawn.bar is not None
-    assert drawn.bar.label == "$d$"
+    assert drawn.bar.scale.quantity.label == "$d$"
     assert [title for title, _, _ in drawn.legend] == [r"$\nu$ = 0.3", r"$\nu$ = 0.4"]
     assert len({(curve.colour, str(curve.dashes)) for curve in drawn.curves}) == 16
     both = curves_figure(sweep({"layer.thickness": EIGHT, "punch.radius": EIGHT}))
@@ -279,7 +281,12 @@ def test_quantities_are_in_the_units_of_the_config_or_in_those_of_the_paper(
     [
         ("m", 1e-6, r"$\delta$ (µm)", 12.0),
         ("m", 1e-2, r"$\delta$ (m)", 0.12),
-        ("mm", 1e-6, r"$\delta$ ($10^{-6}$ mm)", 12.0),
+        ("mm", 1e-6, r"$\delta$ (nm)", 12.0),
+        ("mm/s", 1e-6, r"$\delta$ (nm/s)", 12.0),
+        ("m^2", 1e-6, r"$\delta$ (mm$^{2}$)", 12.0),
+        ("N/m", 1e-3, r"$\delta$ (mN/m)", 12.0),
+        ("s", 1e3, r"$\delta$ ($10^{3}$ s)", 12.0),
+        ("psi", 1e-6, r"$\delta$ ($10^{-6}$ psi)", 12.0),
         ("length", 1e-6, r"$\delta$ ($10^{-6}$)", 12.0),
         ("Pa", 1e6, r"$\delta$ (MPa)", 12.0),
     ],
@@ -310,6 +317,9 @@ def test_swept_values_have_their_unit() -> None:
     whole = sweep({"layer.thickness": [1e-4, 2e-4, math.inf]})
     whole["thickness"].attrs["units"] = "m"
     assert legend(curves_figure(whole)) == ["$d$ = 100 µm", "$d$ = 200 µm", r"$d$ = $\infty$"]
+    fast = sweep({"trajectory.velocity": [1e-8, 1e-2, 100.0]})
+    fast["velocity"].attrs["units"] = "mm/s"
+    assert legend(curves_figure(fast)) == ["$v$ = 10 pm/s", "$v$ = 10 µm/s", "$v$ = 100 mm/s"]
 
 
 @pytest.mark.parametrize(
@@ -431,16 +441,65 @@ def test_rows_of_maps_say_how_many_snapshots_they_show() -> None:
     assert sum(bool(axes.images) for axes in figure.axes) == 4 + 2
 
 
+def test_the_times_asked_for_are_all_drawn_and_no_others(tmp_path: Path) -> None:
+    whole = case(30, surface=True, L=2.0)
+    every = snapshots_figure({"": whole}, every=True)
+    assert sum(bool(axes.images) for axes in every.axes) == 2 * 30
+    assert "of 30 snapshots" not in said(every)
+    two = snapshots_figure({"one": whole, "two": whole}, every=True)
+    assert sum(bool(axes.images) for axes in two.axes) == 2 * 30
+    with CaseWriter(tmp_path / "0000.h5", {"x": whole["x"].to_numpy()}, {"name": "demo"}) as writer:
+        for time in (1.0, 2.0, 4.0):
+            writer.snapshot(time, *np.zeros((3, 32)))
+    (drawn,) = plot_results(tmp_path / "0000.h5", tmp_path / "a.gif", kind="movie", times=[4.0, 1.0])
+    with Image.open(drawn) as film:
+        assert film.n_frames == 2
+    with pytest.raises(ResultsError, match="no snapshot at time 3; there are 1, 2, 4"):
+        plot_results(tmp_path / "0000.h5", kind="snapshots", times=[3.0])
+
+
+def test_a_logarithmic_axis_says_what_has_no_place_on_it() -> None:
+    whole = sweep({"layer.thickness": [0.1, 0.2]})
+    figure = curves_figure(whole, x="depth", y=["force"], log=["x", "y"])
+    assert (figure.axes[0].get_xscale(), figure.axes[0].get_yscale()) == ("log", "log")
+    assert said(curves_figure(whole, y=["force"], log=["y"])) == (
+        "values of force that are not positive are left out"
+    )
+    assert curves_figure(whole, x="thickness", y=["force"], log=["x"]).axes[0].get_xscale() == "log"
+    with pytest.raises(ResultsError, match="log y: depth has no positive value"):
+        curves_figure(-whole, y=["depth"], log=["y"])
+    with pytest.raises(ResultsError, match=r"log x: .* not positive numbers"):
+        curves_figure(sweep({"layer.thickness": [0.1, math.inf]}), x="thickness", log=["x"])
+
+
+def test_contact_has_its_colour_where_all_of_a_surface_touches_and_is_pulled() -> None:
+    whole = case(3, surface=True)
+    for each in (whole.assign(gap=0 * whole["gap"]), whole.assign(pressure=-whole["pressure"])):
+        touched = (each["gap"].isel(snapshot=-1) <= 0).to_numpy().T
+        figure, movie_figure = snapshots_figure({"": each}), movie.animated(each)[0]
+        assert "contact" in legend(figure)
+        assert "contact" in legend(movie_figure)
+        for axes in (figure.axes[5], movie_figure.axes[0]):
+            (image,) = axes.images
+            np.testing.assert_array_equal(np.isnan(np.ma.filled(image.get_array(), np.nan)), touched)
+            assert to_hex(axes.get_facecolor()) == CONTACT
+    line = case(2)
+    contact = [each for each in snapshots_figure({"": line}).axes[0].lines if each.get_label() == "contact"]
+    assert {each.get_color() for each in contact} == {CONTACT}
+    x = np.asarray(contact[0].get_xdata())
+    np.testing.assert_array_equal(np.isfinite(contact[0].get_ydata()), line["gap"][0].sel(x=x) <= 0)
+
+
 def test_a_time_has_the_same_colour_in_all_profiles() -> None:
     late = case(9).isel(snapshot=slice(4, None))
     figure = snapshots_figure({"all": case(9), "late": late})
     (bar,) = bars(figure)
     assert bar.get_ylabel() == "$t$"
-    first, second = figure.axes[0].lines, figure.axes[2].lines
+    first, second = ([line for line in figure.axes[i].lines if line.get_label() != "contact"] for i in (0, 2))
     assert len(first) == 9
     assert [line.get_color() for line in second] == [line.get_color() for line in first[4:]]
     few = snapshots_figure({"": case(6)})
-    assert legend(few) == [f"$t$ = {i}" for i in range(1, 7)]
+    assert legend(few) == [*(f"$t$ = {i}" for i in range(1, 7)), "contact"]
 
 
 def test_frames_of_a_movie_come_at_the_rate_asked_for(

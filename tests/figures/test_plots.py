@@ -170,11 +170,15 @@ def test_snapshots_show_the_contact_zoomed(thicknesses: Path) -> None:
     surface, pressure = figure.axes
     assert [axes.get_ylabel() for axes in figure.axes] == ["$u$", "$p$"]
     assert surface.get_title(loc="left") == "$d$ = 0"
-    assert len(surface.lines) == len(pressure.lines) == 2
+    assert len(surface.lines) == 2 * len(pressure.lines) == 4  # the contact of each below its surface
     # The contact is |x| < 0.1; half its width on either side and a few cells make less than 0.3.
     assert -0.3 < surface.get_xlim()[0] < -0.1
     assert 0.1 < surface.get_xlim()[1] < 0.3
-    assert [t.get_text() for t in figure.legends[0].get_texts()] == [r"$t/\tau$ = 0.5", r"$t/\tau$ = 2"]
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == [
+        r"$t/\tau$ = 0.5",
+        r"$t/\tau$ = 2",
+        "contact",
+    ]
 
 
 def test_snapshots_of_a_surface_are_maps(tmp_path: Path) -> None:
@@ -295,7 +299,7 @@ def test_case_in_two_dimensions_is_maps_and_a_cut_through_the_highest_pressure(t
         seen = np.ma.filled(column[1].images[0].get_array(), np.nan)
         np.testing.assert_array_equal(seen, np.where(pressure > 0, np.nan, gap).T)
         row = int(np.argmin(np.abs(y - 0.25)))
-        surface, punch = (line.get_ydata() for line in column[2].lines)
+        surface, punch, _ = (line.get_ydata() for line in column[2].lines)
         np.testing.assert_array_equal(punch - surface, gap[:, row])
         np.testing.assert_array_equal(column[3].lines[0].get_ydata(), factor * pressure[:, row])
         assert column[0].lines[0].get_ydata()[0] == y[row]
@@ -339,7 +343,8 @@ def test_movie_shows_each_snapshot(
         figure, show = movie.animated(data, "case")
         show(2)
         assert figure.get_suptitle() == r"case    $t/\tau$ = 1"
-        for axes_, field in zip(figure.axes, fields[2, :2], strict=False):
+        shown = fields[2, [2, 1]] if len(shape) == 2 else fields[2, :2]  # of a surface the gap
+        for axes_, field in zip(figure.axes, shown, strict=False):
             drawn = axes_.images[0].get_array().T if len(shape) == 2 else axes_.lines[0].get_ydata()
             np.testing.assert_array_equal(drawn, field)
 

@@ -366,8 +366,11 @@ def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(
     np.testing.assert_allclose(z, case["pressure"][0].transpose("y", "x"), rtol=SINGLE, atol=1e-30)
     np.testing.assert_array_equal(
         np.array(drawn(page, "map-gap", "g.data[0].z.map((row) => row.map((each) => each === null))")),
-        (case["pressure"][0] * case["gap"][0].max() > case["gap"][0] * case["pressure"][0].max()).T,
+        (case["gap"][0] == 0).T,
     )
+    assert drawn(page, "map-gap", "g.layout.plot_bgcolor") == data_of(run(SURFACE) / "report.html")["contact"]
+    for figure in ("map-gap", "profile"):
+        assert "contact" in page.text_content(f"#{figure} .legend")
     page.fill("#cut", "5")
     cut = case["pressure"].isel(snapshot=0, y=5)
     np.testing.assert_allclose(

@@ -379,6 +379,16 @@ def test_the_figure_shows_the_data_the_fit_and_the_error(kind: Kind) -> None:
     assert above.get_xscale() == above.get_yscale() == below.get_xscale() == "log"
 
 
+def test_the_axes_have_the_units_in_the_names_of_the_columns(tmp_path: Path) -> None:
+    path, rows = tmp_path / "curve.csv", "".join(f"{2.0**i},{1 + i},{1 + i}\n" for i in range(12))
+    for header, units in (("f [Hz], E' [kPa], E'' [kPa]", ("rad/s", "kPa")), ("omega,G',G''", ("", ""))):
+        path.write_text(f"{header}\n{rows}")
+        above, below = fit_figure(fit(read(path), branches=1)).axes
+        labels = above.get_ylabel(), below.get_xlabel()
+        ends = [f" ({unit})" if unit else "" for unit in units]
+        assert labels == (f"$G'$, $G''${ends[1]}", rf"$\omega${ends[0]}")
+
+
 def test_moduli_in_other_units_than_G0_are_pointed_out(data: Path) -> None:
     assert (
         "warning: the moduli are in the unit of the data (G0 = 2e+06); give halfspace.shear_modulus"

@@ -23,6 +23,17 @@ def test_an_indenter_is_a_shape_its_keys_or_a_table() -> None:
     np.testing.assert_allclose(forces, forces[0], rtol=1e-9)
 
 
+def test_every_variable_has_a_meaning_and_units() -> None:
+    found = gfmdlayer.indent(BODY, {"radius": 2.0}, [0, 1], depth=[0, 0.1], snapshots=[1.0])
+    assert all(each.attrs.keys() == {"long_name", "units"} for each in found.variables.values())
+    assert {name: found[name].attrs["units"] for name in ("force", "r", "pressure", "snapshot")} == {
+        "force": "force",
+        "r": "length",
+        "pressure": "pressure",
+        "snapshot": "time",
+    }
+
+
 @pytest.mark.parametrize(
     ("indenter", "time", "values", "said"),
     [

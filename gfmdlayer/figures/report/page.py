@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gfmdlayer.config import ConfigError, load
-from gfmdlayer.figures.labels import in_unit, power_of_ten, quantity, symbol
-from gfmdlayer.figures.plot_style import check_suffix
+from gfmdlayer.figures.labels import quantity, symbol
+from gfmdlayer.figures.plot_style import CONTACT, GAP_COLOURS, PRESSURE_COLOURS, check_suffix
 from gfmdlayer.figures.report.cases import Contents, Described, Listed, Reader, Surfaces
 from gfmdlayer.figures.selection import default_columns, value_titles
-from gfmdlayer.figures.snapshot_plots import GAP_COLOURS, PRESSURE_COLOURS
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.observables.contact import FEWEST
 from gfmdlayer.results.gathering import lay_out
@@ -161,9 +160,8 @@ class Drawn(NamedTuple):
     def of(cls, array: DataArray, scales: Mapping[str, Any], largest: float) -> Drawn:
         """Return it for values up to `largest`: the power of ten goes with the unit, if it has one."""
         found = quantity(array, scales)
-        power = power_of_ten([largest / found.scale]) if found.unit else 0
-        written = found._replace(unit=in_unit(power, found.unit))
-        return cls(html(written.label), found.scale * 10.0**power)
+        found = found.fit([largest / found.scale]) if found.unit else found
+        return cls(html(found.label), found.scale * 10.0**found.power)
 
     def __call__(self, values: Any) -> str:
         """Return values as the page holds them."""
@@ -410,7 +408,12 @@ def page(data: dict[str, Any], title: str) -> str:
 
     here = files(__package__)
     version = provenance()["gfmdlayer_version"]
-    about = {"title": title, "written": f"{now()} by gfmdlayer {version}", "colours": _colours()}
+    about = {
+        "title": title,
+        "written": f"{now()} by gfmdlayer {version}",
+        "colours": _colours(),
+        "contact": CONTACT,
+    }
     parts = {
         "title": escape(title),
         "style": (here / "page.css").read_text(encoding="utf-8"),

@@ -68,7 +68,13 @@ function drawProfile(one) {
     hovertemplate: `%{x:.5g}, %{y:.5g}<extra>${name}</extra>`,
   });
   const traces = [line("surface", "--surface", {}), { ...line("pressure", "--pressure", {}), yaxis: "y2", fill: "tozeroy" }];
-  if (lines.punch) traces.push(line("punch", "--punch", { dash: "dash" }));
+  if (lines.punch) {
+    const touched = lines.surface.map((u, i) => (lines.punch[i] <= u ? u : NaN));
+    traces.push(line("punch", "--punch", { dash: "dash" }), {
+      type: "scatter", mode: "lines+markers", name: "contact", x: lines.x, y: touched, hoverinfo: "skip",
+      line: { color: DATA.contact, width: 5 }, marker: { color: DATA.contact, size: 5 },
+    });
+  }
   const top = { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" };
   draw("profile", traces, {
     showlegend: true, legend: top, margin: { l: 10, r: 12, t: 40, b: 10 }, uirevision: `${one.number},${whole}`,
@@ -78,14 +84,18 @@ function drawProfile(one) {
   });
 }
 
-/** A field as rows along y; null in contact, where `open` is asked for. */
-function rowsOfMap(surface, name, at, open) {
+/** A field as rows along y; null where there is contact, the gap being zero. */
+function rowsOfMap(surface, name, at) {
   const nx = numbers(surface.axes, "x").length, ny = numbers(surface.axes, "y").length;
-  const values = snapshot(surface, name, at), pressure = open && snapshot(surface, "pressure", at);
-  const peak = open && pressure.reduce((a, b) => Math.max(a, b), 0), widest = open && values.reduce((a, b) => Math.max(a, b), 0);
-  const value = (i) => (open && pressure[i] * widest > values[i] * peak ? null : values[i]);
+  const values = snapshot(surface, name, at);
+  const value = (i) => (name === "gap" && values[i] <= 0 ? null : values[i]);
   return Array.from({ length: ny }, (_, j) => Array.from({ length: nx }, (_, i) => value(i * ny + j)));
 }
+
+/** The entry of the legend for the contact, which the maps of the gap leave open to their background. */
+const CONTACT_SPOTS = {
+  type: "scatter", mode: "markers", name: "contact", x: [null], y: [null], marker: { color: DATA.contact, symbol: "square", size: 12 },
+};
 
 function drawMaps(one) {
   const { surface } = one, at = Number(byId("time").value), seen = view(one), whole = byId("whole").checked;
@@ -95,13 +105,14 @@ function drawMaps(one) {
     if (!surface.fields[name]) continue;
     const ends = name === "gap" ? [0, seen.gap] : [seen.attraction, seen.pressure];
     draw(`map-${name}`, [{
-      type: "heatmap", x, y, z: rowsOfMap(surface, name, at, name === "gap"), zmin: ends[0], zmax: ends[1], colorscale: colourScale(name),
+      type: "heatmap", x, y, z: rowsOfMap(surface, name, at), zmin: ends[0], zmax: ends[1], colorscale: colourScale(name),
       hoverongaps: false, hovertemplate: "%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
       colorbar: { title: { text: DATA.fields[name], side: NARROW.matches ? "top" : "right" }, thickness: 14, outlinewidth: 0, exponentformat: "power", nticks: 6 },
-    }], {
+    }, ...(name === "gap" ? [CONTACT_SPOTS] : [])], {
+      showlegend: name === "gap", legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, margin: { l: 10, r: 12, t: 30, b: 10 },
       xaxis: axis(DATA.fields.x, { range: whole ? undefined : seen.x, constrain: "domain", constraintoward: "right", showgrid: false, zeroline: false }),
       yaxis: axis(DATA.fields.y, { range: whole ? undefined : seen.y, scaleanchor: "x", constrain: "domain", showgrid: false, zeroline: false }),
-      plot_bgcolor: "#000000", uirevision: `${one.number},${whole}`,
+      plot_bgcolor: name === "gap" ? DATA.contact : "rgba(0,0,0,0)", uirevision: `${one.number},${whole}`,
       shapes: [{ type: "line", xref: "x domain", x0: 0, x1: 1, y0: cut, y1: cut, line: { color: "#8a8f98", width: 1.5, dash: "dash" } }],
     });
   }
@@ -128,7 +139,7 @@ function showSurface() {
     byId("cut").value = view(one).cut;
   }
   const said = [surface.note && `Reduced for the page: ${surface.note}.`, one.facts.frame && `Frame: ${one.facts.frame}.`, one.facts.axes && `Axis: ${one.facts.axes}.`];
-  if (inPlane) said.push("Profiles along the cut; in the map of the gap the contact is black.");
+  if (inPlane) said.push("Profiles along the cut; in the map of the gap the contact is orange.");
   byId("surface-note").textContent = [...said, DATA.notes.surfaces].filter(Boolean).join(" ");
   drawSurface();
 }

@@ -9,12 +9,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gfmdlayer.config import text
+from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
-from gfmdlayer.fitting.indentation.estimates import Estimate, IndentationFit
+from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -141,36 +140,26 @@ def fit_figure(fit: IndentationFit) -> Figure:
     with styled():
         figure = new_figure(1, 100.0)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        factor, prefix = _prefix(max(float(np.abs(each.curve.force).max()) for each in shown))
-        dark = colours(len(shown) + 1)
-        for each, colour in zip(shown, dark, strict=False):
-            _draw(above, below, each, (colour, factor))
-        above.set(ylabel=f"force{prefix}")
+        for each, colour in zip(shown, colours(len(shown) + 1), strict=False):
+            _draw(above, below, each, colour)
         above.set_title("(a)", loc="left")
         handles, labels = above.get_legend_handles_labels()
         above.legend(handles[:3], labels[:3])
         below.axhline(0, color="black", linewidth=0.5)
-        below.set(xlabel="time", ylabel="residual")
+        units = fit.config.units
+        time, force = ("" if units is None else units.label(words) for words in ("time", "force"))
+        name_axes(above, y=Quantity("force", force))
+        name_axes(below, Quantity("time", time), Quantity("residual", force))
         below.set_title("(b)", loc="left")
+        finish(figure)
     return figure
 
 
-def _draw(above: Axes, below: Axes, each: Any, look: tuple[str, float]) -> None:
-    colour, factor = look
-    time, measured, fitted, band = (
-        each.curve.time, each.curve.force * factor, each.force * factor, each.band * factor,
-    )  # fmt: skip
+def _draw(above: Axes, below: Axes, each: CurveFit, colour: str) -> None:
+    time, measured, fitted, band = each.curve.time, each.curve.force, each.force, each.band
     thin = max(1, time.size // 400)  # more markers would hide the line
     above.plot(time[::thin], measured[::thin], ".", color="0.6", ms=2.2, mew=0, label="measured")
     above.plot(time, fitted, color=colour, linewidth=1.0, label="fitted")
     above.fill_between(time, fitted - band, fitted + band, color=colour, alpha=0.3, lw=0, label="95 % band")
     below.plot(time[::thin], (measured - fitted)[::thin], ".", color=colour, ms=1.8, mew=0)
     below.fill_between(time, -band, band, color=colour, alpha=0.3, lw=0)
-
-
-def _prefix(largest: float) -> tuple[float, str]:
-    """Return a power of ten that makes the numbers readable, and its label."""
-    power = 3 * math.floor(math.log10(largest) / 3) if largest > 0 else 0
-    if -3 <= power <= 3:
-        return 1.0, ""
-    return 10.0**-power, rf" ($10^{{{power}}}$)"
