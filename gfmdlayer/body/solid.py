@@ -79,14 +79,9 @@ class Solid(Kind):
         return tuple(section for _, section in sections_in(self) if isinstance(section, Law))
 
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Body:  # noqa: ARG002
-        """Return the body of a run.
+        """Return the body of a run, with a series in place of each of `laws`.
 
-        Parameters
-        ----------
-        materials : sequence of Material
-            Series in place of each of `laws`.
-        accuracy : float
-            Relative error of K(q, s) up to which relaxing modes may be merged.
+        `accuracy` is the relative error of K(q, s) up to which relaxing modes may be merged.
         """
         series = iter(materials)
         body: Any = replaced(self, lambda value: next(series) if isinstance(value, Law) else value)

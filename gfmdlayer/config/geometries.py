@@ -27,33 +27,16 @@ _PERIODIC = {
 }
 
 
-def _nothing(_config: Any) -> Iterator[Problem]:
-    """Find no contradiction."""
-    yield from ()
-
-
 @dataclass(frozen=True)
 class Geometry:
-    """A value of `grid.geometry`.
+    """A value of `grid.geometry`."""
 
-    Attributes
-    ----------
-    model : str
-        Module and class of its `Model`, "package.module:Class".
-    points : int
-        Default of `grid.points`.
-    on_grid : bool
-        Whether the surface has a periodic grid: a cell, Fourier transforms and a contact solver.
-    problems : callable
-        From a `Config` to its contradictions with this geometry, which have a place in the YAML file.
-    plainly_possible : callable
-        From a `Config` to whether `Model.problems` need not look at it before the run.
-    """
-
-    model: str
-    points: int = 256
-    on_grid: bool = False
-    problems: Callable[[Any], Iterator[Problem]] = _nothing
+    model: str  # module and class of its `Model`, "package.module:Class"
+    points: int = 256  # default of `grid.points`
+    on_grid: bool = False  # whether the surface has a periodic grid: a cell, transforms and a contact solver
+    # From a `Config` to its contradictions with this geometry, which have a place in the YAML file.
+    problems: Callable[[Any], Iterator[Problem]] = lambda _config: iter(())
+    # From a `Config` to whether `Model.problems` need not look at it before the run.
     plainly_possible: Callable[[Any], bool] = lambda _config: False
 
 

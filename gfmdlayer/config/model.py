@@ -10,7 +10,7 @@ import copy
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -71,9 +71,7 @@ _YOUNGS = {
 }
 
 
-def with_hidden(
-    data: dict[str, Any], found: list[Problem], validate: Callable[[dict[str, Any]], list[Problem]]
-) -> list[Problem]:
+def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
     """Return the problems `found` in plain data and the problems that they hide."""
     rest = copy.deepcopy(data)
     new = found
@@ -81,7 +79,7 @@ def with_hidden(
     while new:
         removed = [_set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in new]
         aside += removed + [unswept(key) for key in removed]
-        new = [p for p in validate({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
+        new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
         found = found + new
     return [_as_written(data, _in_shear_moduli(data, problem)) for problem in found]
 
@@ -148,12 +146,6 @@ def _in_shear_moduli(data: Any, problem: Problem) -> Problem:
 
 
 # Whether an interface law goes with the rest of a configuration.
-
-
-def attracting(interface: Interface | tuple[Interface, ...] | None) -> tuple[Interface, ...]:
-    """Return the laws that attract, which the hard wall does not."""
-    every = interface if isinstance(interface, tuple) else () if interface is None else (interface,)
-    return tuple(law for law in every if law.attracts)
 
 
 def problems_of_the_interface(config: Any) -> Iterator[Problem]:
@@ -308,7 +300,9 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return attracting(self.interface)
+        given = self.interface
+        every = given if isinstance(given, tuple) else () if given is None else (given,)
+        return tuple(law for law in every if law.attracts)
 
     @property
     def contact_solver(self) -> Choice:
@@ -354,7 +348,7 @@ class Config(Section):
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
         """Return the problems that pydantic found in plain data, and those that they hide."""
-        return with_hidden(data, explain(error), problems)
+        return with_hidden(data, explain(error))
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
@@ -396,11 +390,8 @@ def stem(config: Config) -> str:
     A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
     """
-    times = (
-        {"keep_state", "times"}
-        if config.output.snapshots == "every"
-        else {"keep_state", "times", "snapshots"}
-    )
+    kept = {"snapshots"} if config.output.snapshots == "every" else set()
+    times = {"keep_state", "times", "snapshots"} - kept
     left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
     if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
         left_out["time"] = {"end"}

@@ -235,15 +235,10 @@ def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
 
 def _attempt_in_process(case: SweepCase, wisdom: str | None, threads: int) -> Result:
     """Run a case of a sweep, unless this process is asked to stop."""
-    result = _attempt(case, wisdom, threads, _stop_where_asked)
+    result = _attempt(case, wisdom, threads, interrupts.Listener().advance)
     if result.error is None or isinstance(result.error, ConvergenceError):
         return result
     return Result(None, RuntimeError(result.reason))  # errors of any class may not be sent
-
-
-def _stop_where_asked(_time: float) -> None:
-    if interrupts.stop_requested():
-        raise interrupts.Stopped
 
 
 def _received(future: Future[Result]) -> Result:

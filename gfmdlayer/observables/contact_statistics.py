@@ -46,12 +46,17 @@ def is_upside_down(obstacle: FloatArray, grid: Grid) -> bool:
     if not grid.is_whole:
         return False
     heights = obstacle.reshape(grid.shape)
-    ends = [np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax())]
-    each = [np.roll(heights, 1, k) + np.roll(heights, -1, k) - 2 * heights for k in range(heights.ndim)]
-    bends = np.abs(each).sum(axis=0)
-    touches, deepest = (float(bends[end]) for end in ends)
-    at_the_edge = any(i in (0, n - 1) for i, n in zip(ends[0], heights.shape, strict=True))
-    return at_the_edge and touches > _CUSP * deepest
+    touches, deepest = (np.unravel_index(at, heights.shape) for at in (heights.argmin(), heights.argmax()))
+
+    def bend(at: tuple[Any, ...]) -> float:
+        """Sum of the second differences along the axes."""
+        lines: list[FloatArray] = [heights[(*at[:k], slice(None), *at[k + 1 :])] for k in range(len(at))]
+        return sum(
+            abs(float(h[i - 1] - 2 * h[i] + h[(i + 1) % h.size])) for i, h in zip(at, lines, strict=True)
+        )
+
+    at_the_edge = any(i in (0, n - 1) for i, n in zip(touches, heights.shape, strict=True))
+    return at_the_edge and bend(touches) > _CUSP * bend(deepest)
 
 
 def closed_gap(problem: Problem, solution: Solution) -> FloatArray:

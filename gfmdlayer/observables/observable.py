@@ -51,31 +51,15 @@ class Bins:
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the rows: a number for each accepted step, or one for each bin.
+    """One column of the rows: a number for each accepted step, or one for each bin."""
 
-    Parameters
-    ----------
-    name, long_name : str
-        Name in the files, and its meaning.
-    units : str
-        In words, see `results.schema`; "1" for dimensionless quantities.
-    dtype : str
-        Type in the files, as numpy names it.
-    along : Bins, optional
-        Bins of a distribution; a number without them.
-    symbol : str
-        In mathtext; a number with a symbol has a panel among the curves.
-    origin : str
-        From where, or over what, it is measured; for the reference.
-    """
-
-    name: str
-    long_name: str
-    units: str = "1"
-    dtype: str = "f8"
-    along: Bins | None = None
-    symbol: str = ""
-    origin: str = ""
+    name: str  # in the files
+    long_name: str  # its meaning
+    units: str = "1"  # in words, see `results.schema`; "1" for dimensionless quantities
+    dtype: str = "f8"  # in the files, as numpy names it
+    along: Bins | None = None  # bins of a distribution; a number without them
+    symbol: str = ""  # in mathtext; a number with a symbol has a panel among the curves
+    origin: str = ""  # from where, or over what, it is measured; for the reference
 
     @property
     def size(self) -> int:
@@ -95,28 +79,14 @@ class Column:
 
 @dataclass(slots=True)
 class AcceptedStep:
-    """An accepted step.
+    """An accepted step."""
 
-    Attributes
-    ----------
-    time : float
-        At its end.
-    problem, solution : Problem, Solution
-        The contact problem at its end.
-    surface : Surface
-        Displacement of the surface and depth of the punch.
-    energy : Integrator
-        With the energies `stored` and `dissipated` of the body after the step, per area.
-    row : dict
-        Columns measured so far, by the observables before this one in the table.
-    """
-
-    time: float
-    problem: Problem
+    time: float  # at its end
+    problem: Problem  # at its end
     solution: Solution
-    surface: Surface
-    energy: Integrator
-    row: dict[str, Value]
+    surface: Surface  # its displacement, and the depth of the punch
+    energy: Integrator  # with the energies `stored` and `dissipated` of the body after the step, per area
+    row: dict[str, Value]  # columns measured so far, by the observables before this one in the table
 
 
 class Parts(Protocol):
