@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from key_examples import EXAMPLES
 
 import gfmdlayer
+from gfmdlayer import figures
 from gfmdlayer.cli import VERBS, command_line
 from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
@@ -271,3 +272,7 @@ def python() -> Iterator[str]:
     yield ".. currentmodule:: gfmdlayer\n"
     yield ".. autosummary::\n   :toctree: names\n"
     yield from (f"   {name}" for name in sorted(gfmdlayer.__all__, key=str.lower))
+    yield "\nPictures\n--------\n"
+    yield ".. currentmodule:: gfmdlayer.figures\n"
+    yield ".. autosummary::\n   :toctree: names\n"
+    yield from (f"   {name}" for name in figures.__all__)

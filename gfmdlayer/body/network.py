@@ -50,7 +50,7 @@ class Network:
     modulus G_1 of the uppermost layer.
     """
 
-    free: FloatArray  # (nq,): stiffness of the uppermost layer alone, for a unit modulus
+    free: FloatArray  # (nq,): stiffness of only the uppermost layer, for a unit modulus
     force: FloatArray  # g, (nq, redundant)
     coupling: FloatArray  # B, (nq, redundant, internal)
     times: FloatArray  # (internal,): retardation times theta_j of the materials

@@ -269,6 +269,27 @@ class Config(Section):
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
+        if self.geometry.on_grid:
+            yield from self._problems_of_transport()
+
+    def _problems_of_transport(self) -> Iterator[Problem]:
+        output = self.output
+        if len(self.grid.points) == 1:
+            for i, name in enumerate(output.observables or ()):
+                message = f"got {name!r}, which a line does not have; remove it"
+                also = " (output.leakage has the flow of a line in closed form)" * (name != "spot_radius")
+                yield Problem(("output", "observables", i), message + also, ("grid.points",))
+        if output.stiffness is None:
+            return
+        at = ("output", "stiffness")
+        if self.trajectory.moves:
+            yield Problem(at, "only for a punch that does not move along x; remove it", ("trajectory",))
+        if self.interfaces:
+            message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
+            yield Problem(at, message, ("interface",))
+        relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
+        if self.temperature is not None and len(relaxing) > 1:
+            yield Problem(at, "only for materials with one common shift; remove it", ("temperature",))
 
     @property
     def plainly_possible(self) -> bool:

@@ -2,7 +2,7 @@
 
 A sweep is a product of values and of lists of combinations (`gfmdlayer.config.sweeps`), the last key running
 fastest; without one there is a single case. A shard is the part of a sweep that one of several runs over a
-results folder computes, such as the jobs of an array. The division follows from the configuration alone, not
+results folder computes, such as the jobs of an array. The division follows only from the configuration, not
 from the cases that are complete: shards that start at different times never claim each other's cases.
 """
 

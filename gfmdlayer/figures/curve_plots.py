@@ -57,13 +57,39 @@ def curves_figure(
     y: Sequence[str] = (),
     time: Time | None = None,
 ) -> Figure:
-    """Draw columns of results, a panel for each, against time, another column, or a swept key `x`.
+    """Draw columns of results, a panel for each, against time, another column, or a swept key.
 
-    `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
-    default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. `log`
-    names the logarithmic axes, on which positive values have a place; `log_time` is "x", over time. The inset
-    shows punch and surface at chosen times, in the first panel. Against a swept key, `time` is in the units
-    of the config, or "max" or "min", the extremes over time; by default "end".
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A case, or a sweep, as `gfmdlayer.run`, `open_case` and `open_results` return them.
+    columns : {1, 2}
+        Width in columns of a journal; in one column the panels are stacked.
+    style : Style
+        Sizes and fonts.
+    log : sequence of {"x", "y"}
+        Logarithmic axes, on which positive values have a place.
+    log_time : bool
+        The same as `log` of "x", over time.
+    inset : Inset, optional
+        Punch and surface at chosen times, in the first panel.
+    x : str
+        Time, a column, or a swept key.
+    y : sequence of str
+        Columns; by default interpolated contact area and mean pressure, or depth under a prescribed load, and
+        friction.
+    time : float or {"end", "max", "min"}, optional
+        Against a swept key: a time in the units of the configuration, or the extremes over time; by default
+        the end.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ResultsError
+        If there is no such column, or an option needs another `x`.
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)

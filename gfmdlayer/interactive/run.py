@@ -1,6 +1,6 @@
 """`gfmdlayer.run`: the cases of a configuration as labelled data, in memory or with a folder of results.
 
-In memory each case goes into a `Recording`; with a folder the run is that of the command line.
+In memory each case goes into a `Recording`; with a folder the run equals a run of the command line.
 """
 
 from __future__ import annotations
