@@ -181,7 +181,7 @@ def _modes(
     shared = np.nonzero((strengths > 0).all(axis=0))
     one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
     weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
-    for n in np.unique(number[number > 0]):
+    for n in np.unique(number[number > 0]).tolist():
         for part in columns_at_once(n, np.count_nonzero(number == n)):
             at = np.flatnonzero(number == n)[part]
             g, t = strengths[:, :n, at], times[:n, at]
