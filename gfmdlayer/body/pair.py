@@ -182,7 +182,7 @@ def _modes(
     one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
     weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
     for n in np.unique(number[number > 0]).tolist():
-        for part in columns_at_once(n, np.count_nonzero(number == n)):
+        for part in columns_at_once(n, int(np.count_nonzero(number == n))):
             at = np.flatnonzero(number == n)[part]
             g, t = strengths[:, :n, at], times[:n, at]
             J, theta, apart = solve_secular(g.sum(axis=0), t, relaxed[:, at].sum(axis=0))
