@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.curve_family import Scale, round_ticks
+from gfmdlayer.figures.curve_family import Scale
 from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
@@ -123,8 +123,6 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
     """Draw the colour bar of a quantity beside a panel."""
     bar = axes.figure.colorbar(drawn_in, ax=axes)
     name_axes(bar.ax, y=drawn)
-    if bar.ax.get_yscale() == "log":
-        round_ticks(bar.ax.yaxis, drawn)
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
