@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.figures.labels import Quantity, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import Quantity, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
 from gfmdlayer.figures.selection import (
     case_dimensions,
@@ -76,8 +76,7 @@ class Scale(NamedTuple):
         """Set the scale, the ticks and the label of an axis."""
         axis = axes.xaxis if name == "x" else axes.yaxis
         if self.kind == "order":
-            axis.set_ticks(self.ticks, self.labels)
-            axis.set_ticks([], minor=True)
+            label_places(axis, self.ticks, self.labels)
             axis.set_label_text(self.quantity.label)
             return
         axes.set(**{f"{name}scale": self.kind})

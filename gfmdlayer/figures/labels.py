@@ -16,6 +16,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from matplotlib.axis import Axis, XAxis
 from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from gfmdlayer.observables import INDENTATION, known_columns
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis, XAxis
     from matplotlib.figure import Figure
     from xarray import DataArray, Dataset
 
@@ -299,6 +299,16 @@ class Ticks(Formatter):
             return [_number_label(float(text), is_fractional=False) for text in shown]
         digits = max((len(text.partition(".")[2]) for text in shown), default=0)
         return [f"{float(text) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}") for text in shown]
+
+
+def label_places(axis: Axis, places: Sequence[int], labels: Sequence[str]) -> None:
+    """Label places in their order; long words along x are broken after the first, or upright."""
+    if isinstance(axis, XAxis) and max(map(len, labels), default=0) * len(labels) > MOST_LETTERS:
+        labels = [label.replace(" ", "\n", 1) for label in labels]
+        longest = max(len(line) for label in labels for line in label.split("\n"))
+        axis.set_tick_params(rotation=90 if longest * len(labels) > 3 * MOST_LETTERS else 0)
+    axis.set_ticks(places, labels)
+    axis.set_ticks([], minor=True)
 
 
 def name_axes(axes: Axes, x: Quantity | None = None, y: Quantity | None = None) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.curve_family import Scale
-from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import Quantity, finish, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -185,7 +185,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
         along = quantity(coordinate)
         along = along.fit(known) if along.unit and coordinate.dtype.kind in "if" else along
         labels = along.numbers(known)
-        axis.set_ticks(ticks, [labels[i] for i in ticks])
+        label_places(axis, ticks, [labels[i] for i in ticks])
         axis.set_label_text(along.label)
     _write_numbers(axes, mesh, cells, drawn)
 

@@ -73,9 +73,10 @@ def faults(figure: Figure, *, is_si: bool) -> Iterator[str]:
     areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
     of = {label: axis for axis in axes_of(figure) for label in labels(axis)}
     for i, j in np.argwhere((both > 0).all(axis=-1)):
-        # The boxes have room for letters below the line: those of two axes meet in a corner.
-        is_same = of.get(shown[i], 0) is of.get(shown[j], 1)
-        if i < j and (is_same or both[i, j].prod() > 0.1 * min(areas[i], areas[j])):
+        # The boxes have room for letters below the line: ticks of two axes, which meet in a corner, share it.
+        axis, other = of.get(shown[i]), of.get(shown[j])
+        part = 0.0 if axis is not None and axis is other else 0.3 if axis and other else 0.1
+        if i < j and both[i, j].prod() > part * min(areas[i], areas[j]):
             yield f"{shown[i].get_text()!r} and {shown[j].get_text()!r} overlap"
     for words in {axis.get_label_text() for axis in axes_of(figure)} if is_si else ():
         if re.search(r"10\^\{-?\d+\}\$ ?\)", words) and words.partition(" ")[0] in OF_A_UNIT:
