@@ -22,8 +22,9 @@ extensions = [
     "sphinx_copybutton",
     "links",
     "mathml",
-    "published_tables",
+    "published_values",
     "reference_pages",
+    "thumbnails",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 templates_path = ["templates"]
@@ -57,6 +58,9 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "min_reported_time": 10,
     "matplotlib_animations": False,
+    "image_scrapers": ("thumbnails.scrape",),
+    "show_api_usage": False,
+    "write_computation_times": False,
 }
 
 html_theme = "furo"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
     from gfmdlayer.interface.adhesion import Dugdale, Exponential, LennardJones
@@ -45,55 +46,14 @@ if TYPE_CHECKING:
     from gfmdlayer.simulation import Case
 
 __all__ = [
-    "WLF",
-    "Arrhenius",
-    "BluntedCone",
-    "Case",
-    "Cone",
-    "Config",
-    "ConfigError",
-    "ConvergenceError",
-    "Cylinder",
-    "Dugdale",
-    "Elastic",
-    "Electrostatic",
-    "Exponential",
-    "Flat",
-    "FlatPunch",
-    "ForceCurve",
-    "FractionalZener",
-    "HavriliakNegami",
-    "Kohlrausch",
-    "Layer",
-    "LayerStack",
-    "LayeredHalfspace",
-    "LennardJones",
-    "Parabola",
-    "PowerLaw",
-    "Prony",
-    "Pyramid",
-    "RadialProfile",
-    "SelfAffine",
-    "Sinusoid",
-    "Solid",
-    "Spectrum",
-    "Sphere",
-    "ViscoelasticLayer",
-    "Wavevectors",
-    "Wedge",
-    "Zener",
-    "bonded_layer",
-    "fit_indentation",
-    "halfspace",
-    "indent",
-    "load",
-    "open_case",
-    "open_results",
-    "relaxation_spectrum",
-    "run",
-    "simulate",
-    "solve",
-]
+    "WLF", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError", "ConvergenceError",
+    "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "Flat", "FlatPunch", "ForceCurve",
+    "FractionalZener", "HavriliakNegami", "Kohlrausch", "Layer", "LayerStack", "LayeredHalfspace",
+    "LennardJones", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine", "Sinusoid",
+    "Solid", "Spectrum", "Sphere", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
+    "fit_indentation", "halfspace", "indent", "leakage", "load", "open_case", "open_results",
+    "relaxation_spectrum", "run", "simulate", "solve",
+]  # fmt: skip
 
 _MODULES = {
     "gfmdlayer.config": ("Config", "ConfigError", "load"),
@@ -101,6 +61,7 @@ _MODULES = {
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.model": ("ConvergenceError", "simulate"),
     "gfmdlayer.simulation": ("Case",),
@@ -108,17 +69,8 @@ _MODULES = {
     "gfmdlayer.interface.adhesion": ("Dugdale", "Exponential", "LennardJones"),
     "gfmdlayer.interface.electrostatic": ("Electrostatic",),
     "gfmdlayer.punch.simple_shapes": (
-        "BluntedCone",
-        "Cone",
-        "Cylinder",
-        "Flat",
-        "FlatPunch",
-        "Parabola",
-        "Pyramid",
-        "RadialProfile",
-        "Sinusoid",
-        "Sphere",
-        "Wedge",
+        "BluntedCone", "Cone", "Cylinder", "Flat", "FlatPunch", "Parabola", "Pyramid", "RadialProfile",
+        "Sinusoid", "Sphere", "Wedge",
     ),
     "gfmdlayer.punch.self_affine": ("SelfAffine",),
     "gfmdlayer.body.body": ("ViscoelasticLayer", "bonded_layer", "halfspace"),
@@ -130,7 +82,7 @@ _MODULES = {
     "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),
-}
+}  # fmt: skip
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 

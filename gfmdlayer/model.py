@@ -76,28 +76,14 @@ class ConvergenceError(RuntimeError):
 
 @dataclass(frozen=True)
 class Footprint:
-    """Estimated cost of one case.
+    """Estimated cost of one case."""
 
-    Attributes
-    ----------
-    steps : int
-        Time steps.
-    pairs : float
-        FFT pairs, each one forward and one backward transform of the grid.
-    work : float
-        Points times FFT pairs, or as much work of another kind; dealt out evenly over shards.
-    memory, storage : float
-        Bytes in memory (with the program) and in the result file.
-    seconds : float
-        Seconds beside the FFT pairs.
-    """
-
-    steps: int
-    pairs: float
-    work: float
-    memory: float
-    storage: float
-    seconds: float = 0.0
+    steps: int  # time steps
+    pairs: float  # FFT pairs, each one forward and one backward transform of the grid
+    work: float  # points times FFT pairs, or as much work of another kind; dealt out evenly over shards
+    memory: float  # bytes, with the program
+    storage: float  # bytes of the result file
+    seconds: float = 0.0  # beside the FFT pairs
 
 
 class Model(ABC):
@@ -177,21 +163,9 @@ class Model(ABC):
         *,
         plan: bool = True,  # noqa: ARG002
     ) -> str:
-        """Compile the kernels and plan the transforms of the case.
+        """Compile the kernels and `plan` the transforms; runs with the same FFTW wisdom agree in every bit.
 
-        Parameters
-        ----------
-        folder : Path, optional
-            Folder of the plans; by default the user's cache.
-        results : Path, optional
-            Folder of the plans of some results, which come first.
-        plan : bool
-            Whether to plan transforms.
-
-        Returns
-        -------
-        str
-            FFTW's wisdom; runs with the same wisdom agree in every bit.
+        Plans are in a `folder`, by default the user's cache; those of some `results` come first.
         """
         return ""
 

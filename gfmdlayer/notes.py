@@ -4,40 +4,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
+from gfmdlayer.body.solid import Relaxation
 from gfmdlayer.config import Config
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.validation.problems import Location, dotted
 from gfmdlayer.validation.sections import Section, files_named, sections_in
 
 # Keys whose defaults are numbers of the paper's dimensionless case.
-_DIMENSIONS = {
-    **dict.fromkeys(("period", "thickness", "radius", "depth"), "length"),
+DIMENSIONS = {
+    **dict.fromkeys(("period", "thickness", "radius", "depth", "unit"), "length"),
     **dict.fromkeys(("G", "G0", "Ginf", "shear_modulus", "load"), "pressure"),
-    **dict.fromkeys(("tau", "ramp_time", "end"), "time"),
+    **dict.fromkeys(("tau", "ramp_time", "end", "step"), "time"),
+    "approach_speed": "drive / time",
 }
-_PLURALS = {"length": "lengths", "pressure": "moduli and pressures"}
+_PLURALS = {"length": "lengths", "pressure": "moduli and pressures", "time": "times"}
 # Errors of the solver, of the surface that a step finds, come back in its pressure by the glassy over the
 # relaxed modulus. So much above the tolerance of adaptive steps they were seen to decide these.
 _NOISE = 10
 _PASSED_OVER = 0.05  # of the range of a trajectory, by which equal steps may miss a point of it
 _FACTOR = 1e3  # from the paper's case, beyond which a number has another unit
+_SHORT = 1e-2  # of the paper's times: where all that are given are shorter they have another unit
+# Error of the force at the end of a ramp, of which a note is given, and a part of it that is small enough.
+_COARSE, _ENOUGH = 0.02, 0.1
 
 
 def notes(configs: Iterable[Config], *, surfaces: bool = True) -> list[str]:
     """Return notes on the cases, each once.
 
     These are the changes made to measured surfaces (unless `surfaces` is false: they are then not read),
-    tables that end before the run does, a ramp that is not completed, defaults beside numbers in other units,
-    and interface laws that the grid does not resolve. TableError if a file cannot be used.
+    tables that end before the run does, a ramp that is not completed, steps that are too long for the
+    relaxation, defaults beside numbers in other units, and interface laws that the grid does not resolve.
+    TableError if a file cannot be used.
     """
     every = list(configs)
     measured = dict.fromkeys(
         (config.grid.cell, config.punch) for config in every if surfaces and config.geometry.on_grid
     )
     found = [note for cell, punch in measured for note in punch.notes(cell)]
-    found += _between_steps(every)
+    found += [*_between_steps(every), *_coarse_steps(every)]
     if any(map(files_named, every)):
         found += _short_tables(every)
     found += [note for config in every for note in (*_on_values(config), *_unresolved_zones(config))]
@@ -88,39 +95,91 @@ def _between_steps(configs: Sequence[Config]) -> Iterator[str]:
 
 def _on_values(config: Config) -> Iterator[str]:
     """Yield notes on defaults beside numbers in other units, and on a ramp that does not end."""
-    left, foreign = _defaults(config)
+    left, given = _defaults(config)
     if config.units is not None:
-        listed = [f"{key} = {value:g} {config.unit(_DIMENSIONS[_last(key)])}" for key, value in left.items()]
+        listed = [f"{key} = {value:g} {config.unit(DIMENSIONS[_last(key)])}" for key, value in left.items()]
         if listed:
             yield f"left at defaults, in the units given: {', '.join(listed)}"
     else:
         for dimension, plural in _PLURALS.items():
-            own = [key for key in left if _DIMENSIONS[_last(key)] == dimension]
-            beside = next((key for key in foreign if _DIMENSIONS[_last(key)] == dimension), None)
+            own = [key for key in left if DIMENSIONS[_last(key)] == dimension]
+            ratios = {key: each for key, each in given.items() if DIMENSIONS[_last(key)] == dimension}
+            if dimension == "time":  # long relaxation times and runs are common
+                foreign = list(ratios) if max(ratios.values(), default=1.0) < _SHORT else []
+            else:
+                foreign = [key for key, each in ratios.items() if not 1 / _FACTOR <= each <= _FACTOR]
+            beside = next(iter(foreign), None)
             if own and beside is not None:
                 listed = [f"{key} = {left[key]:g}" for key in own]
                 yield f"left at defaults beside {beside}: {', '.join(listed)}; give all {plural} in one unit"
     ramp, end = config.trajectory.ramp_time, config.time.end
     if ramp is not None and ramp > end:
         yield f"trajectory.ramp_time = {ramp:g} is beyond time.end = {end:g}: the ramp is not completed"
-    given = config.time
-    if ramp is not None and given.integrator == "backward_euler" and float(given.step) >= ramp:
+    time = config.time
+    if ramp is not None and time.integrator == "backward_euler" and float(time.step) >= ramp:
         yield (
-            f"time.step = {given.step:g}: the indentation, up to trajectory.ramp_time = {ramp:g}, is one "
+            f"time.step = {time.step:g}: the indentation, up to trajectory.ramp_time = {ramp:g}, is one "
             "step, for which backward Euler is coarse; take a shorter one, or time.integrator: exponential"
         )
-    if given.tolerance is not None and config.geometry.on_grid:
+    if time.tolerance is not None and config.geometry.on_grid:
         stiffened, tolerance, aim = config.contrast, config.solver.tolerance, config.finer_tolerance
-        enough = given.tolerance / stiffened
+        enough = time.tolerance / stiffened
         if tolerance > _NOISE * enough:
             many = f"the run may need very many steps; use solver.tolerance: {enough:.1g}"
             yield (
                 f"solver.tolerance = {tolerance:g} times the ratio of the glassy to the relaxed modulus, "
-                f"{stiffened:.3g}, is above time.tolerance = {given.tolerance:g}: "
+                f"{stiffened:.3g}, is above time.tolerance = {time.tolerance:g}: "
                 + (f"the solver uses {aim:.1g}" if aim < tolerance else many)
             )
     if (duration := config.trajectory.duration) is not None and duration > end:
         yield f"the trajectory ends at {duration:g}, beyond time.end = {end:g}: it is not completed"
+
+
+def _coarse_steps(configs: Sequence[Config]) -> Iterator[str]:
+    """Yield notes on fixed steps that are too long for the relaxation in a ramp, see `_error_of_steps`."""
+    seen = set()
+    for config in configs:
+        time, drive = config.time, config.trajectory
+        known = config.geometry.on_grid and config.temperature is None and drive.file is None
+        if not known or not config.laws or isinstance(time.step, str) or time.integrator != "exponential":
+            continue
+        if (parts := (drive, time, config.laws)) in seen:
+            continue
+        seen.add(parts)
+        ramps = {t - t0 for (t0, v0), (t, v) in pairwise(drive.corners) if v != v0 and t0 < time.end}
+        (error, tau), ramp, material = max(
+            (_error_of_steps(time.step, ramp, material), ramp, material)
+            for ramp in ramps
+            for material in config.solid.roughly(time.end)
+        )
+        if error <= _COARSE:
+            continue
+        shorter = (m * 10.0**k for k in range(math.floor(math.log10(time.step)), -31, -1) for m in (5, 2, 1))
+        small = _ENOUGH * _COARSE
+        enough = next(each for each in shorter if _error_of_steps(each, ramp, material)[0] <= small)
+        default = "" if "step" in time.model_fields_set else ", the default,"
+        yield (
+            f"time.step = {time.step:g}{default} is long beside a ramp of {ramp:.3g} and the relaxation time "
+            f"{tau:.3g}: the force at the end of the ramp may be {error:.1g} of itself too small; use "
+            f"time.step: {enough:g}, or adaptive"
+        )
+
+
+def _error_of_steps(step: float, ramp: float, material: Relaxation) -> tuple[float, float]:
+    """Estimate the relative error of the force at the end of a ramp, and the relaxation time behind it.
+
+    A branch (G, tau) carries the part v of the force, G tau/T (1 - exp(-T/tau)) of the modulus after a ramp
+    of duration T. Steps of length h that are exact for displacements linear in time err by v h/T times
+    0.11 h/tau, at most by v h/(2 T). Measured on a parabola on a layer on a stiff base, for T from tau to
+    30 tau and h up to 10 tau: within a fifth for h < tau and a third beyond. On a soft base it is less.
+    """
+    relaxed, branches = material
+    length = min(step, ramp)
+    viscous = [(-G * tau / ramp * math.expm1(-ramp / tau), tau) for G, tau in branches]
+    if (whole := relaxed + sum(part for part, _ in viscous)) <= 0:
+        return 0.0, 0.0
+    of_each = [(part / whole * length / ramp * min(0.11 * length / tau, 0.5), tau) for part, tau in viscous]
+    return sum(error for error, _ in of_each), max(of_each, default=(0.0, 0.0))[1]
 
 
 def _unresolved_zones(config: Config) -> Iterator[str]:
@@ -146,10 +205,10 @@ def _unresolved_zones(config: Config) -> Iterator[str]:
             )
 
 
-def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
-    """Return the dimensional keys left out, with their defaults, and those given in another unit."""
+def _defaults(config: Config) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the dimensional keys left out, with their defaults, and those given, over the paper's values."""
     left: dict[str, float] = {}
-    foreign: list[str] = []
+    given: dict[str, float] = {}
     thicknesses = {
         getattr(part, "thickness", None)
         for at, part in sections_in(config)
@@ -165,14 +224,14 @@ def _defaults(config: Config) -> tuple[dict[str, float], list[str]]:
         if unused.get(at[:1]):
             continue
         for key in type(section).model_fields:
-            value = _number(getattr(section, key)) if key in _DIMENSIONS else 0.0
+            value = _number(getattr(section, key)) if key in DIMENSIONS else 0.0
             if value in {0.0, math.inf} or (*at, key) in follows:
                 continue
             if key not in section.model_fields_set:
                 left[dotted((*at, key))] = value
-            elif abs(math.log(abs(value / _paper(section, key)))) > math.log(_FACTOR):
-                foreign.append(dotted((*at, key)))
-    return left, foreign
+            else:
+                given[dotted((*at, key))] = abs(value / _paper(section, key))
+    return left, given
 
 
 def _paper(section: Section, key: str) -> float:

@@ -7,19 +7,22 @@ The only module that knows all numerics. The time loop, `Case.run`, follows the 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
-from gfmdlayer.body.body import Body, internal_variables
+from gfmdlayer.body.body import Body, check_body, internal_variables
+from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.reach import Reach
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
@@ -36,7 +39,7 @@ from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
-from gfmdlayer.observables import AcceptedStep, Observable, observables
+from gfmdlayer.observables import AcceptedStep, Observable, observables, totals
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -45,6 +48,7 @@ from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
+    from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.model import Progress, Resume
 
@@ -110,6 +114,8 @@ class Case:
     ) -> None:
         if unknown := parts.keys() - Parts.__annotations__.keys():
             raise TypeError(f"a case has no part {', '.join(sorted(unknown))}")
+        if "body" in parts:
+            check_body(parts["body"], "mean_stiffness")
         self.config, self._wisdom, self._threads, self._ranks = config, wisdom, threads, ranks or ALONE
         vars(self).update(parts)  # where the cached properties look first
 
@@ -138,6 +144,17 @@ class Case:
     def body(self) -> Body:
         """The body under the surface."""
         return make_body(self.config, self.series)
+
+    @cached_property
+    def isolated(self) -> Isolated | None:
+        """The body as it answers in the cell of an isolated contact; None in a periodic one."""
+        given = self.config.grid
+        return isolated(self.body, given.period, given.datum) if given.isolated else None
+
+    @cached_property
+    def reach(self) -> Reach | None:
+        """The pressed part of the surface in an isolated contact; None in a periodic one."""
+        return None if self.isolated is None else Reach(self.grid, self.isolated)
 
     @cached_property
     def series(self) -> tuple[PronySeries, ...]:
@@ -200,7 +217,8 @@ class Case:
             internal = internal_variables(self.body, waves)
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
-        spectrum = self.body.spectrum(waves)
+        check_body(self.body, "spectrum")
+        spectrum = (self.isolated or self.body).spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)
         velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
@@ -274,6 +292,7 @@ class Case:
     def resumable(self) -> CompositeState:
         """All parts with a state."""
         # The transforms first: the solver uses their plans when it is restored.
+        of_isolated = {} if self.reach is None else {"reach": self.reach}
         return CompositeState(
             transforms=self.transforms,
             solver=self.solver,
@@ -283,6 +302,7 @@ class Case:
             changes=self.changes,
             loading=self.loading,
             observables=CompositeState(**self.observables),
+            **of_isolated,
         )
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
@@ -321,16 +341,17 @@ class Case:
                     at_breakpoint=instant.breakpoint,
                 )
                 self.changes.remember(prescribed, problem, solution)
+                if self.reach is not None:
+                    self.reach.remember(solution.pressure)
                 row: dict[str, float | FloatArray] = {}
                 step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
                 finished = False
                 for observable in observables:
                     row |= observable.measure(step)
                     finished = finished or observable.finished
-                recorder.row(**row)
+                recorder.row(**self._recorded(row))
                 if instant.snapshot or finished or keeps_all:
-                    fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
-                    fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+                    fields = self._fields(problem, solution, surface)
                     recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
                 if finished:
                     break
@@ -340,11 +361,23 @@ class Case:
                 progress(instant.time)
         for observable in observables:
             if observable.attributes:
-                recorder.note(**observable.attributes)
+                recorder.note(**self._recorded(observable.attributes))
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
+    def _fields(self, problem: Problem, solution: Solution, surface: Surface) -> list[FloatArray]:
+        """Return the fields of a snapshot: displacement, pressure, gap, and traction where there is one."""
+        fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
+        fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+        if self.reach is not None:
+            fields[::2] = map(self.reach.masked, fields[::2])
+        return fields
+
+    def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return columns or attributes of the observables, those of an isolated contact as totals."""
+        return dict(values) if self.isolated is None else totals(values, math.prod(self.grid.period))
+
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
-        """Solve the contact problem of a step; ConvergenceError unless solved or pulled off."""
+        """Solve the contact problem of a step; ConvergenceError unless solved within reach, or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
         before, given = self.solver.state(), self.config.solver
         solution = self.solve(problem, time)
@@ -352,4 +385,11 @@ class Case:
             self.solver.restore(before)  # the state as a whole is then that before the step
             reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
             raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
+        if (
+            self.reach is not None
+            and solution.converged
+            and (beyond := self.reach.refusal(solution.pressure))
+        ):
+            self.solver.restore(before)
+            raise ConvergenceError(f"t = {time:.6g}: {beyond}", problem, solution, time)
         return problem, solution

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Builds the documentation into docs/_build/html; a warning, a broken link or a misspelt word is an error.
+# Builds the documentation into docs/_build/html; a warning, a broken link, a misspelt word
+# or text that a browser cuts off is an error.
 # Makes the environment where there is none.
 set -euo pipefail
 
@@ -8,4 +9,5 @@ bash "$root/scripts/environment.sh" mpich,test,docs
 cd "$root"
 .venv/bin/codespell ./*.md docs configs
 .venv/bin/python -m sphinx -q -W --keep-going -j 2 -b html docs docs/_build/html
+.venv/bin/python -m pytest -q -m "" tests/scripts/test_site.py  # in a browser, if there is one
 echo "docs/_build/html/index.html"

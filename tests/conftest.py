@@ -1,9 +1,11 @@
-"""What the tests share: a recorder, runs on a small grid, the elastic closed form, dense contact solving."""
+"""What the tests share: a recorder, small runs, the elastic closed form, dense contact solving, a browser."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import shutil
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,3 +175,57 @@ class DenseContact:
 def dense_contact() -> type[DenseContact]:
     """Random small problems on a grid, and who knows their answers."""
     return DenseContact
+
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A headless Chromium of this machine."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is in the PATH")
+    with playwright.sync_playwright() as driver:
+        yield driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Open a page; at the end nothing may have been logged as an error, and nothing loaded from elsewhere."""
+    opened: list[Any] = []
+    wrong: list[str] = []
+
+    def visit(path: Path, width: int = 1280, scheme: str = "light", ready: str = "html") -> Any:
+        opened.append(browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme))
+        page = opened[-1].new_page()
+        page.set_default_timeout(300_000)  # a machine under load is slow to draw
+        page.on(
+            "console", lambda each: wrong.append(each.text) if each.type in ("error", "warning") else None
+        )
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on(
+            "request",
+            lambda each: None if each.url.startswith(("file:", "blob:", "data:")) else wrong.append(each.url),
+        )
+        page.goto(path.as_uri())
+        page.wait_for_selector(ready, state="attached")
+        return page
+
+    yield visit
+    for each in opened:
+        each.close()
+    assert wrong == []
+
+
+@pytest.fixture
+def flaws() -> Callable[..., list[str]]:
+    """Text of a page that a reader would miss; boxes that match `unscrolled` may not scroll."""
+    script = Path(__file__).with_name("flaws.js").read_text(encoding="utf-8")
+
+    def flaws(page: Any, root: str = "body", unscrolled: str = "") -> list[str]:
+        found: list[str] = page.evaluate(script, [root, unscrolled])
+        return found
+
+    return flaws

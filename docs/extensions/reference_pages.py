@@ -12,7 +12,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from key_examples import EXAMPLES
+
 import gfmdlayer
+from gfmdlayer import figures
 from gfmdlayer.cli import VERBS, command_line
 from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
@@ -31,7 +34,8 @@ _KEYS = """\
 
 Every key except `name` has a default. Outside its section a key has a dotted name, such as
 `layer.thickness` in `--set`, in a sweep and in messages. Entries of a list are numbered from 0:
-`layers.0.thickness`. You can sweep most keys.
+`layers.0.thickness`. You can sweep most keys. Each section begins with an example; a configuration also
+needs a `name`.
 
 Use any units, but the same everywhere; see [units](../guides/si-units.md). The column "unit" has the
 dimension: 1 for a pure number, – for a word, a file or a section. "drive" is the dimension of
@@ -113,6 +117,8 @@ def _section(key: str, name: str, section: Mapping[str, Any], *, headed: bool) -
         yield f"### {': '.join([name.lower() if '.' in key else key, *words])}\n"
     if summary := section.get("description"):
         yield f"{_sentence(summary)}\n"
+    for example in EXAMPLES[name].split("\n---\n") if name in EXAMPLES else ():
+        yield f"```yaml\n{example}\n```\n"
     if key in {"sweep", "zip"}:  # the keys are those of the other sections
         return
     defaults = _defaults(key, keys)
@@ -184,10 +190,33 @@ def _default(value: Mapping[str, Any], found: object = None) -> str:
     return f"`{text.written({'_': found}).partition(': ')[2].strip()}`"
 
 
+# Symbols in words, as HTML; minus signs first, as powers have them too.
+_SYMBOLS = {
+    r"(?<=[( ^])(?<!or )-(?=[\w( ])": "−",
+    r"\b([GzhR])0\b": r"<i>\1</i><sub>0</sub>",
+    r"\bGinf\b": "<i>G</i><sub>∞</sub>",
+    r"\bC([12])\b": r"<i>C</i><sub>\1</sub>",
+    r"\beps0\b": "<i>ε</i><sub>0</sub>",
+    r"\baT\b": "<i>a</i><sub>T</sub>",
+    r"\b([RLn])([xy])\b": r"<i>\1</i><sub>\2</sub>",
+    r"\blog10\b": "log<sub>10</sub>",
+    r"\btau\b": "<i>τ</i>",
+    r"\bomega\b": "<i>ω</i>",
+    r"\bpi\b": "π",
+    r"\b([ap])tilde\b": "<i>\\1\u0303</i>",
+    r"\bpbar\b": "<i>p\u0304</i>",
+    r"\^\(([^()]*\([^()]*\))\)": r"<sup>\1</sup>",
+    r"\^(−?\w+)": r"<sup>\1</sup>",
+}
+
+
 def _sentence(words: str) -> str:
-    """Return words as Markdown that keeps brackets and angles as they are."""
-    parts = words.split("`")
-    parts[::2] = [re.sub(r"([*_<>\[\]])", r"\\\1", part) for part in parts[::2]]
+    """Return words as Markdown: braces and brackets are code, and symbols elsewhere are typeset."""
+    parts = re.sub(r"(?<!`)(\{[^{}`]*\}|\[[^][`]*\])", r"`\1`", words).split("`")
+    for i in range(0, len(parts), 2):
+        parts[i] = re.sub(r"([*_<>])", r"\\\1", parts[i])
+        for written, typeset in _SYMBOLS.items():
+            parts[i] = re.sub(written, typeset, parts[i])
     return "`".join(parts)
 
 
@@ -243,3 +272,7 @@ def python() -> Iterator[str]:
     yield ".. currentmodule:: gfmdlayer\n"
     yield ".. autosummary::\n   :toctree: names\n"
     yield from (f"   {name}" for name in sorted(gfmdlayer.__all__, key=str.lower))
+    yield "\nPictures\n--------\n"
+    yield ".. currentmodule:: gfmdlayer.figures\n"
+    yield ".. autosummary::\n   :toctree: names\n"
+    yield from (f"   {name}" for name in figures.__all__)

@@ -40,7 +40,7 @@ for k in (0, 3, 8):
     steady, _ = cases[k]
     left.plot(steady.x, steady.pressure, label=f"{speeds[k]:g}")
 left.axhline(0, color="0.7", lw=0.8)
-left.set(xlabel="x / L, in the frame of the cylinder", ylabel="pressure / G0", xlim=(-0.15, 0.15))
+left.set(xlabel="x / L, in the frame of the cylinder", ylabel="pressure / $G_0$", xlim=(-0.15, 0.15))
 left.legend(title="speed / (L/τ)", fontsize=8)
 arrow = {"xycoords": "axes fraction", "arrowprops": {"arrowstyle": "->"}}
 left.annotate("rolling", (0.3, 0.9), (0.04, 0.88), **arrow)

@@ -44,5 +44,9 @@ for row, (key, true) in enumerate(zip(("G0", "Ginf", "tau"), (1e-6, 3e-6, 0.8), 
     right.plot([low, high], [row, row], "C1", lw=4, alpha=0.5)
     right.plot(estimate.value / true, row, "C1o")
 right.axvline(1, color="0.7", lw=0.8)
-right.set(yticks=range(3), yticklabels=["G0", "Ginf", "τ"], xlabel="estimate / truth, with its 95 % interval")
+right.set(
+    yticks=range(3),
+    yticklabels=["$G_0$", r"$G_\infty$", "τ"],
+    xlabel="estimate / truth, with its 95 % interval",
+)
 plt.show()

@@ -34,5 +34,5 @@ for panel, values, label in zip(panels, (kept, grown), ("mean pressure", "contac
     panel.set(xscale="log", yscale="log", xlabel="thickness / L")
     panel.set_title(label, fontsize=10)
     figure.colorbar(mesh, ax=panel, label="at 40 τ, over that at τ")
-panels[0].set_ylabel("modulus of the base / G0")
+panels[0].set_ylabel("modulus of the base / $G_0$")
 plt.show()

@@ -31,6 +31,6 @@ for thickness, label, colour in zip(
     panels[0].plot(case.time, case.contact_area_interpolated, label=f"d/L = {label}", **style)
     panels[1].plot(case.time, case.mean_pressure, **style)
 panels[0].set(xlabel="t/τ", ylabel="relative contact area")
-panels[1].set(xlabel="t/τ", ylabel="mean pressure / 2 G0")
+panels[1].set(xlabel="t/τ", ylabel="mean pressure / 2 $G_0$")
 panels[0].legend()
 plt.show()

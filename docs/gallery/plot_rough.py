@@ -40,7 +40,7 @@ for panel, shot in zip(panels, data.snapshot.values, strict=False):
         vmax=1.5,
     )
     panel.set(xlabel=f"one period L, at t = {shot:g} τ", xticks=[], yticks=[], facecolor="0.93")
-figure.colorbar(image, ax=panels[:2], label="pressure / G0", extend="max", shrink=0.85)
-panels[2].semilogx(data.time[1:], data.contact_area[1:])
+figure.colorbar(image, ax=panels[:2], label="pressure / $G_0$", extend="max", shrink=0.85)
+panels[2].semilogx(data.time[1:], data.contact_area_interpolated[1:])
 panels[2].set(xlabel="t/τ", ylabel="relative contact area", ylim=(0, None))
 plt.show()

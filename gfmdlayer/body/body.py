@@ -50,6 +50,21 @@ class Body(Protocol):
         ...
 
 
+_MEMBERS = {
+    "mean_stiffness": "mean_stiffness: K(q = 0), 0 where the mean displacement is prescribed",
+    "stiffness": "stiffness(waves, s): K(q, s)",
+    "spectrum": "spectrum(waves): the relaxing modes, needed where time matters",
+}
+
+
+def check_body(body: object, *needed: str) -> None:
+    """Raise a TypeError that names the members of a `Body` which an object lacks."""
+    lacking = [f"no {_MEMBERS[name]}" for name in needed if not hasattr(body, name)]
+    if lacking:
+        example = "must be a body, such as halfspace(...) or bonded_layer(...)"
+        raise TypeError(f"body: {type(body).__name__} has {'; '.join(lacking)}; {example}")
+
+
 def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
     """Return the internal variables of a body whose layers may have reduced times of their own.
 

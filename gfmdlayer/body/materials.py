@@ -89,19 +89,9 @@ class Law(Kind):
 
     @abstractmethod
     def prony(self, shortest: float, longest: float, tolerance: float | None = None) -> PronySeries:
-        """Return Maxwell branches that respond like this law over a range of times.
+        """Return Maxwell branches that respond like this law over a range of times and of 1/omega.
 
-        Parameters
-        ----------
-        shortest, longest : float
-            Range of times, and of the reciprocals of angular frequencies.
-        tolerance : float, optional
-            Largest error of G(t) and of G(omega) in the range, relative to their magnitude; by default that
-            of the law.
-
-        Returns
-        -------
-        PronySeries
+        `tolerance` is the largest relative error of G(t) and of G(omega) there; by default that of the law.
         """
 
     @abstractmethod
@@ -175,23 +165,13 @@ class Material(Law):
 
 @dataclass(frozen=True)
 class PronySeries:
-    """A series of Maxwell branches in place of a law.
+    """A series of Maxwell branches in place of a law."""
 
-    Parameters
-    ----------
-    material : Material
-        The series.
-    shortest, longest : float
-        Range of times, and of the reciprocals of angular frequencies, in which the bounds hold.
-    error_in_time, error_in_frequency : float
-        Bounds on |error of G(t)|/G(t) and |error of G(omega)|/|G(omega)|.
-    """
-
-    material: Material
-    shortest: float
+    material: Material  # the series
+    shortest: float  # range of times, and of the reciprocals of angular frequencies, in which the bounds hold
     longest: float
-    error_in_time: float = 0.0
-    error_in_frequency: float = 0.0
+    error_in_time: float = 0.0  # bound on |error of G(t)|/G(t)
+    error_in_frequency: float = 0.0  # bound on |error of G(omega)|/|G(omega)|
 
 
 # Laws of a spring beside Maxwell branches: elastic, Zener, Prony.

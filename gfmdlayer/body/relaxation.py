@@ -39,9 +39,6 @@ from gfmdlayer.body.materials import Material
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
 
-# Rounding of an entry of K_0, relative to the largest.
-_ASYMMETRIC = 1e-12
-
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
 
@@ -116,51 +113,6 @@ class Spectrum:
         """Return weights and times of the modes at one wave."""
         some = self.weights[:, i] > 0
         return self.weights[some, i].tolist(), self.times[some, i].tolist()
-
-
-@dataclass(frozen=True)
-class VectorSpectrum:
-    """Relaxing modes of n = 1, 2 or 3 components: K(s) = K_inf - sum_j v_j v_j^H/(1 + s theta_j).
-
-    The components are displacements of the surface, and the tractions that do work on them: normal alone,
-    normal and along the wave, or all three. K is Hermitian at real s; a component that is i times a real one
-    makes it real. Each mode has one scalar state, driven by v^H u. A scalar mode of weight w is v = w^(1/2).
-    """
-
-    relaxed: NDArray[Any]  # K_0(q), Hermitian, not negative, shape (*q.shape, n, n)
-    vectors: NDArray[Any]  # v_j(q), zero where a mode is left out, shape (modes, *q.shape, n)
-    times: FloatArray  # theta_j(q) > 0, shape (modes, *q.shape)
-
-    @classmethod
-    def of(cls, spectrum: Spectrum) -> VectorSpectrum:
-        """Return the modes of one component as vectors."""
-        relaxed, vectors = spectrum.relaxed[..., np.newaxis, np.newaxis], np.sqrt(spectrum.weights)
-        return cls(relaxed, vectors[..., np.newaxis], spectrum.times)
-
-    @property
-    def entries(self) -> Spectrum:
-        """The modes of each entry of K, shape (*q.shape, n, n); those beside the diagonal have any sign."""
-        products = self.vectors[..., :, np.newaxis] * self.vectors[..., np.newaxis, :].conj()
-        return Spectrum(self.relaxed, products, self.times[..., np.newaxis, np.newaxis])
-
-    @property
-    def glassy(self) -> NDArray[Any]:
-        """K_inf(q), shape (*q.shape, n, n)."""
-        return self.entries.glassy
-
-    def stiffness(self, s: ArrayLike) -> NDArray[Any]:
-        """K(q, s), shape (*q.shape, n, n), at the Laplace variable s, a number or of the shape of q."""
-        return self.entries.stiffness(np.asarray(s)[..., np.newaxis, np.newaxis])
-
-    def fault(self) -> str:
-        """Return which promise the modes do not keep, if any: K_0 Hermitian and not negative, times > 0."""
-        adjoint = np.swapaxes(self.relaxed, -1, -2).conj()
-        size = np.abs(self.relaxed).max(axis=(-1, -2))
-        if (np.abs(self.relaxed - adjoint).max(axis=(-1, -2)) > _ASYMMETRIC * size).any():
-            return "relaxed: must be Hermitian"
-        if (np.linalg.eigvalsh(self.relaxed).min(axis=-1) < -_ASYMMETRIC * size).any():
-            return "relaxed: has a negative eigenvalue; must be >= 0"
-        return "" if (self.times > 0).all() else "times: must be > 0"
 
 
 def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:

@@ -64,13 +64,13 @@ class Shift(Kind):
 
     def refused(self, temperature: float) -> str:
         """Return why the law has no value at a temperature, or nothing."""
-        if temperature <= self.pole:
+        if not temperature > self.pole:  # nor for NaN
             return (
                 f"got {temperature:g}, where the {self.law} law has no value; must be above {self.pole:g} "
                 "degrees Celsius"
             )
         decades = self.logarithm(temperature) / math.log(10)
-        if abs(decades) > MOST_DECADES:
+        if not abs(decades) <= MOST_DECADES:
             found = f"got {temperature:g}, where the {self.law} law shifts times by {decades:.3g} decades"
             return f"{found}; must be a temperature with at most {MOST_DECADES}"
         return ""

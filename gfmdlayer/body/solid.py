@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.wavevectors import Wavevectors
 
+# Width of an isolated contact on a grid, at most, over the period (`body.isolated`).
+WIDEST = 0.42
+
 Relaxation = tuple[float, tuple[tuple[float, float], ...]]  # relaxed modulus, and (G_k, tau_k) of branches
 
 
@@ -79,14 +82,9 @@ class Solid(Kind):
         return tuple(section for _, section in sections_in(self) if isinstance(section, Law))
 
     def with_series(self, materials: Sequence[Material], accuracy: float) -> Body:  # noqa: ARG002
-        """Return the body of a run.
+        """Return the body of a run, with a series in place of each of `laws`.
 
-        Parameters
-        ----------
-        materials : sequence of Material
-            Series in place of each of `laws`.
-        accuracy : float
-            Relative error of K(q, s) up to which relaxing modes may be merged.
+        `accuracy` is the relative error of K(q, s) up to which relaxing modes may be merged.
         """
         series = iter(materials)
         body: Any = replaced(self, lambda value: next(series) if isinstance(value, Law) else value)

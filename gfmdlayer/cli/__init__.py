@@ -21,6 +21,7 @@ from gfmdlayer.cli import (
     completion,
     fit_indentation,
     fit_material,
+    leak,
     new,
     plot,
     report,
@@ -32,19 +33,9 @@ from gfmdlayer.cli import (
 from gfmdlayer.cli.terminal import COMPLETE, FAILED, RESUMABLE, STATUSES, input_problems, refuse
 
 VERBS = (
-    new,
-    run,
-    check,
-    status,
-    clean,
-    plot,
-    report,
-    fit_material,
-    fit_indentation,
-    verify,
-    schema,
+    new, run, check, status, clean, plot, report, leak, fit_material, fit_indentation, verify, schema,
     completion,
-)
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

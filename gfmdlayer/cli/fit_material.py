@@ -37,11 +37,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def fit_material(options: argparse.Namespace) -> int:
     """Fit a law to a measured curve."""
+    from gfmdlayer.body.shifts import WLF
     from gfmdlayer.fitting import report
-    from gfmdlayer.fitting.measurement import WLF, FitError
+    from gfmdlayer.fitting.measurement import FitError
 
-    shift = (options.temperature, options.reference, options.wlf)
-    if None in shift and any(value is not None for value in shift):
+    given = [value for value in (options.temperature, options.reference, options.wlf) if value is not None]
+    if len(given) not in (0, 3):
         return refuse("--temperature, --reference and --wlf: give all three or none")
     if not -1 < options.poisson <= 0.5:
         return refuse(f"--poisson: got {options.poisson:g}; must be a number > -1 and <= 0.5")
@@ -54,7 +55,10 @@ def fit_material(options: argparse.Namespace) -> int:
             names=options.columns,
             branches=options.branches,
             relaxed=options.relaxed_modulus,
-            wlf=None if options.wlf is None else WLF(*shift[:2], *options.wlf),
+            temperature=options.temperature,
+            shift=WLF(**dict(zip(("C1", "C2"), options.wlf, strict=True)), reference=options.reference)
+            if given
+            else None,
             normalise=options.normalise,
             force=options.force,
         )

@@ -127,6 +127,20 @@ def cut_short(lines: Iterable[str], number: int | None = None) -> list[str]:
     return [*every[:LISTED], *([f"  ... and {further} more"] if further > 0 else [])]
 
 
+def note_incomplete(path: Path) -> None:
+    """Name on standard error the cases of a results folder that are neither complete nor failed."""
+    from gfmdlayer.execution.folder import Folder
+
+    folder = Folder(path)
+    if folder.path.is_dir() and folder.is_results():
+        numbers, found = folder.case_numbers(), folder.numbers()
+        ended = found["h5"] | found["failed"]
+        if waiting := [f"{number:04d}" for number in numbers if number not in ended]:
+            named = ", ".join(waiting[:LISTED]) + " ..." * (len(waiting) > LISTED)
+            cases = f"{len(waiting)} of {count_cases(len(numbers))}"
+            print(f"note: {cases} not complete yet: {named}", file=sys.stderr)
+
+
 def conclude(summary: Summary, directory: Path, noun: str, shard: Shard | None = None) -> int:
     """Print the end of a run over cases or curves (`noun`), and return the exit status."""
     print("".join(f"note: {line}\n" for line in summary.notes), end="")

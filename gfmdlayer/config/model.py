@@ -10,7 +10,7 @@ import copy
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -70,9 +70,7 @@ _YOUNGS = {
 }
 
 
-def with_hidden(
-    data: dict[str, Any], found: list[Problem], validate: Callable[[dict[str, Any]], list[Problem]]
-) -> list[Problem]:
+def with_hidden(data: dict[str, Any], found: list[Problem]) -> list[Problem]:
     """Return the problems `found` in plain data and the problems that they hide."""
     rest = copy.deepcopy(data)
     new = found
@@ -80,7 +78,7 @@ def with_hidden(
     while new:
         removed = [_set_aside(rest, p.location[:-1] if p.chooses else p.location) for p in new]
         aside += removed + [unswept(key) for key in removed]
-        new = [p for p in validate({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
+        new = [p for p in problems({"name": "unnamed"} | rest) if not any(_rests_on(p, key) for key in aside)]
         found = found + new
     return [_as_written(data, _in_shear_moduli(data, problem)) for problem in found]
 
@@ -147,12 +145,6 @@ def _in_shear_moduli(data: Any, problem: Problem) -> Problem:
 
 
 # Whether an interface law goes with the rest of a configuration.
-
-
-def attracting(interface: Interface | tuple[Interface, ...] | None) -> tuple[Interface, ...]:
-    """Return the laws that attract, which the hard wall does not."""
-    every = interface if isinstance(interface, tuple) else () if interface is None else (interface,)
-    return tuple(law for law in every if law.attracts)
 
 
 def problems_of_the_interface(config: Any) -> Iterator[Problem]:
@@ -273,6 +265,27 @@ class Config(Section):
         for i, snapshot in enumerate(output.snapshot_times):
             if message := time.misses(snapshot):
                 yield Problem(("output", "snapshots", i), message, ("time.step", "time.integrator"))
+        if self.geometry.on_grid:
+            yield from self._problems_of_transport()
+
+    def _problems_of_transport(self) -> Iterator[Problem]:
+        output = self.output
+        if len(self.grid.points) == 1:
+            for i, name in enumerate(output.observables or ()):
+                message = f"got {name!r}, which a line does not have; remove it"
+                also = " (output.leakage has the flow of a line in closed form)" * (name != "spot_radius")
+                yield Problem(("output", "observables", i), message + also, ("grid.points",))
+        if output.stiffness is None:
+            return
+        at = ("output", "stiffness")
+        if self.trajectory.moves:
+            yield Problem(at, "only for a punch that does not move along x; remove it", ("trajectory",))
+        if self.interfaces:
+            message = "only for the hard wall; attraction adds a stiffness of its own; remove it"
+            yield Problem(at, message, ("interface",))
+        relaxing = {law.shift for law in self.laws if not getattr(law, "elastic", False)}
+        if self.temperature is not None and len(relaxing) > 1:
+            yield Problem(at, "only for materials with one common shift; remove it", ("temperature",))
 
     @property
     def plainly_possible(self) -> bool:
@@ -300,7 +313,9 @@ class Config(Section):
     @property
     def interfaces(self) -> tuple[Interface, ...]:
         """The interface laws that attract; they add. Empty for the hard wall."""
-        return attracting(self.interface)
+        given = self.interface
+        every = given if isinstance(given, tuple) else () if given is None else (given,)
+        return tuple(law for law in every if law.attracts)
 
     @property
     def contact_solver(self) -> Choice:
@@ -346,7 +361,7 @@ class Config(Section):
     @classmethod
     def all_problems(cls, data: dict[str, Any], error: ValidationError) -> list[Problem]:
         """Return the problems that pydantic found in plain data, and those that they hide."""
-        return with_hidden(data, explain(error), problems)
+        return with_hidden(data, explain(error))
 
     def dump(self) -> str:
         """Return the configuration as YAML with every default written out, which `load` reads back.
@@ -388,11 +403,8 @@ def stem(config: Config) -> str:
     A run with snapshots after every step begins like no run without them.
     A law with a continuous spectrum is replaced by a series for the times up to the end, which counts then.
     """
-    times = (
-        {"keep_state", "times"}
-        if config.output.snapshots == "every"
-        else {"keep_state", "times", "snapshots"}
-    )
+    kept = {"snapshots"} if config.output.snapshots == "every" else set()
+    times = {"keep_state", "times", "snapshots"} - kept
     left_out: dict[str, Any] = {"name": True, "sweep": True, "output": times}
     if not any(isinstance(section, ContinuousLaw) for _, section in sections_in(config)):
         left_out["time"] = {"end"}

@@ -91,6 +91,16 @@ def from_python(
     return _validated(document, values or {}, Path.cwd(), inspect)
 
 
+def gives(config: str | Path | Mapping[str, Any] | Config, key: str) -> bool:
+    """Whether a configuration itself, a file's, a mapping's or a checked one, has a dotted key."""
+    data = _document(config).data if isinstance(config, str | Path) else plain(config)
+    for part in location_of_key(key):
+        if not isinstance(data, dict) or part not in data:
+            return False
+        data = data[part]
+    return True
+
+
 def _validated(
     document: Document,
     overrides: Iterable[str] | Mapping[str, object],
@@ -172,7 +182,7 @@ def _location(key: str) -> Location:
 
 
 def _assign(document: Document, key: str, new: Document, option: Place) -> None:
-    """Put a value at a dotted key; its place is that of the option."""
+    """Put a value at a dotted key; its place is the option's."""
     location = _location(key)
     inner: Any = document.data
     for i, part in enumerate(location):

@@ -32,43 +32,24 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable
 
-# Depths count as at least this part of the range of the punch's heights: what is less is rounding of h - u.
-# A surface that heals under a flat punch at depth zero comes to rest there.
+# Depths count as at least this part of the range of the punch's heights: less is rounding of h - u.
+# A surface that heals under a flat punch at depth zero stops there.
 _DEPTH_FLOOR = 1e-14
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The minimisation of one time step, in flat arrays.
+    """The minimisation of one time step, in flat arrays: one value a point, or a mode."""
 
-    Parameters
-    ----------
-    stiffness : ndarray, one value a mode
-        kappa >= 0, minus the slopes of the paper's line 5, pressure per length.
-    intercept : ndarray of complex, one value a mode
-        b, the intercepts of the paper's line 6, as an unnormalised transform; pressure.
-    obstacle : ndarray, one value a point
-        h, the surface of the punch; length.
-    mean_pressure : float, optional
-        The mean pressure that is to be reached; without it the depth is the given quantity.
-    loss_stiffness : ndarray, one value a mode, optional
-        Imaginary part of kappa, which `LossStiffnessSolver` solves for; zero at q = 0.
-    height : float
-        Range of the punch's heights, beside which depths are known to rounding; zero where they are exact.
-    interface : Interaction
-        Interaction across the gap, beside u <= h.
-    ranks : Ranks
-        The processes of whose grid these are the points and modes.
-    """
-
-    stiffness: FloatArray
-    intercept: ComplexArray
-    obstacle: FloatArray
-    mean_pressure: float | None = None
+    stiffness: FloatArray  # modes: kappa >= 0, minus the slopes of the paper's line 5; pressure per length
+    intercept: ComplexArray  # modes: b, the intercepts of line 6, as an unnormalised transform; pressure
+    obstacle: FloatArray  # points: h, the surface of the punch; length
+    mean_pressure: float | None = None  # to be reached; without it the depth is the given quantity
+    # modes: imaginary part of kappa, which `LossStiffnessSolver` solves for; zero at q = 0
     loss_stiffness: FloatArray | None = None
-    height: float = 0.0
-    interface: Interaction = HARD_WALL
-    ranks: Ranks = ALONE
+    height: float = 0.0  # range of the punch's heights, beside which depths are rounded; zero where exact
+    interface: Interaction = HARD_WALL  # across the gap, beside u <= h
+    ranks: Ranks = ALONE  # the processes of whose grid these are the points and modes
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -109,47 +90,23 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver found.
+    """What a solver found; fields have one value a point."""
 
-    Attributes
-    ----------
-    displacement, pressure : ndarray, one value a point
-        u, with u <= h and the mean constraint satisfied to rounding, and the compressive stress p = f +
-        lambda at every point.
-    gap : ndarray, one value a point
-        h - u.
-    spectrum : ndarray of complex
-        Unnormalised transform of the displacement, with which the history is carried on.
-    mean_pressure, mean_gap : float
-        pbar, the mean of p, and the mean of h - u.
-    contact_area : float
-        Fraction of the points in contact.
-    residual : float
-        See `residual`.
-    transforms, iterations : int
-        FFT pairs (a forward and a backward transform) and iterations spent. Transforms of a part of the
-        surface count as that part of one, rounded from step to step.
-    converged : bool
-        Whether the residual is within the tolerance.
-    released_energy : float
-        Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
-    margin : float
-        Distance from an instability: the least curvature of the energy, over that without an interface; zero
-        where the branch ends. NaN from solvers that do not know it.
-    """
-
-    displacement: FloatArray
-    pressure: FloatArray
-    gap: FloatArray
-    spectrum: ComplexArray
-    mean_pressure: float
+    displacement: FloatArray  # u <= h, with the mean constraint satisfied to rounding
+    pressure: FloatArray  # p = f + lambda, the compressive stress at every point
+    gap: FloatArray  # h - u
+    spectrum: ComplexArray  # unnormalised transform of u, with which the history is carried on
+    mean_pressure: float  # pbar, the mean of p
     mean_gap: float
-    contact_area: float
-    residual: float
-    transforms: int
+    contact_area: float  # fraction of the points in contact
+    residual: float  # see `residual`
+    transforms: int  # FFT pairs spent; those of a part of the surface count as that part, rounded over steps
     iterations: int
-    converged: bool
+    converged: bool  # whether the residual is within the tolerance
+    # Energy per area lost at a fixed punch in instabilities; zero where the step stays on its branch.
     released_energy: float = 0.0
+    # Distance from an instability: the least curvature of the energy, over that without an interface; zero
+    # where the branch ends. NaN from solvers that do not know it.
     margin: float = math.nan
 
 
@@ -230,22 +187,10 @@ def make_solution(
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
 ) -> Solution:
-    """A state with its residual and means; it converged if its residual is within a bound.
+    """Return a state with its residual and means; it converged if its residual is `within` a bound.
 
-    Parameters
-    ----------
-    problem : Problem
-        The solved problem.
-    displacement, pressure, spectrum : ndarray
-        The state, as in `Solution`.
-    spent : tuple of int
-        FFT pairs and iterations.
-    within : float
-        Largest residual of a solution.
-    assessment : tuple of float, optional
-        Result of `residual.assess` for the whole surface, where it is known.
-    gap : ndarray, optional
-        h - u, where it is known.
+    `spent` are FFT pairs and iterations, `assessment` the result of `residual.assess`, `gap` is h - u; the
+    last two where they are known.
     """
     gap = problem.obstacle - displacement if gap is None else gap
     wall = problem.wall_pressure(pressure, gap)

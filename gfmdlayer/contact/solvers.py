@@ -16,39 +16,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Declaration:
-    """The abilities of a solver, and its cost.
+    """The abilities of a solver, and its cost."""
 
-    Attributes
-    ----------
-    place : str
-        Module and class, "package.module:Class"; made with transforms.
-    starts_from : {"displacement", "pressure", "gap"}
-        Field of the first guess.
-    pairs, power : float
-        FFT pairs a step at 4096 points and a residual of 1e-6, and as a power of the points.
-    rough : float
-        Factor on the pairs where no window holds the contact.
-    fields : int
-        Real fields alive at once in a run.
-    pairs_with : mapping
-        `pairs` and `power` where an option of the solver's section has a value, by (option, value).
-    adhesive : bool
-        Whether it solves problems whose interface attracts.
-    nonsymmetric : bool
-        Whether it solves problems with a loss stiffness by itself.
-    distributed : bool
-        Whether it solves on a grid over several ranks; it is then made with the grid too.
-    """
-
-    place: str
-    starts_from: Literal["displacement", "pressure", "gap"]
-    pairs: float
-    power: float
-    fields: int
-    rough: float = 1.0
-    adhesive: bool = False
-    nonsymmetric: bool = False
-    distributed: bool = False
+    place: str  # module and class, "package.module:Class"; made with transforms
+    starts_from: Literal["displacement", "pressure", "gap"]  # field of the first guess
+    pairs: float  # FFT pairs a step at 4096 points and a residual of 1e-6
+    power: float  # of the points, to which the pairs are proportional
+    fields: int  # real fields alive at once in a run
+    rough: float = 1.0  # factor on the pairs where no window holds the contact
+    adhesive: bool = False  # whether it solves problems whose interface attracts
+    nonsymmetric: bool = False  # whether it solves problems with a loss stiffness by itself
+    distributed: bool = False  # whether it solves on a grid over ranks; it is then made with the grid too
+    # `pairs` and `power` where an option of the solver's section has a value, by (option, value)
     pairs_with: Mapping[tuple[str, object], tuple[float, float]] = field(default_factory=dict)
 
     def pairs_per_step(self, points: int, options: Mapping[str, object]) -> float:
@@ -88,8 +67,8 @@ SOLVERS: Mapping[str, Declaration] = {
 }
 
 
-# The solver that `solver.method: auto` takes, by the configuration alone: a run is resumed by the solver that
-# began it. Results carry the digest of the solver that is taken, not of the word `auto`.
+# The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a
+# run resumes it. Results carry the digest of the solver that is taken, not of the word `auto`.
 #
 # Measured (docs/theory/ablation.md): on a rough surface in two directions, where no window holds the contact,
 # nested gradients take a quarter to a third of the active set's FFT pairs in time steps, and a fifth to an

@@ -46,7 +46,7 @@ class Checkpoints:
     The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
     when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on;
     where a step does not converge, this is the state before the step. A case with a later end than a complete
-    one goes on from the state that the `earlier` one kept; `stem` is that of the configuration where this
+    one goes on from the state that the `earlier` one kept; `stem` is the configuration's where this
     case keeps its own. `report_time` takes the simulated time after each attempt at a step and may raise
     `Stopped`.
     """
@@ -314,7 +314,7 @@ def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str)
     from gfmdlayer.results.provenance import now
 
     record = {"reason": reason, **more, "time": now(), "values": case.values}
-    with suppress(OSError):  # on a full disk the outcome alone must do
+    with suppress(OSError):  # on a full disk the outcome must do
         write_text(folder.case(case.index, kind), json.dumps(record, default=str))
 
 
@@ -401,6 +401,7 @@ class _Run:
             model.columns,
             elapsed=checkpoints.elapsed,
             unit=case.config.unit,
+            swept=case.values,
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):

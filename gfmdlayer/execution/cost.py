@@ -42,16 +42,12 @@ def total(costs: Iterable[Footprint], part: float = 1.0) -> Footprint:
     )
 
 
-def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float]) -> float:
-    """Estimate the seconds of a case on one core from the seconds of an FFT pair of the grid."""
+def expected_seconds(config: Config, pair: Callable[[tuple[int, ...]], float] | None = None) -> float:
+    """Estimate the seconds of a case on one core from those of an FFT pair, by default on this machine."""
+    pair = pair or _pair_seconds
     cost = estimate(config)
     transforms = AROUND * cost.pairs * pair(config.grid.points) if cost.pairs else 0.0
     return CASE_SECONDS + cost.seconds + transforms
-
-
-def on_this_machine(config: Config) -> float:
-    """Estimate the seconds of a case on one core of this machine."""
-    return expected_seconds(config, _pair_seconds)
 
 
 @lru_cache(maxsize=64)
@@ -65,7 +61,7 @@ class CostModel:
     def __init__(
         self,
         finished: Iterable[tuple[Config, float]] = (),
-        expected: Callable[[Config], float] = on_this_machine,
+        expected: Callable[[Config], float] = expected_seconds,
     ) -> None:
         self._expected = expected
         rates: defaultdict[Hashable, list[float]] = defaultdict(list)

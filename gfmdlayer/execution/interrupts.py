@@ -131,7 +131,7 @@ def listen_and_unblock() -> None:
 
 
 class Listener:
-    """Stands in for the status file on a rank that is not the first of its case."""
+    """Stands in for the status file of a case, on ranks but its first and in memory."""
 
     def __enter__(self) -> Self:
         return self

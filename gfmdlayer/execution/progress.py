@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from io import StringIO
 from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
 from gfmdlayer.execution.folder import Folder
@@ -122,7 +123,7 @@ class Reporter:
     """Watches a run and updates a display; a context manager around the run, with a thread of its own.
 
     `own` are the cases of this run, `complete` the number of those that were complete before; `seconds` are
-    expected for each case to be run, of which `workers` run at a time.
+    expected for each case to be run, of which `workers` run at a time. Without a display nothing is shown.
     """
 
     def __init__(
@@ -130,13 +131,13 @@ class Reporter:
         folder: Folder,
         own: Collection[int],
         complete: int,
-        display: Callable[[], Display],
+        display: Callable[[], Display] | None = None,
         seconds: Mapping[int, float] | None = None,
         workers: int = 1,
     ) -> None:
         self._folder, self._own, self._total = folder, own, len(own)
         self._seconds, self._workers, self._ended = seconds, workers, 0.0
-        self._display = display()
+        self._display = Log(StringIO()) if display is None else display()
         self._before = self._complete = complete
         self._failed = 0
         self._slowest: Outcome | None = None

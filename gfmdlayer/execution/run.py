@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from io import StringIO
 from pathlib import Path
 
 from gfmdlayer.config import Config, ConfigError, digest
@@ -23,7 +22,7 @@ from gfmdlayer.execution.cost import CostModel, estimate
 from gfmdlayer.execution.folder import WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.groups import refuse_other_ranks, run_case_together
 from gfmdlayer.execution.growth import claimed, refuse_open_files, set_damaged_aside
-from gfmdlayer.execution.progress import Display, Log, Reporter
+from gfmdlayer.execution.progress import Display, Reporter
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.sweep import Cases, Shard, SweepCase, own_cases
 from gfmdlayer.execution.workers import WorkerPool
@@ -104,7 +103,7 @@ def run_sweep(
         outcomes = {case.index: Outcome(case.index, "complete") for case in own}
         outcomes |= {case.index: Outcome(case.index, "waiting") for case in work.undone}
         lines = growth.lines(folder, found, own) if found.changed else []
-        for outcome in _computed(work, folder, pool, options, display or _nothing, lines):
+        for outcome in _computed(work, folder, pool, options, display, lines):
             outcomes[outcome.index] = outcome
 
         collected = None
@@ -120,7 +119,7 @@ def _computed(
     folder: Folder,
     pool: WorkerPool,
     options: RunOptions,
-    display: Callable[[], Display],
+    display: Callable[[], Display] | None,
     lines: Sequence[str],
 ) -> Iterator[Outcome]:
     """Compute the cases that are to be run; yield the outcome of each, which the display shows too."""
@@ -158,10 +157,6 @@ def _prepare(todo: Sequence[SweepCase], options: RunOptions, folder: Folder, rep
     for line in said if not interrupts.stop_requested() else ():
         reporter.note(f"warning: {line}")
     return wisdom
-
-
-def _nothing() -> Display:
-    return Log(StringIO())
 
 
 def _find_work(folder: Folder, own: Sequence[SweepCase], only_failed: bool) -> _Work:
@@ -246,7 +241,8 @@ def _collect(
                 for case in every
             ]
             keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit)
+            times = None if "output.times" in keys else config.output.times
+            path = collect(folder.path, records, keys, drawn, is_listed(config.sweep), config.unit, times)
             found = attributes(path)
             named = (line.partition(": ") for line in str(found["failed"]).splitlines())
             failed = {int(number): reason for number, _, reason in named if number.isdecimal()}

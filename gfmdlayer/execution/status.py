@@ -15,8 +15,11 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from gfmdlayer.execution.folder import Folder
 from gfmdlayer.execution.interrupts import Stopped, stop_requested
@@ -84,37 +87,27 @@ class StatusFile:
         return False
 
 
-@dataclass(frozen=True)
+_Number = Annotated[int, Field(ge=0, lt=_MOST)]
+_Time = Annotated[float, Field(gt=-_MOST, lt=_MOST)]
+
+
+@pydantic_dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))
 class Running:
-    """Status of a case that a process computes."""
+    """Status of a case that a process computes; ValueError where a file holds something else."""
 
     index: int
     host: str
-    pid: int
-    simulated_time: float
-    end: float
-    started: float
-    updated: float
+    pid: _Number
+    simulated_time: _Time
+    end: _Time
+    started: _Time
+    updated: _Time
     label: str = ""
-    steps: int = 0
+    steps: _Number = 0
     since: float = math.nan
     since_time: float = math.nan
-    expected: int = 0
+    expected: _Number = 0
     born: str = ""
-
-    @classmethod
-    def from_record(cls, index: int, record: Mapping[str, Any]) -> Self:
-        """Return the status in a file; TypeError or ValueError if there is none in it."""
-        case = cls(index=index, **record)
-        texts, numbers = (case.host, case.label, case.born), (case.pid, case.steps, case.expected)
-        if not all(isinstance(each, str) for each in texts):
-            raise ValueError(texts)
-        if not all(isinstance(each, int) and 0 <= each < _MOST for each in numbers):
-            raise ValueError(numbers)
-        times = case.simulated_time, case.end, case.started, case.updated
-        if not all(isinstance(each, int | float) and abs(each) < _MOST for each in times):
-            raise ValueError(times)
-        return replace(case, since=float(case.since), since_time=float(case.since_time))
 
     @property
     def fraction(self) -> float:
@@ -153,7 +146,7 @@ def running(folder: Folder, begun: Iterable[int] | None = None) -> list[Running]
     for index in sorted(folder.numbers()["running"] if begun is None else begun):
         content: dict[str, Any] = read_json(folder.case(index, "running")) or {}
         with suppress(TypeError, ValueError):
-            case = Running.from_record(index, content)
+            case = Running(**content, index=index)
             if case.alive:
                 found.append(case)
     return found
@@ -172,7 +165,7 @@ class Record:
 class Overview:
     """Numbers of cases of a sweep by their state."""
 
-    total: int  # numbers of cases; running ones count in `total` alone
+    total: int  # numbers of cases; running ones count only in `total`
     complete: int
     failed: int
     waiting: int
@@ -209,7 +202,7 @@ def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:
 
 
 def group_by_reason(records: list[Record]) -> list[list[Record]]:
-    """Group records whose reasons differ in numbers alone, the largest group first."""
+    """Group records whose reasons differ only in numbers, the largest group first."""
     groups: defaultdict[str, list[Record]] = defaultdict(list)
     for record in records:
         groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", record.reason)].append(record)

@@ -2,7 +2,7 @@
 
 A sweep is a product of values and of lists of combinations (`gfmdlayer.config.sweeps`), the last key running
 fastest; without one there is a single case. A shard is the part of a sweep that one of several runs over a
-results folder computes, such as the jobs of an array. The division follows from the configuration alone, not
+results folder computes, such as the jobs of an array. The division follows only from the configuration, not
 from the cases that are complete: shards that start at different times never claim each other's cases.
 """
 
@@ -57,7 +57,8 @@ class Cases(Sequence[SweepCase]):
     """The cases of a configuration, the last swept key fastest; each is made when it is asked for.
 
     Where steps are adaptive and no output times are asked for, the cases of a sweep land on a spacing of
-    end/200, so that their curves share a time axis. A case whose values are not possible raises ConfigError.
+    end/200, so that cases of one end have rows at equal times. A case whose values are not possible raises
+    ConfigError.
     """
 
     def __init__(self, config: Config) -> None:

@@ -8,7 +8,6 @@ chooses their looks.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from pathlib import Path
@@ -66,13 +65,39 @@ def curves_figure(
     y: Sequence[str] = (),
     time: Time | None = None,
 ) -> Figure:
-    """Draw columns of results, a panel for each, against time, another column, or a swept key `x`.
+    """Draw columns of results, a panel for each, against time, another column, or a swept key.
 
-    `columns` is the width in columns of a journal; in one column the panels are stacked. `y` are columns, by
-    default interpolated contact area and mean pressure, or depth under a prescribed load, and friction. `log`
-    names the logarithmic axes, on which positive values have a place; `log_time` is "x", over time. The inset
-    shows punch and surface at chosen times, in the first panel. Against a swept key, `time` is in the units
-    of the config, or "max" or "min", the extremes over time; by default "end".
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A case, or a sweep, as `gfmdlayer.run`, `open_case` and `open_results` return them.
+    columns : {1, 2}
+        Width in columns of a journal; in one column the panels are stacked.
+    style : Style
+        Sizes and fonts.
+    log : sequence of {"x", "y"}
+        Logarithmic axes, on which positive values have a place.
+    log_time : bool
+        The same as `log` of "x", over time.
+    inset : Inset, optional
+        Punch and surface at chosen times, in the first panel.
+    x : str
+        Time, a column, or a swept key.
+    y : sequence of str
+        Columns; by default interpolated contact area and mean pressure, or depth under a prescribed load, and
+        friction.
+    time : float or {"end", "max", "min"}, optional
+        Against a swept key: a time in the units of the configuration, or the extremes over time; by default
+        the end.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ResultsError
+        If there is no such column, or an option needs another `x`.
     """
     along = next((str(key.name) for key in swept(dataset) if x in (key.name, key.attrs["key"])), "")
     names = [column_name(dataset, name, of_cases=bool(along)) for name in y] or default_columns(dataset)
@@ -113,16 +138,18 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
     """Draw a column of each case against time or another column."""
     sweep = drawn.sweep
     along, up = (quantity(sweep[name], sweep.attrs) for name in (x, y))
-    ends = [math.inf, -math.inf]
+    ends: list[float] = []
     for curve in drawn.curves:
-        place = {name: i for name, i in curve.place.items() if name in sweep[x].dims}
-        across = sweep[x].isel(place).to_numpy() / along.scale
-        values = sweep[y].isel(curve.place).to_numpy() / up.scale
-        shown = across > 0 if "x" in log else np.full(across.shape, True)
-        axes.plot(across[shown], values[shown], color=curve.colour, linestyle=curve.dashes)
-        ends = [min([ends[0], *across[shown][:1]]), max([ends[1], *across[shown][-1:]])]
-    if x == "time" and ends[0] < ends[1]:
-        axes.set_xlim(*ends)
+        # Where each case has its own times, they are NaN behind its last row.
+        clock, across, values = (
+            sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
+        )
+        shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
+        across = across[shown] / along.scale
+        axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
+        ends += [*across[:1], *across[-1:]]
+    if x == "time" and len({*ends}) > 1:
+        axes.set_xlim(min(ends), max(ends))
     left_out = _scale_axes(axes, {"x": x, "y": y}, log)
     name_axes(axes, along, up)
     return left_out
@@ -189,10 +216,9 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
     """Draw a column against depth for each case, with areas in the legend or, of one case, in the panel.
 
     `path` is the folder of results or the file of a case, `dataset` its contents or a selection of cases, and
-    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file holds
-    the times that all cases share, which runs of different speeds do not. The area is the integral of the
-    mean pressure over the depth, the work that the punch has done at the end; the part below zero in
-    retraction is the work of separation.
+    `y` one of force, mean_stress and mean_pressure. The cases come from their own files: a sweep file may
+    hold only the times of `output.times`. The area is the integral of the mean pressure over the depth, the
+    work that the punch has done at the end; the part below zero in retraction is the work of separation.
     """
     with styled(style):
         drawn, legend = family(dataset), []

@@ -52,9 +52,28 @@ def map_figure(
 ) -> Figure:
     """Draw columns over two swept keys, at one time or at their extremes over time.
 
-    `x` and `y` are by default the first two swept keys; further keys stay at their middle values. `z` are
-    columns, by default those of the curves. `time` is in the units of the config, where the nearest row is
-    drawn; or "max" or "min", the extremes over all rows; by default "end", the last row.
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        A sweep, as `gfmdlayer.run` and `open_results` return it.
+    time : float or {"end", "max", "min"}, optional
+        A time in the units of the configuration, of which the nearest row is drawn, or the extremes over all
+        rows; by default the last row.
+    style : Style
+        Sizes and fonts.
+    x, y : str
+        Swept keys, by default the first two; further keys stay at their middle values.
+    z : sequence of str
+        Columns, by default the first two of the curves.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ResultsError
+        If there are no two swept keys, or no such column.
     """
     x, y = _axes(sweep, x, y)
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]

@@ -7,15 +7,15 @@ it, and `asked`, the value that the user asked for. `notes` writes them below th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gfmdlayer.figures.labels import quantity, symbol, value_labels
+from gfmdlayer.figures.labels import Quantity, quantity, symbol, value_labels
 from gfmdlayer.observables import INDENTATION, known_columns
-from gfmdlayer.results.schema import OVER_TIME, ResultsError
+from gfmdlayer.results.schema import OVER_TIME, SAME_TIME, ResultsError
 from gfmdlayer.validation.problems import nearest
 
 if TYPE_CHECKING:
@@ -123,7 +123,9 @@ def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
     cases = dataset["case"]
     if cases.size < int(cases.attrs.get("among", 0)):
         parts.append(f"{cases.size} of {cases.attrs['among']} cases")
-    if lost := _failed(dataset):
+    if waiting := _titles(dataset, {*map(int, str(dataset.attrs.get("incomplete", "")).split())}):
+        parts.append(f"{len(waiting)} of {cases.size} cases not complete yet: {_named(waiting)}")
+    if lost := _titles(dataset, failed_numbers(dataset)):
         parts.append(f"{len(lost)} of {cases.size} case{'s' * (cases.size > 1)} failed: {_named(lost)}")
     drawn = {name.removesuffix(OVER_TIME) for name in columns}
     lines = str(dataset.attrs.get("notes", "")).splitlines()
@@ -136,9 +138,9 @@ def failed_numbers(sweep: Dataset) -> set[int]:
     return {int(line.partition(":")[0]) for line in str(sweep.attrs.get("failed", "")).splitlines()}
 
 
-def _failed(sweep: Dataset) -> list[str]:
-    """Return the titles of the failed cases, or their numbers."""
-    numbers, lost = sweep["case"].to_numpy(), failed_numbers(sweep)
+def _titles(sweep: Dataset, lost: Collection[int]) -> list[str]:
+    """Return the titles of cases, or their numbers."""
+    numbers = sweep["case"].to_numpy()
     return [
         title or f"{numbers[at]:04d}" for at, title in case_titles(sweep).items() if int(numbers[at]) in lost
     ]
@@ -222,13 +224,18 @@ def default_columns(dataset: Dataset) -> list[str]:
     return [name for name in names if name in dataset.data_vars]
 
 
+def rows(dataset: Dataset | DataArray) -> str:
+    """Return the dimension of the rows: time, or row where the cases have times of their own."""
+    return "row" if "row" in dataset.dims else "time"
+
+
 def column_name(dataset: Dataset, name: str, *, of_cases: bool = False) -> str:
     """Return the name of a column, or of time, in the results; ResultsError if there is none.
 
     With `of_cases` also a number of each case of a sweep is allowed, which does not depend on time.
     """
-    along = {"time", *case_dimensions(dataset)}
-    needed = set() if of_cases else {"time"}
+    along = {rows(dataset), *case_dimensions(dataset)}
+    needed = set() if of_cases else {rows(dataset)}
     columns = [str(each) for each, column in dataset.data_vars.items() if needed <= {*column.dims} <= along]
     found = _own_name(dataset, name)
     if found not in ("time", *columns):
@@ -243,16 +250,32 @@ def _own_name(dataset: Dataset, name: str) -> str:
 
 
 def at_time(dataset: Dataset, name: str, time: Time | None) -> tuple[DataArray, str]:
-    """Return a column at a time, by default the last one, or at its extreme over time, and when that is.
+    """Return a column at a time, by default at the end of each case, or at its extreme, and when that is.
 
-    A number of each case is the same at all times, of which nothing is said.
+    It is taken from the nearest row of each case; after its end a case has no value. A number of each case is
+    the same at all times, of which nothing is said.
     """
-    if "time" not in dataset[name].dims:
-        return dataset[name], ""
-    column, clock = dataset[name], quantity(dataset["time"], dataset.attrs)
+    column, along, times = dataset[name].load(), rows(dataset), dataset["time"]
+    if along not in column.dims:
+        return column, ""
+    clock, held = quantity(times, dataset.attrs), column.notnull()
     if time in ("max", "min"):
-        return getattr(column, str(time))("time"), f"{time}. over {clock.symbol}"
-    row = (
-        column.isel(time=-1) if time in (None, "end") else column.sel(time=float(time or 0), method="nearest")
-    )
-    return row, clock.equals([float(f"{float(row['time']) / clock.scale:.4g}")])[0]
+        return getattr(column, str(time))(along), f"{time}. over {clock.symbol}"
+    if time in (None, "end"):
+        at, otherwise = held.cumsum(along).argmax(along), "at the end of each case"
+    else:
+        asked = min(float(time or 0), float(times.max()))
+        at = abs(times - asked).fillna(np.inf).argmin(along)
+        column = column.where(times.max(along) * (1 + SAME_TIME) >= asked)
+        otherwise = f"rows nearest to {_when(clock, asked)}"
+    found = column.isel({along: at.variable})
+    seen = times.isel({along: at.variable}).where(found.notnull())
+    first, last = float(seen.min()), float(seen.max())
+    is_one = last - first <= SAME_TIME * last
+    ended = int((held.any(along) & found.isnull()).sum())
+    over = f"; {ended} case{'s' * (ended > 1)} ended before" * (ended > 0)
+    return found, (_when(clock, last) if is_one else otherwise) + over
+
+
+def _when(clock: Quantity, time: float) -> str:
+    return clock.equals([float(f"{time / clock.scale:.4g}")])[0]

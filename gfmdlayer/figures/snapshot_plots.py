@@ -205,15 +205,37 @@ PUNCH: dict[str, Any] = {"color": "0.4", "linestyle": (0, (4, 2))}
 
 
 def snapshots_figure(
-    cases: Mapping[str, Dataset], style: Style = PAPER, notes: Sequence[str] = (), *, every: bool = False
+    cases: Dataset | Mapping[str, Dataset],
+    style: Style = PAPER,
+    notes: Sequence[str] = (),
+    *,
+    every: bool = False,
 ) -> Figure:
-    """Draw the snapshots of cases (title -> case), whose grids have the same number of dimensions.
+    """Draw the snapshots of a case, or of cases whose grids have the same number of dimensions.
 
     Line contacts have a row of two panels for each case, displacement and pressure, with a curve for each
     snapshot. A single case in two dimensions is drawn as maps of pressure and gap, with punch, surface and
-    pressure along a cut; several cases as rows of pressure maps. Of very many snapshots some are drawn, and
-    the note below says how many, unless `every` is set.
+    pressure along a cut; several cases as rows of pressure maps.
+
+    Parameters
+    ----------
+    cases : xarray.Dataset, or mapping of str to xarray.Dataset
+        A case with snapshots, as `gfmdlayer.run` and `open_case` return it; or titles and cases.
+    style : Style
+        Sizes and fonts.
+    notes : sequence of str
+        Lines below the figure.
+    every : bool
+        Whether all of very many snapshots are drawn; otherwise a note says how many are.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
+    from xarray import Dataset
+
+    if isinstance(cases, Dataset):
+        cases = {"": cases}
     with styled(style):
         first, names = next(iter(cases.values())), ["displacement", "pressure"]
         is_line, is_single = "y" not in first["pressure"].dims, len(cases) == 1 and "gap" in first
@@ -485,9 +507,10 @@ class Inset(NamedTuple):
             curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
         tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
         for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
-            if not curves["time"][0] <= time <= curves["time"][-1]:
+            rows = curves["time"].to_numpy()
+            if not np.nanmin(rows) <= time <= np.nanmax(rows):
                 continue
-            value = float(curves.sel(time=time, method="nearest"))
+            value = float(curves[np.nanargmin(np.abs(rows - time))])
             axes.plot(
                 time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
             )
@@ -549,7 +572,22 @@ def waterfall_figure(
 ) -> Figure:
     """Draw the contact pressure at the times of the snapshots; a surface is cut along x.
 
-    Of very many snapshots some are drawn, and the note below says how many, unless `every` is set.
+    Parameters
+    ----------
+    case : xarray.Dataset
+        A case with snapshots, as `gfmdlayer.run` and `open_case` return it.
+    title : str
+        Above the figure.
+    style : Style
+        Sizes and fonts.
+    notes : sequence of str
+        Lines below the figure.
+    every : bool
+        Whether all of very many snapshots are drawn; otherwise a note says how many are.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     cut, more = part_of(section(case), case.sizes["snapshot"] if every else MOST_PROFILES)
     clock, seconds = snapshot_times(cut)

@@ -223,7 +223,7 @@ def _numbers(items: list[str]) -> list[int | float] | None:
     return found if all(map(math.isfinite, found)) else None
 
 
-# HDF5 files of users: their contents must be their own, which alone enter the digest of a case.
+# HDF5 files of users: their contents must be in the file itself, because only they enter the digest.
 
 
 def refuse_other_files(path: Path, group: h5py.Group) -> None:

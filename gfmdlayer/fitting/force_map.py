@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ from gfmdlayer.execution.case_run import record_failure
 from gfmdlayer.execution.folder import FOREIGN, MARK, WAYS_OUT, Folder, FolderError
 from gfmdlayer.execution.growth import held, leftovers, refuse_unreadable, remove_results
 from gfmdlayer.execution.interrupts import Stopped
-from gfmdlayer.execution.progress import Display, Log, Reporter
+from gfmdlayer.execution.progress import Display, Reporter
 from gfmdlayer.execution.run import Summary
 from gfmdlayer.execution.schedule import Outcome, Schedule
 from gfmdlayer.execution.status import StatusFile
@@ -165,13 +164,12 @@ def read_estimates(path: Path, digest: str | None = None) -> Estimates | None:
 
 SECTIONS = ("layer", "layers", "halfspace", "punch")
 SAME_PLACE = 1e-3  # of the spacing: positions closer than this are the same coordinate
-_SUFFIXES = ("", "_error", "_low", "_high")
-_MEANINGS = (
-    "",
-    "standard error of ",
-    "lower end of the 95 % interval of ",
-    "upper end of the 95 % interval of ",
-)
+_MEANINGS = {
+    "": "",
+    "_error": "standard error of ",
+    "_low": "lower end of the 95 % interval of ",
+    "_high": "upper end of the 95 % interval of ",
+}
 
 
 class _Layout(NamedTuple):
@@ -189,7 +187,7 @@ def collect(
     layout = _layout([case.entry.position for case in cases])
     shape = tuple(values.size for values in layout.coordinates.values())
     names = parameter_names(keys)
-    tables = np.full((len(keys), len(_SUFFIXES), *shape), np.nan)
+    tables = np.full((len(keys), len(_MEANINGS), *shape), np.nan)
     scalars = np.full((len(SCALARS), *shape), np.nan)
     numbers, labels = np.full(shape, -1), np.full(shape, "", dtype=object)
     failed = dict(reasons)
@@ -208,12 +206,17 @@ def collect(
         h5 = file.begin()
         for name, values in layout.coordinates.items():
             add_variable(h5, name, (name,), {}, data=values)
-        _add(h5, tuple(layout.coordinates), dict(zip(names, keys, strict=True)), tables, unit)
+        dimensions = tuple(layout.coordinates)
+        for name, key, parts in zip(names, keys, tables, strict=True):
+            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
+            units = {"units": unit(known.units)} if known else {}
+            for (suffix, meaning), table in zip(_MEANINGS.items(), parts, strict=True):
+                described = {"long_name": f"{meaning}{key}", "key": key, **units}
+                add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
         for name, table in zip(SCALARS, scalars, strict=True):
-            add_variable(h5, name, tuple(layout.coordinates), {}, data=table)
-        add_variable(h5, "case", tuple(layout.coordinates), {}, data=numbers)
-        text: dict[str, Any] = {"data": labels, "dtype": h5py.string_dtype()}
-        add_variable(h5, "name", tuple(layout.coordinates), {}, **text)
+            add_variable(h5, name, dimensions, {}, data=table)
+        add_variable(h5, "case", dimensions, {}, data=numbers)
+        add_variable(h5, "name", dimensions, {}, data=labels, dtype=h5py.string_dtype())
         report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(failed.items()))
         own = {"fitted": " ".join(names), "swept": " ".join(layout.coordinates), "failed": report}
         set_attributes(h5, {**attributes, **own, "complete": 1})
@@ -225,18 +228,6 @@ def parameter_names(keys: Sequence[str]) -> list[str]:
     last = [key.rpartition(".")[2] for key in keys]
     taken = Counter([*last, *SCALARS, "x", "y", "curve", "case", "name"])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
-
-
-def _add(
-    h5: h5py.File, dimensions: tuple[str, ...], names: Mapping[str, str], tables: FloatArray,
-    unit: Callable[[str], str],
-) -> None:  # fmt: skip
-    for (name, key), parts in zip(names.items(), tables, strict=True):
-        for suffix, meaning, table in zip(_SUFFIXES, _MEANINGS, parts, strict=True):
-            known = parameter(key) if key.partition(".")[0] in SECTIONS else None
-            described = {"long_name": f"{meaning}{key}", "key": key}
-            described |= {"units": unit(known.units)} if known else {}
-            add_variable(h5, f"{name}{suffix}", dimensions, described, data=table)
 
 
 def _layout(positions: Sequence[tuple[float, ...]]) -> _Layout:
@@ -308,7 +299,7 @@ class ForceMap:
             todo = [case for case in self.cases if case.index not in done]
             outcomes = {index: Outcome(index, "complete") for index in sorted(done)}
             indices = frozenset(case.index for case in self.cases)
-            with Reporter(self.folder, indices, len(done), display or _nothing) as reporter:
+            with Reporter(self.folder, indices, len(done), display) as reporter:
                 before = f", {len(done)} complete already" if done else ""
                 reporter.note(f"{len(self.cases)} curves{before}; {pool.size} {pool.kind}")
                 for warning in pool.warnings:
@@ -377,17 +368,11 @@ class ForceMap:
         before = self.folder.config.read_text(encoding="utf-8", errors="replace").splitlines()
         now = self.document.splitlines()
         changed = [
-            f"{line.strip()} (now)" for line in now if line not in before and not line.startswith("name:")
-        ]
-        changed += [
-            f"{line.strip()} (before)" for line in before if line not in now and not line.startswith("name:")
+            f"{line.strip()} ({which})"
+            for lines, others, which in ((now, before, "now"), (before, now, "before"))
+            for line in lines
+            if line not in others and not line.startswith("name:")
         ]
         if changed:
-            raise FolderError(
-                f"{self.folder.path}: contains results of another model or other curves "
-                f"({'; '.join(changed[:6])}); {WAYS_OUT}"
-            )
-
-
-def _nothing() -> Display:
-    return Log(StringIO())
+            found = f"results of another model or other curves ({'; '.join(changed[:6])})"
+            raise FolderError(f"{self.folder.path}: contains {found}; {WAYS_OUT}")

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -95,7 +95,7 @@ def fit(measurement: Measurement, branches: int | None = None, relaxed: float | 
         raise FitError(f"got {branches} branches; must be 1 to {most} for {measurement.abscissa.size} rows")
     check_relaxed(measurement, relaxed)
     problem = _Problem(measurement, relaxed)
-    least = problem.error(problem.grid)
+    least = problem.least
     enough = max(MARGIN * least, ACCURACY)
     times = problem.grown(branches or most, EXACT if branches else enough)
     if not times.size:
@@ -126,12 +126,6 @@ def flows(measurement: Measurement, relaxed: float) -> FitError:
     )
 
 
-def least_error(measurement: Measurement, relaxed: float | None) -> float:
-    """Return the least root mean square error of any series with times in the range."""
-    problem = _Problem(measurement, relaxed)
-    return problem.error(problem.grid)
-
-
 @dataclass(frozen=True)
 class _Problem:
     """The least-squares problem in the moduli, G0 first, and the logarithms of the times."""
@@ -148,6 +142,11 @@ class _Problem:
     def grid(self) -> FloatArray:
         first, last = self.bounds
         return np.linspace(first, last, math.ceil((last - first) / SPACING) + 1)
+
+    @property
+    def least(self) -> float:
+        """The least root mean square error of any series with times in the range."""
+        return self.error(self.grid)
 
     @cached_property
     def directions(self) -> FloatArray:
@@ -264,7 +263,7 @@ def fit_law(measurement: Measurement, model: str, relaxed: float | None = None) 
         return fit_law(measurement, model, 0.0)
     if relaxed is None and not isinstance(law, PowerLaw) and law.relaxed < FLOWING * lowest:
         raise flows(measurement, law.relaxed)
-    return Fit(measurement, law, least_error(measurement, relaxed or None))
+    return Fit(measurement, law, _Problem(measurement, relaxed or None).least)
 
 
 def _relaxing(
@@ -285,14 +284,6 @@ def _relaxing(
     spring = [] if relaxed is not None else [math.log(float(elastic.min()) / unit)]
     starts = [[*spring, 0.0, float(tau), float(logit(a))] for tau, a in product(times, EXPONENTS)]
     return _Unknowns(made, starts)
-
-
-def _fractional_zener(measurement: Measurement, relaxed: float | None) -> _Unknowns:
-    return _relaxing(FractionalZener, "exponent", measurement, relaxed)
-
-
-def _kohlrausch(measurement: Measurement, relaxed: float | None) -> _Unknowns:
-    return _relaxing(Kohlrausch, "exponent", measurement, relaxed)
 
 
 def _havriliak_negami(measurement: Measurement, relaxed: float | None) -> _Unknowns:
@@ -324,8 +315,8 @@ def _power_law(measurement: Measurement, relaxed: float | None) -> _Unknowns:
 
 
 MODELS: Mapping[str, Callable[[Measurement, float | None], _Unknowns]] = {
-    "fractional_zener": _fractional_zener,
+    "fractional_zener": partial(_relaxing, FractionalZener, "exponent"),
     "power_law": _power_law,
-    "kohlrausch": _kohlrausch,
+    "kohlrausch": partial(_relaxing, Kohlrausch, "exponent"),
     "havriliak_negami": _havriliak_negami,
 }

@@ -13,7 +13,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self, TypedDict
 
@@ -223,53 +223,6 @@ KINDS: tuple[type[Measurement], ...] = (MasterCurve, RelaxationCurve)
 
 def _parts(values: NDArray[np.complex128]) -> FloatArray:
     return np.concatenate([values.real, values.imag])
-
-
-# Time-temperature superposition after Williams, Landel & Ferry, J. Am. Chem. Soc. 77 (1955) 3701-3707.
-#
-#     log10 aT = -C1 (T - T0)/(C2 + T - T0)
-#
-# All relaxation times at the temperature T are aT times those at the reference temperature T0. Moduli do not
-# change: the factor rho T/(rho0 T0), close to one, is neglected. Only differences of
-# temperatures enter, in kelvin or degrees Celsius.
-
-
-@dataclass(frozen=True)
-class WLF:
-    """A change of temperature of a material that follows the equation of Williams, Landel and Ferry."""
-
-    temperature: float  # T
-    reference: float  # T0, of the measurement or of the master curve
-    C1: float  # constant at T0, positive
-    C2: float  # constant at T0, a positive difference of temperatures
-
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, astuple(self))):
-            raise FitError(f"{self}: all must be finite numbers")
-        if self.C1 <= 0 or self.C2 <= 0:
-            raise FitError(f"WLF constants C1 = {self.C1:g} and C2 = {self.C2:g}: both must be > 0")
-        if self.temperature - self.reference <= -self.C2:
-            raise FitError(
-                f"temperature {self.temperature:g} is {self.reference - self.temperature:g} below the "
-                f"reference {self.reference:g}; must be less than C2 = {self.C2:g} below it, the limit "
-                "of the WLF equation"
-            )
-        if abs(self.decades) > 100:
-            raise FitError(
-                f"the WLF equation shifts by {self.decades:.3g} decades at temperature {self.temperature:g}; "
-                "the limit is 100"
-            )
-
-    @property
-    def decades(self) -> float:
-        """log10 aT, negative above the reference temperature."""
-        above = self.temperature - self.reference
-        return -self.C1 * above / (self.C2 + above)
-
-    @property
-    def factor(self) -> float:
-        """The factor aT by which relaxation times are multiplied."""
-        return float(10.0**self.decades)
 
 
 # Columns of measured data by their names: frequency in Hz, moduli in tension, tan delta.

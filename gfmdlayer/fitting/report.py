@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from gfmdlayer.body.materials import Law, Prony
+from gfmdlayer.body.shifts import WLF
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, line_style, new_figure, save, styled
 from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.laws import Fit, fit, fit_law
-from gfmdlayer.fitting.measurement import WLF, FitError, MasterCurve, Reading, read
+from gfmdlayer.fitting.measurement import FitError, MasterCurve, Reading, read
 from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ def fit_material(
     law: str = "prony",
     branches: int | None = None,
     relaxed: float | None = None,
-    wlf: WLF | None = None,
+    temperature: float | None = None,
+    shift: WLF | None = None,
     normalise: bool = False,
     force: bool = False,
     **reading: Unpack[Reading],
@@ -42,11 +44,17 @@ def fit_material(
 
     `out` is the YAML file or its folder (default: NAME.yaml in the working folder); the figure NAME.png lies
     beside it. `law` is prony or a key of `MODELS`; `normalise` writes moduli in units of G0;
-    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`.
+    `force` overwrites existing files, but never the data. For `branches` and `relaxed` see `laws.fit`. The
+    relaxation times are those at a `temperature` by a `shift` whose reference is that of the data.
     """
-    material, picture = _targets(data, out, force)
+    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
+    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
+    _, picture = with_suffixes(material, [".png"], force, data)
     measured = read(data, **reading)
-    measured = measured.slowed(wlf.factor) if wlf else measured
+    if shift is not None and temperature is not None:
+        if reason := shift.refused(temperature):
+            raise FitError(f"--temperature: {reason}")
+        measured = measured.slowed(shift.factor(temperature))
     if law == "prony":
         fitted = fit(measured, branches, relaxed)
     elif branches is None:
@@ -56,12 +64,8 @@ def fit_material(
     unit = fitted.material.unit
     if normalise:
         fitted = fitted.normalised()
-    notes = list(_origin(fitted, wlf, unit if normalise else None))
-    try:
-        material.parent.mkdir(parents=True, exist_ok=True)
-        write_text(material, material_yaml(fitted, material.stem, notes), replace=force)
-    except OSError as error:
-        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    notes = list(_origin(fitted, temperature, shift, unit if normalise else None))
+    written(material, {material: material_yaml(fitted, material.stem, notes)}, force)
     save(fit_figure(fitted), picture)
     warnings = [f"warning: {text}" for text in _warnings(fitted, branches, relaxed)]
     return "\n".join([*notes, *_table(fitted), *warnings, f"material: {material}", f"figure: {picture}"])
@@ -71,7 +75,7 @@ def material_yaml(fitted: Fit, name: str, notes: list[str]) -> str:
     """Write the law as a small configuration, with notes above it."""
     material = fitted.material
     lines = [f"# {note}" for note in notes]
-    lines += [f"name: {re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')[:128] or 'material'}"]
+    lines += [f"name: {plain_name(name, 'material')}"]
     lines += ["layer:", "  material:", f"    model: {material.model}"]
     lines += [f"    {name}: {value:.6e}" for name, value in _parameters(material).items()]
     if isinstance(material, Prony):
@@ -115,20 +119,34 @@ def fit_figure(fitted: Fit) -> Figure:
     return figure
 
 
-def _targets(data: Path, out: Path | None, force: bool) -> tuple[Path, Path]:
-    """Return the names of material and figure; they must not be the data, nor exist unless forced."""
-    is_file = out is not None and out.suffix.lower() in {".yaml", ".yml"}
-    material = out if out is not None and is_file else (out or Path()) / f"{data.stem}.yaml"
-    targets = material, material.with_suffix(".png")
-    for target in targets:
-        if target.exists() and data.exists() and target.samefile(data):
+def with_suffixes(
+    material: Path, suffixes: Sequence[str], force: bool, data: Path | None = None
+) -> list[Path]:
+    """Return the names of files beside a material; none may be the data, nor exist unless forced."""
+    for target in (found := [material, *map(material.with_suffix, suffixes)]):
+        if data is not None and target.exists() and data.exists() and target.samefile(data):
             raise ResultsError(f"{target}: is the data; choose another --out")
         if target.exists() and not force:
             raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return targets
+    return found
 
 
-def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
+def written(material: Path, texts: Mapping[Path, str], force: bool) -> None:
+    """Write the texts of a material and the files beside it, in a folder that is made for them."""
+    try:
+        material.parent.mkdir(parents=True, exist_ok=True)
+        for path, text in texts.items():
+            write_text(path, text, replace=force)
+    except OSError as error:
+        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+
+
+def plain_name(stem: str, instead: str) -> str:
+    """Return the name of a configuration in a file of this stem."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", stem).strip("-")[:128] or instead
+
+
+def _origin(fitted: Fit, temperature: float | None, shift: WLF | None, unit: float | None) -> Iterator[str]:
     """Yield the origin and the error of the law."""
     curve, law = fitted.measurement, fitted.material
     rows, name = curve.abscissa.size, law.model
@@ -138,10 +156,10 @@ def _origin(fitted: Fit, wlf: WLF | None, unit: float | None) -> Iterator[str]:
         f"Relative error: {_percent(fitted.rms)} rms, {_percent(fitted.largest)} at most; "
         f"the least error of any series is {_percent(fitted.least)} rms."
     )
-    if wlf:
+    if shift is not None and temperature is not None:
         yield (
-            f"WLF: at temperature {wlf.temperature:g}, from reference {wlf.reference:g} with "
-            f"C1 = {wlf.C1:g}, C2 = {wlf.C2:g}; times multiplied by aT = {wlf.factor:.6g}."
+            f"WLF: at temperature {temperature:g}, from reference {shift.reference:g} with "
+            f"C1 = {shift.C1:g}, C2 = {shift.C2:g}; times multiplied by aT = {shift.factor(temperature):.6g}."
         )
     if unit:
         symbol = "G0" if law.relaxed else "G"

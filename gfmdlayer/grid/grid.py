@@ -27,18 +27,10 @@ _SHORTEST = 64  # points of an axis of the smallest windows
 
 @dataclass(frozen=True)
 class Grid:
-    """A periodic grid in one or two dimensions.
+    """A periodic grid in one or two dimensions."""
 
-    Parameters
-    ----------
-    points : tuple of int
-        Number of points along each axis.
-    period : tuple of float
-        Period L along each axis, as many as there are axes.
-    """
-
-    points: tuple[int, ...]
-    period: tuple[float, ...]
+    points: tuple[int, ...]  # along each axis
+    period: tuple[float, ...]  # L along each axis
 
     @property
     def ranks(self) -> Ranks:

@@ -50,17 +50,6 @@ def _measured(shape: tuple[int, ...], threads: int, wisdom: str | None) -> str:
     return transforms.wisdom
 
 
-def _is_enough(wisdom: str, shape: tuple[int, ...], threads: int) -> bool:
-    """Whether FFTW measures nothing beside this wisdom."""
-    return set(_measured(shape, threads, wisdom).splitlines()) == set(wisdom.splitlines())
-
-
-def _with_missing(wisdom: str, shape: tuple[int, ...], threads: int) -> str | None:
-    """Return wisdom with plans that earlier versions did not keep; None where FFTW does not take it."""
-    found = _measured(shape, threads, wisdom)
-    return found if set(wisdom.splitlines()) < set(found.splitlines()) else None
-
-
 def _read(path: Path, shape: tuple[int, ...], threads: int) -> str | None:
     """Return kept wisdom that FFTW can use; other wisdom is removed with a warning."""
     try:
@@ -71,13 +60,15 @@ def _read(path: Path, shape: tuple[int, ...], threads: int) -> str | None:
     if kept is not None:
         wisdom = kept.decode(errors="replace")
         for _ in range(2):
-            if _is_enough(wisdom, shape, threads):
+            found = _measured(shape, threads, wisdom)
+            own, every = set(wisdom.splitlines()), set(found.splitlines())
+            if own == every:  # FFTW measures nothing beside it
                 return wisdom
             forget_wisdom()  # that this process has measured for other grids
-        if more := _with_missing(wisdom, shape, threads):
+        if own < every:  # earlier versions did not keep all plans
             with suppress(OSError):
-                write_sealed(path, more.encode())
-            return more
+                write_sealed(path, found.encode())
+            return found
         wrong = "is not of this FFTW"
     warnings.warn(f"{path}: {wrong} and is replaced; {_MAY_DIFFER}", stacklevel=4)
     with suppress(OSError):

@@ -232,7 +232,7 @@ class ErrorControl:
 def _curvature(
     ratio: float, step: float, new_u: FloatArray, u: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Return dt^2 u''/2 from the last velocity; the ratio is that of this step to the sum of the last two."""
+    """Return dt^2 u''/2 from the last velocity; the ratio is this step over the sum of the last two."""
     found = np.empty(u.size)
     for i in range(u.size):
         found[i] = ratio * (new_u[i] - u[i] - step * velocity[i])

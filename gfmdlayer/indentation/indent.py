@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import check_body
 from gfmdlayer.indentation.isolated import IsolatedIndentation
 from gfmdlayer.indentation.solve import History
 from gfmdlayer.observables import INDENTATION
@@ -67,6 +68,8 @@ def indent(
 
     Raises
     ------
+    TypeError
+        If the body lacks what an indentation needs.
     ValueError
         If the input is impossible; the message has the reason and the allowed values.
     ArithmeticError
@@ -83,6 +86,7 @@ def indent(
     """
     import xarray
 
+    check_body(body, "stiffness", "spectrum")
     history = _history(time, depth, force)
     if work_of_adhesion and body.spectrum(np.array([1.0])).weights.size:
         raise ValueError("work_of_adhesion: got a viscoelastic body; must be 0, or the body elastic")

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.arrays import FloatArray
 from gfmdlayer.body.body import Body
 from gfmdlayer.indentation.compliance import (
     Compliance,
@@ -224,10 +224,8 @@ def graded_steps(knots: FloatArray, shortest: float) -> FloatArray:
             at += step
             ends.append(at)
             step = min(1.5 * step, largest)
-        count = len(ends) + 1
         stretch = 1.0 if not ends else (end - begin) / (at + step)
         found.append(np.append(begin + stretch * np.array(ends), end))
-        assert found[-1].size == count
     return np.concatenate(found)
 
 
@@ -263,16 +261,9 @@ def even_steps(run: Indentation, knots: FloatArray, spread: float) -> FloatArray
     return np.append(np.concatenate(found), knots[-1])
 
 
-def corners(history: History, tolerance: float) -> FloatArray:
-    """Return the times between which a history is linear, within a part of its largest value.
-
-    By Douglas and Peucker's rule.
-    """
-    t, values = history.time, history.value
-    allowed = tolerance * float(np.abs(values).max())
-    kept: BoolArray = np.zeros(t.size, dtype=bool)
-    kept[[0, -1]] = True
-    stack = [(0, t.size - 1)]
+def corners(t: FloatArray, values: FloatArray, within: float) -> list[int]:
+    """Return the rows between which values are linear in t, within a distance, by Douglas and Peucker."""
+    kept, stack = {0, t.size - 1}, [(0, t.size - 1)]
     while stack:
         i, j = stack.pop()
         if j - i < 2:
@@ -280,10 +271,10 @@ def corners(history: History, tolerance: float) -> FloatArray:
         line = values[i] + (values[j] - values[i]) * (t[i + 1 : j] - t[i]) / (t[j] - t[i])
         away = np.abs(values[i + 1 : j] - line)
         k = i + 1 + int(away.argmax())
-        if away[k - i - 1] > allowed:
-            kept[k] = True
+        if away[k - i - 1] > within:
+            kept.add(k)
             stack += [(i, k), (k, j)]
-    return np.asarray(t[kept])
+    return sorted(kept)
 
 
 # Error of interpolation over the tolerance, for the first mesh; measured, mostly enough.
@@ -391,7 +382,9 @@ def follow(
     """
     space = space or find_space(body, profile, history, tolerance, adhesion)
     kept = np.unique(np.array(snapshots, dtype=float))
-    knots = np.unique(np.concatenate((corners(history, 0.1 * tolerance), kept, np.array(stops, dtype=float))))
+    within = 0.1 * tolerance * float(np.abs(history.value).max())
+    turns = history.time[corners(history.time, history.value, within)]
+    knots = np.unique(np.concatenate((turns, kept, np.array(stops, dtype=float))))
     return in_growing_space(
         lambda space: _to_tolerance(
             space.compliance(body), space, profile, history, (knots, kept), tolerance, adhesion

@@ -1,6 +1,6 @@
 """`gfmdlayer.run`: the cases of a configuration as labelled data, in memory or with a folder of results.
 
-In memory each case goes into a `Recording`; with a folder the run is that of the command line.
+In memory each case goes into a `Recording`; with a folder the run equals a run of the command line.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gfmdlayer.body.solid import Solid
 from gfmdlayer.config import Config, ConfigError, digest
-from gfmdlayer.config.reader import from_python
+from gfmdlayer.config.reader import from_python, gives
 from gfmdlayer.config.sweeps import is_listed, sampling, swept_keys
 from gfmdlayer.config.trajectory import Trajectory
 from gfmdlayer.execution import case_run, interrupts, workers
@@ -90,26 +91,28 @@ def _table(name: str, history: History) -> MemoryFile:
     return _held(name, ".txt", text.encode())
 
 
+def with_points(
+    config: str | Path | Mapping[str, Any] | Config, punch: ArrayLike, values: Mapping[str, object]
+) -> dict[str, object]:
+    """Return the values with the points of an array of heights, unless points are given there or before."""
+    own = {"grid": values["grid"]} if "grid" in values else config
+    given = "grid.points" in values or gives(own, "grid.points")
+    return dict(values) if given else {**values, "grid.points": list(numbers(punch).shape)}
+
+
 def with_punch(config: Config, punch: ArrayLike | Callable[..., ArrayLike]) -> dict[str, object]:
     """Return the keys of a punch that is given as an array or a function, see `outward_heights`.
 
-    Where the configuration does not give the points of the grid, the array gives them. Heights that are not
-    finite numbers of the grid's shape, or a function for several grids, are a ConfigError.
+    Heights that are not finite numbers of the grid's shape, or a function for several grids, are a
+    ConfigError.
     """
-    keys: dict[str, object] = {}
-    swept = swept_keys(config.sweep)
-    if callable(punch):
-        if any(key.startswith("grid.") for key in swept):
-            message = "a function, which is evaluated on one grid; must be an array if a key of grid is swept"
-            raise ConfigError([f"punch: got {message}"])
-    elif "points" not in config.grid.model_fields_set and "grid.points" not in swept:
-        punch = numbers(punch)
-        keys = {"grid.points": list(punch.shape)}
-        config = from_python(config, keys)
+    if callable(punch) and any(key.startswith("grid.") for key in swept_keys(config.sweep)):
+        message = "a function, which is evaluated on one grid; must be an array, or no key of grid be swept"
+        raise ConfigError([f"punch: got {message}"])
     heights = outward_heights(punch, Grid(config.grid.points, config.grid.period))
     stream = io.BytesIO()
     np.save(stream, -heights, allow_pickle=False)  # a profile is counted from its lowest point
-    return keys | {"punch": {"shape": "profile", "file": _held("punch", ".npy", stream.getvalue())}}
+    return {"punch": {"shape": "profile", "file": _held("punch", ".npy", stream.getvalue())}}
 
 
 def _held(kind: str, suffix: str, contents: bytes) -> MemoryFile:
@@ -232,15 +235,10 @@ def pool_of(jobs: int) -> Iterator[workers.WorkerPool]:
 
 def _attempt_in_process(case: SweepCase, wisdom: str | None, threads: int) -> Result:
     """Run a case of a sweep, unless this process is asked to stop."""
-    result = _attempt(case, wisdom, threads, _stop_where_asked)
+    result = _attempt(case, wisdom, threads, interrupts.Listener().advance)
     if result.error is None or isinstance(result.error, ConvergenceError):
         return result
     return Result(None, RuntimeError(result.reason))  # errors of any class may not be sent
-
-
-def _stop_where_asked(_time: float) -> None:
-    if interrupts.stop_requested():
-        raise interrupts.Stopped
 
 
 def _received(future: Future[Result]) -> Result:
@@ -358,14 +356,22 @@ def _configuration(
     values: dict[str, object],
 ) -> Config:
     """Return the checked configuration, with arrays as files in memory."""
-    if isinstance(punch, Shape | Mapping):
+    if not isinstance(config, str | PathLike | Mapping | Config):
+        raise ConfigError([f"config: got {type(config).__name__}; must be a path, a mapping or a Config"])
+    if "body" in values and not isinstance(values["body"], Mapping | Solid | None):
+        message = (
+            "must be a Solid, or its keys, such as {file: mine.py, ...}; gfmdlayer.Case takes other bodies"
+        )
+        raise ConfigError([f"body: got {type(values['body']).__name__}; {message}"])
+    if isinstance(punch, Shape | Mapping | str):
         values, punch = values | {"punch": punch}, None
+    if punch is not None:
+        values = values | {"punch": None}  # the configuration's own one need not fit into the cell
+        values = values if callable(punch) else with_points(config, punch, values)
     if "interface" in values:
         values = values | {"interface": with_voltages(values["interface"])}
     if history is not None:
         values |= with_history(history)
-    if not isinstance(config, str | PathLike | Mapping | Config):
-        raise ConfigError([f"config: got {type(config).__name__}; must be a path, a mapping or a Config"])
     if isinstance(config, Config | Mapping):
         given = config if isinstance(config, Config) else {"name": "run", **config}
         if isinstance(given, Mapping) and "interface" in given:
@@ -389,7 +395,8 @@ def _gathered(config: Config, every: Sequence[SweepCase], results: Sequence[Resu
         for case, result in zip(every, results, strict=True)
     ]
     keys, drawn = swept_keys(config.sweep), sampling(config.sweep)
-    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit)
+    times = None if "output.times" in keys else config.output.times
+    return labelled(records, keys, drawn, is_listed(config.sweep), config.unit, times)
 
 
 def _run_in_folder(

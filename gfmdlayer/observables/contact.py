@@ -67,6 +67,10 @@ class Force(Observable):
 
 
 FEWEST = 30  # a run is coarse if its largest contact has fewer points
+_UPSIDE_DOWN = (
+    "is the punch upside down? It touches first in a cusp at the edge of the cell. Of arrays and topography "
+    "files the largest height touches first, of profile files the lowest, unless touches_first: highest"
+)
 
 
 class Resolution(Observable):
@@ -78,22 +82,36 @@ class Resolution(Observable):
             "relative contact area, the edge located between the points",
             origin="over the cell; the edge from pressure and gap beside it",
         ),
+        Column(
+            "contact_area_error",
+            "estimated error of contact_area_interpolated",
+            origin="over the cell; from the number of points across the contact",
+        ),
     )
 
     def __init__(self, case: Parts) -> None:
-        self._grid, self._most = case.grid, 0
+        self._grid, self._most, self._upside_down = case.grid, 0, False
         self.attributes = {"most_contact_points": 0}
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
-        from gfmdlayer.observables.contact_statistics import in_contact, interpolated_area
+        from gfmdlayer.observables.contact_statistics import (
+            area_error,
+            in_contact,
+            interpolated_area,
+            is_upside_down,
+        )
 
+        if step.time == 0.0:
+            self._upside_down = is_upside_down(step.problem.obstacle, self._grid)
         solution, shape = step.solution, self._grid.shape
         touching = in_contact(step.problem, solution)
         pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
         self._count(self._grid.ranks.total(int(touching.sum())))
         fields = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
-        return {"contact_area_interpolated": interpolated_area(*fields, self._grid)}
+        area = interpolated_area(*fields, self._grid)
+        error = area_error(fields[0], area, self._grid)
+        return {"contact_area_interpolated": area, "contact_area_error": error}
 
     def state(self) -> State:
         """Return the largest number of points."""
@@ -108,7 +126,8 @@ class Resolution(Observable):
         self.attributes = {"most_contact_points": self._most}
         few = 0 < self._most < FEWEST
         touching = f"{self._most} point{'s' * (self._most != 1)}"
-        self.warning = f"COARSE: at most {touching} in contact; take more grid.points" if few else ""
+        advice = _UPSIDE_DOWN if self._upside_down else "take more grid.points"
+        self.warning = f"COARSE: at most {touching} in contact; {advice}" if few else ""
 
 
 MEAN_GAP = Column(

@@ -54,17 +54,17 @@ def read_heights(file: Path, axes: int, dataset: str | None = None, grid: Grid |
     return found
 
 
-def read_profile(file: Path, grid: Grid) -> FloatArray:
-    """Read one height for each grid point, above the lowest; TableError unless they fit the grid.
+def read_profile(file: Path, grid: Grid, *, outward: bool = False) -> FloatArray:
+    """Read one height for each grid point, above the first touch; TableError unless they fit the grid.
 
     The file is .npy of the grid's shape, or text with a row, x and height, for each point of a line, spaced
-    by L/n.
+    by L/n. The lowest height touches first, or the highest where heights are counted outward.
     """
     if grid.is_whole:
         found = load_array(file) if file.suffix == ".npy" else _read_line(file, grid)
     else:
         found = read_heights(file, len(grid.points), None, grid).values
-    found = fitting(file, found, grid.shape)
+    found = fitting(file, found, grid.shape) * (-1.0 if outward else 1.0)
     return np.asarray(found - grid.ranks.minimum(float(found.min())))
 
 

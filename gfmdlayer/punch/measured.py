@@ -23,12 +23,14 @@ class Profile(Shape):
     """heights from a file, one for each grid point"""
     file: File
     """.npy, or text with columns x and height"""
+    touches_first: Annotated[Annotated[str, Word("lowest", "highest")] | None, given] = None
+    """lowest (default): heights count upward; highest: outward, as arrays in Python"""
 
     def heights(self, grid: Grid) -> FloatArray:
         """Heights above the lowest; TableError unless the file holds a finite one for each grid point."""
         from gfmdlayer.punch.height_files import read_profile
 
-        return read_profile(self.file, grid)
+        return read_profile(self.file, grid, outward=self.touches_first == "highest")
 
     @property
     def whole_only(self) -> str:

@@ -3,10 +3,18 @@
     contact_area and the other columns of the cases (swept key, ..., time[, bin])      case (swept key, ...)
     pull_off_force and other numbers of a whole case (swept key, ...)
 
+So it is where the cases have their rows at the same times; a case that ends before the others is NaN after
+its end. Cases with steps of their own keep all of their rows, and time depends on the case:
+
+    contact_area and the other columns (swept key, ..., row[, bin])      time (swept key, ..., row)
+
+A case with fewer rows than the longest is NaN, in time too, in the rows that it does not have. With
+`output.times` such cases too lie along `time`: the times asked for, and the others that all cases share.
+
 A column whose name a swept key has taken is called NAME_over_time: depth_over_time in a sweep of
 trajectory.depth. A case without a column that others have is NaN there, and a line of the notes names it.
-A case that ended in a steady state keeps its last row at all later times; one whose punch was pulled off is
-NaN there.
+A case that ended in a steady state keeps its last row at all later times of a common axis; one whose punch
+was pulled off is NaN there.
 
 A sweep over the product of its keys has one dimension for each key, named by the last part of the key
 (thickness, shear_modulus, Ginf), or by the whole key where two keys share the last part. Any other list of
@@ -22,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,17 +45,29 @@ from numpy.typing import NDArray
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
-from gfmdlayer.results.netcdf import add_variable, new_file, write_at
-from gfmdlayer.results.reader import SAME_TIME, attribute, column, opened, sweep_path
-from gfmdlayer.results.schema import FIELDS, OVER_TIME, VARIABLES, described_key
+from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
+from gfmdlayer.results.schema import FIELDS, OVER_TIME, SAME_TIME, SWEEP_FILE, VARIABLES, described_key
 
 if TYPE_CHECKING:
     import xarray
 
 
 INCOMPLETE = "no complete result file"
+WAITING = "not complete yet"  # in place of the reason of a failure
+ROW = "row"  # the dimension of the rows of cases with times of their own
 OF_ONE_CASE = {
-    *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *(
+        "config",
+        "digest",
+        "coordinates",
+        "hostname",
+        "started",
+        "finished",
+        "wall_seconds",
+        "rows",
+        "snapshots",
+        "complete",
+    ),
     *known_numbers(),
     *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
@@ -82,6 +102,9 @@ class Labelled(NamedTuple):
     dimensions: tuple[str, ...]
     described: Mapping[str, str]
     values: NDArray[Any]
+
+
+Asked = float | Sequence[float] | None  # `output.times`: a spacing, a list, or not given
 
 
 class CaseData(Protocol):
@@ -136,7 +159,8 @@ class _File:
                 yield name, Column(_described(dataset))
             else:
                 bins = dataset.dims[1][0].name.lstrip("/")
-                edges = {end: (_described(h5[end]), h5[end][()]) for end in (bins, f"{bins}_end")}
+                ends = [end for end in (bins, f"{bins}_end") if end in h5]
+                edges = {end: (_described(h5[end]), h5[end][()]) for end in ends}
                 yield name, Column(_described(dataset), bins, edges)
 
 
@@ -168,7 +192,7 @@ class _Memory:
         for name, values in self._data.data_vars.items():
             if values.dims[:1] == ("time",):
                 bins = str(values.dims[1]) if values.ndim > 1 else ""
-                ends = (bins, f"{bins}_end") if bins else ()
+                ends = [end for end in (bins, f"{bins}_end") if end in self._data.coords]
                 edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
                 yield str(name), Column(values.attrs, bins, edges)
 
@@ -182,32 +206,43 @@ def _open(record: CaseRecord) -> Iterator[CaseData]:
         yield _Memory(record.source)
 
 
-class _CommonTimes:
-    """Times at which all cases so far have a row; a case that ended early has all later times too."""
+class _Times:
+    """The times of the cases; those of the longest case, and those that all share, are in memory."""
 
     def __init__(self) -> None:
-        self.times: NDArray[np.float64] = np.empty(0)
-        self._is_first = self._all_early = True
+        self.longest: NDArray[np.float64] = np.empty(0)
+        self._shared: NDArray[np.float64] | None = None
+        self._end, self._nested = 0.0, True
 
-    def add(self, times: NDArray[np.float64], *, early: bool) -> None:
-        """Add the times of a case, and whether it ended early: in a steady state, or pulled off."""
-        if self._is_first:
-            self.times = times
-        elif not np.array_equal(times, self.times):
-            common = self.times[rows_at(times, self.times, steady=early) >= 0]
-            later = times > self.times.max(initial=0.0) if self._all_early else slice(0)
-            self.times = np.append(common, times[later])
-        self._is_first = False
-        self._all_early &= early
+    def add(self, times: NDArray[np.float64]) -> None:
+        """Add the times of a case."""
+        if np.array_equal(times, self.longest):
+            return
+        short, self.longest = sorted((times, self.longest), key=len)
+        self._nested &= np.array_equal(rows_at(self.longest, short), np.arange(short.size))
+        self._shared = times if self._shared is None else self._shared[rows_at(times, self._shared) >= 0]
+        self._end = max(self._end, *times[-1:])
+
+    def common(self, asked: Asked) -> NDArray[np.float64] | None:
+        """Return times for all cases: those of the longest, or those asked for; None without such times."""
+        if self._nested or self._shared is None:
+            return self.longest
+        if asked is None:
+            return None
+        if isinstance(asked, float):
+            asked = [asked * i for i in range(1, math.floor(self._end / asked + SAME_TIME) + 1)]
+        own = np.array(asked)
+        return np.sort(np.append(own, self._shared[rows_at(own, self._shared) < 0]))
 
 
 class Gathered:
     """The cases of a sweep, labelled by the swept keys; one case at a time is in memory.
 
-    The first pass, here, finds the common times, columns and shared attributes of the cases; the second,
-    `curves`, reads the columns. `keys` are in the order of the dimensions; cases that are `listed` lie along
-    the one dimension `case`, even where they happen to be a product. `failed` has the reason for each case
-    without results, `places` the indices of each case along `dimensions`.
+    The first pass, here, finds the times, columns and shared attributes of the cases; the second, `curves`,
+    reads the columns. `keys` are in the order of the dimensions; cases that are `listed` lie along the one
+    dimension `case`, even where they happen to be a product; `asked` are the times of `output.times`.
+    `failed` has the reason for each case without results, `places` the indices of each case along
+    `dimensions`; `along` is the dimension of the rows, time or row.
     """
 
     def __init__(
@@ -216,6 +251,7 @@ class Gathered:
         keys: Sequence[str],
         listed: bool = False,
         unit: Callable[[str], str] = str,
+        asked: Asked = None,
     ) -> None:
         self._records, self._keys, self._unit = records, keys, unit
         self._layout = lay_out([record.values for record in records], keys, listed)
@@ -228,17 +264,20 @@ class Gathered:
         self._of_first: frozenset[str] | None = None
         self._layouts: dict[tuple[str, ...], dict[str, Column]] = {}
         self._held: dict[int, frozenset[str]] = {}
-        common = _CommonTimes()
+        times = _Times()
         for record in records:
-            if record.index not in self.failed and not self._add(record, common):
+            if record.index not in self.failed and not self._add(record, times):
                 self.failed[record.index] = INCOMPLETE
-        self._times = common.times
+        common = times.common(asked)
+        self.along = ROW if common is None else TIME.name
+        # Of rows, their numbers.
+        self._times: NDArray[Any] = np.arange(times.longest.size) if common is None else common
         # Without a complete case, the columns of the paper.
         self._columns = self._columns or {
             each.name: Column(each.described) for each in ContactMeans.COLUMNS if each.name != TIME.name
         }
 
-    def _add(self, record: CaseRecord, common: _CommonTimes) -> bool:
+    def _add(self, record: CaseRecord, every: _Times) -> bool:
         """Read times, columns and attributes of a case; False if it is not complete."""
         try:
             with _open(record) as case:
@@ -246,12 +285,11 @@ class Gathered:
                 if case.attribute("complete") != 1 or case.attribute("rows") != len(times):
                     return False
                 shared = self._shared_with(case)
-                early = bool(case.attribute("settled") or case.attribute("ended"))
                 held = self._columns_of(case)
                 own = {name: case.attribute(name) for name in known_numbers()}
         except Exception:  # a damaged file can fail anywhere in HDF5, with any exception
             return False
-        common.add(times, early=early)
+        every.add(times)
         self._held[record.index] = held
         for name, value in own.items():
             if value is not None:
@@ -285,8 +323,9 @@ class Gathered:
 
     @property
     def coordinates(self) -> dict[str, Labelled]:
-        """Time, the labels, the numbers of the cases and the ends of bins; each after its dimension."""
-        layout, time = self._layout, TIME.in_units(self._unit)
+        """Time or row, labels, numbers of the cases and ends of bins; each after its dimension."""
+        layout = self._layout
+        along = self._time if self.along == TIME.name else {"long_name": "row of the case", "units": "1"}
         numbers = np.empty(self.shape, dtype=VARIABLES["case"].dtype)
         for record, place in zip(self._records, self.places, strict=True):
             numbers[place] = record.index
@@ -301,7 +340,11 @@ class Gathered:
             for each in self._columns.values()
             for end, (described, edges) in each.edges.items()
         }
-        return {TIME.name: Labelled((TIME.name,), time.described, self._times), **both, **bins}
+        return {self.along: Labelled((self.along,), along, self._times), **both, **bins}
+
+    @property
+    def _time(self) -> Mapping[str, str]:
+        return TIME.in_units(self._unit).described
 
     @property
     def numbers(self) -> dict[str, Labelled]:
@@ -317,10 +360,11 @@ class Gathered:
 
     @property
     def columns(self) -> dict[str, tuple[tuple[str, ...], Mapping[str, str], tuple[int, ...]]]:
-        """Name -> dimensions, attributes and shape of each column."""
+        """Name -> dimensions, attributes and shape of each column, and of time where cases differ in it."""
         found = {}
-        for name, each in self._columns.items():
-            dimensions, shape = (*self.dimensions, "time"), (*self.shape, self._times.size)
+        of_cases = {TIME.name: Column(self._time)} if self.along == ROW else {}
+        for name, each in (of_cases | self._columns).items():
+            dimensions, shape = (*self.dimensions, self.along), (*self.shape, self._times.size)
             if each.bins:
                 dimensions, shape = (*dimensions, each.bins), (*shape, each.edges[each.bins][1].size)
             found[self._name(name)] = (dimensions, each.described, shape)
@@ -330,7 +374,7 @@ class Gathered:
         return f"{column}{OVER_TIME}" if column in self._layout.labels else column
 
     def curves(self) -> Iterator[tuple[tuple[int, ...], dict[str, NDArray[np.float64]]]]:
-        """Yield the place of each complete case and its columns at the common times."""
+        """Yield the place of each complete case, and its columns at the common times or in all rows."""
         for record, place in zip(self._records, self.places, strict=True):
             if record.index in self.failed:
                 continue
@@ -343,10 +387,15 @@ class Gathered:
 
     def _read(self, record: CaseRecord) -> dict[str, NDArray[np.float64]]:
         with _open(record) as case:
-            rows = rows_at(case.values("time"), self._times, steady=bool(case.attribute("settled")))
-            if np.any(rows < 0) and not case.attribute("ended"):
-                raise ValueError(f"{record.source}: has been changed")
-            return {self._name(name): _at_rows(case.values(name), rows) for name in self._held[record.index]}
+            names = sorted(self._held[record.index])
+            if self.along == ROW:
+                found = {self._name(name): case.values(name) for name in (TIME.name, *names)}
+                if len(found[TIME.name]) > self._times.size:
+                    raise ValueError(f"{record.source}: has been changed")
+                return found
+            settled = bool(case.attribute("settled"))
+            rows = rows_at(case.values(TIME.name), self._times, steady=settled)
+            return {self._name(name): _at_rows(case.values(name), rows) for name in names}
 
     @property
     def notes(self) -> list[str]:
@@ -368,10 +417,12 @@ class Gathered:
         return lines
 
     def attributes(self, given: Mapping[str, object]) -> dict[str, object]:
-        """Attributes that all cases share, those given, the swept keys, failed cases and notes."""
-        report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(self.failed.items()))
-        own = {"swept": " ".join(self._keys), "complete": 1, "failed": report, "notes": "\n".join(self.notes)}
-        return {**self._shared, **given, **own}
+        """Attributes that all cases share, those given, swept keys, failed and waiting cases, notes."""
+        lost = sorted(self.failed.items())
+        waiting = " ".join(f"{index:04d}" for index, reason in lost if reason == WAITING)
+        report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
+        own = {"swept": " ".join(self._keys), "complete": int(not waiting), "failed": report}
+        return {**self._shared, **given, **own, "incomplete": waiting, "notes": "\n".join(self.notes)}
 
 
 def _numbered(cases: Collection[int]) -> str:
@@ -381,14 +432,16 @@ def _numbered(cases: Collection[int]) -> str:
     return f"case{'s' * (len(cases) > 1)} {first}" + (f" and {more} more" if more > 0 else "")
 
 
-def rows_at(times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool) -> NDArray[np.int64]:
+def rows_at(
+    times: NDArray[np.float64], wanted: NDArray[np.float64], *, steady: bool = False
+) -> NDArray[np.int64]:
     """Find the rows of a case at given times, -1 where there is none; both increase.
 
     After a steady state, the last row stands for all later times.
     """
     if times.size == 0 or wanted.size == 0:
         return np.full(wanted.shape, -1)
-    tolerance = SAME_TIME * max(abs(times[-1]), abs(wanted[-1]))
+    tolerance = SAME_TIME * min(times[-1], wanted[-1])
     after = np.searchsorted(times, wanted - tolerance).clip(max=times.size - 1)
     found = (np.abs(times[after] - wanted) <= tolerance) | (steady & (wanted > times[-1]))
     return np.where(found, after, -1)
@@ -419,16 +472,16 @@ class Layout(NamedTuple):
     places: list[tuple[int, ...]]
 
 
-def dimension_names(keys: Sequence[str]) -> list[str]:
-    """Name the swept keys by their last parts, or by the whole key where the last part is taken."""
+def dimension_names(keys: Sequence[str], names: Iterable[str] = ()) -> list[str]:
+    """Name the swept keys by their last parts, or by the whole key where the last part, or a name, is it."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, "time", "case", *VARIABLES, *_ARGUMENTS_OF_SEL])
+    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL, *names])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
 def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
     """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
-    columns = [_labels(key, [each[key] for each in values]) for key in keys]
+    columns = [labels(key, [each[key] for each in values]) for key in keys]
     named = list(zip(dimension_names(keys), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
@@ -437,15 +490,15 @@ def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed:
         along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
         return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
     lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
-    labels = {
+    along = {
         name: Labels(key, name, np.array(list(axis)))
         for (name, key, _), axis in zip(named, axes, strict=True)
     }
     places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
-    return Layout(lengths, labels, places)
+    return Layout(lengths, along, places)
 
 
-def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
+def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
     """Return labels of one type for the values of one key: numbers if all are numbers, else text."""
     if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
         return [int(str(value)) for value in values]
@@ -464,14 +517,15 @@ def collect(
     attributes: Mapping[str, str | int | float] | None = None,
     listed: bool = False,
     unit: Callable[[str], str] = str,
+    asked: Asked = None,
 ) -> Path:
     """Write DIR/sweep.h5 from the files of the cases; return its path.
 
     A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`. The
     attributes given are added to those of `Gathered`, whose other arguments are given too.
     """
-    path = sweep_path(directory)
-    sweep = Gathered(records, keys, listed, unit)
+    path = Path(directory) / SWEEP_FILE
+    sweep = Gathered(records, keys, listed, unit, asked)
     with new_file(path) as file:
         h5 = file.begin()
         coordinates = sweep.coordinates
@@ -482,8 +536,9 @@ def collect(
 
         def add(name: str, along: tuple[str, ...], described: Mapping[str, str], **how: Any) -> h5py.Dataset:
             variable = add_variable(h5, name, along, described, **how)
-            beside = [x for x, (axes, *_) in coordinates.items() if {*axes} <= {*along} and x not in along]
-            variable.attrs["coordinates"] = " ".join(sorted(beside))
+            beside = {x for x, (axes, *_) in coordinates.items() if {*axes} <= {*along}}
+            beside |= {TIME.name} if ROW in along else set()
+            variable.attrs["coordinates"] = " ".join(sorted(beside - {name, *along}))
             return variable
 
         for name, (dimensions, described, values) in sweep.numbers.items():
@@ -519,15 +574,16 @@ def labelled(
     attributes: Mapping[str, str | int | float],
     listed: bool = False,
     unit: Callable[[str], str] = str,
+    asked: Asked = None,
 ) -> xarray.Dataset:
-    """Return cases in memory as `open_results` returns a folder, with fields if their grids agree."""
+    """Return cases as `open_results` does a folder; with fields of those in memory, if their grids agree."""
     import xarray
 
-    sweep = Gathered(records, keys, listed, unit)
+    sweep = Gathered(records, keys, listed, unit, asked)
     columns = {name: np.full(shape, np.nan) for name, (*_, shape) in sweep.columns.items()}
     for place, curves in sweep.curves():
         for name, values in curves.items():
-            columns[name][place] = values
+            columns[name][place][: len(values)] = values
     coords: dict[str, Any] = {
         name: (dims, values, described) for name, (dims, described, values) in sweep.coordinates.items()
     }
@@ -536,8 +592,8 @@ def labelled(
     }
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
-    first = cases[0]
-    if first.sizes["snapshot"] and all(_surface(case) == _surface(first) for case in cases):
+    first = cases[0] if cases else xarray.Dataset()
+    if first.sizes.get("snapshot") and all(_surface(case) == _surface(first) for case in cases):
         for name in (each for each in FIELDS if all(each in case for case in cases)):
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):
@@ -545,7 +601,7 @@ def labelled(
                     fields[place] = record.source[name].to_numpy()
             held[name] = ((*sweep.dimensions, *first[name].dims), fields, first[name].attrs)
         coords |= {str(name): first[name].variable for name in first[FIELDS[0]].dims}
-    return xarray.Dataset(held, coords, sweep.attributes(attributes))
+    return xarray.Dataset(held, coords, sweep.attributes(attributes)).set_coords(TIME.name)
 
 
 def _surface(case: xarray.Dataset) -> list[Any]:

@@ -308,7 +308,7 @@ class Recording:
         counts = {"rows": len(self.rows), "snapshots": len(self.fields), "complete": 1}
         described = {**provenance(), **ended, **attributes, **self.noted, **counts}
         indices = {name for name, (dims, *_) in held.items() if dims == (name,)}
-        ends = {f"{each.along.name}_end" for each in columns if each.along is not None}
+        ends = {name for each in columns if each.along is not None for name, *_ in each.along.ends}
         coords = {name: held.pop(name) for name in indices | (ends & held.keys())}
         return xarray.Dataset(held, coords, described)
 

@@ -69,6 +69,8 @@ VARIABLES: dict[str, Variable] = {
 }
 
 FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
+SWEEP_FILE = "sweep.h5"
+SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 
 # Name and symbol of the keys that have one; the dimension is declared with the key, in its section.

@@ -32,7 +32,7 @@ from scipy.optimize import brentq
 
 from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.transport.memory import LARGEST_DIRECT
-from gfmdlayer.transport.percolation import Clusters, clusters
+from gfmdlayer.transport.percolation import Clusters, Throat, clusters
 
 Mean = Literal["harmonic", "linear"]
 # Contact area at which paths close: Dapp, Luecke, Persson & Mueser, Phys. Rev. Lett. 108 (2012) 244301.
@@ -64,6 +64,14 @@ class Flow:
     imbalance: FloatArray
     pressure: FloatArray
     flow: FloatArray
+
+
+def numbers_of(flow: Flow) -> dict[str, float]:
+    """Return the components of K, the hydraulic gaps and the imbalance by the names of their columns."""
+    K = flow.tensor
+    found = {f"flow_{a}{b}": float(K["xy".index(a), "xy".index(b)]) for a, b in ("xx", "xy", "yy")}
+    found |= {f"hydraulic_gap_{a}": float(np.cbrt(K[i, i])) for i, a in enumerate("xy")}
+    return found | {"flow_imbalance": float(flow.imbalance.max())}
 
 
 def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmonic") -> Flow:
@@ -200,3 +208,28 @@ def bruggeman(gap: FloatArray, threshold: float = THRESHOLD) -> float:
     if excess(-690.0) >= 0:
         return 0.0
     return largest * math.exp(brentq(excess, -690.0, 0.0, xtol=1e-10))
+
+
+FEWEST_POINTS = 6  # across a throat; below, K is an order of magnitude
+ALLOWED = 0.01  # relative error of K by the solution of the contact
+
+
+def doubts(axis: str, throat: Throat, depth: float, residual: float) -> Iterator[str]:
+    """Yield why K along an axis is not to be trusted: a coarse throat, a contact solved too loosely.
+
+    A residual r leaves gaps open by up to r times the deepest displacement `depth`; K changes as the cube of
+    the critical gap. Against contacts solved to 1e-10 this bound is two to three times the error.
+    """
+    if throat.gap <= 0:
+        return
+    if throat.points < FEWEST_POINTS:
+        yield (
+            f"the throat along {axis} has {throat.points:.2g} points across it, below {FEWEST_POINTS}: the "
+            "flow is an order of magnitude; take more grid.points"
+        )
+    enough = ALLOWED * throat.gap / (3 * depth) if depth > 0 else math.inf
+    if residual > enough:
+        yield (
+            f"the contact, solved to {residual:.1e}, changes the flow along {axis} by up to "
+            f"{100 * ALLOWED * residual / enough:.2g} %; solver.tolerance: {enough:.1e} would do"
+        )

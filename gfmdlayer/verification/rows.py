@@ -14,23 +14,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Row:
-    """A comparison of theory with a result.
-
-    Parameters
-    ----------
-    quantity : str
-        The quantity compared.
-    theory, found, bound : float
-        Its value by theory, its value found, and the largest difference allowed.
-    source : str
-        Source of the theory: equation, paper, book.
-    """
+    """A comparison of theory with a result."""
 
     quantity: str
     theory: float
     found: float
-    bound: float
-    source: str
+    bound: float  # largest difference allowed
+    source: str  # of the theory: equation, paper, book
 
     @property
     def inside(self) -> bool:

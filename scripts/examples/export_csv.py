@@ -2,7 +2,7 @@
 
     python scripts/examples/export_csv.py results/figure2-quick [FOLDER]
 
-writes curves.csv, a line for each case and time, and profiles.csv, a line for each case and point of the
+writes curves.csv, a line for each row of each case, and profiles.csv, a line for each case and point of the
 surface at the last snapshot. The cells, marked by `# %%`, also run one by one in Jupyter, Spyder or VS Code.
 """
 
@@ -17,8 +17,8 @@ out = Path(sys.argv[2]) if len(sys.argv) > 2 else folder
 results = gfmdlayer.open_results(folder)
 
 # %% The curves: columns for the swept keys, the time, and every number that the cases report over time.
-numbers = [name for name, column in results.items() if column.dims[-1:] == ("time",)]
-curves = results[numbers].to_dataframe().reset_index()
+numbers = [name for name, column in results.items() if column.dims[-1:] in (("time",), ("row",))]
+curves = results[numbers].to_dataframe().reset_index().dropna(subset=["time"])
 curves.to_csv(out / "curves.csv", index=False)
 print(f"{out / 'curves.csv'}: {len(curves)} lines, {', '.join(curves.columns)}")
 

@@ -19,6 +19,7 @@ from gfmdlayer.body.solid import fault
 from gfmdlayer.config import digest
 from gfmdlayer.execution.sweep import cases, input_errors
 from gfmdlayer.figures.body_plot import body_figure
+from gfmdlayer.results.journal import Recording
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = re.findall(
@@ -237,3 +238,25 @@ def test_the_figure_shows_stiffness_and_relaxation(points: Any) -> None:
     kept = np.asarray(relaxation.lines[0].get_ydata(), dtype=float)
     assert kept[0] == pytest.approx(sudden[0], rel=1e-4)
     assert len(stiffness.lines) == (2 if points == 32 else 4)
+
+
+class Springs:
+    """Independent springs of 2, without modes."""
+
+    mean_stiffness = 2.0
+
+    def stiffness(self, waves: Wavevectors, s: object) -> np.ndarray:  # noqa: ARG002
+        return np.full(np.shape(waves), 2.0)
+
+
+def test_a_body_names_what_it_lacks() -> None:
+    punch, lacks = gfmdlayer.Parabola(radius=1.0), "Springs has no spectrum"
+    with pytest.raises(TypeError, match=lacks):
+        gfmdlayer.solve(Springs(), punch, depth=0.01)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=lacks):
+        gfmdlayer.indent(Springs(), punch, [0.0, 1.0], depth=[0.0, 0.01])  # type: ignore[arg-type]
+    case = Case(Config(name="a", grid={"points": 32}), body=Springs())  # type: ignore[typeddict-item]
+    with pytest.raises(TypeError, match=lacks):
+        simulate(case, Recording())
+    with pytest.raises(TypeError, match=r"float has no .*; no spectrum.*must be a body, such as halfspace"):
+        gfmdlayer.solve(1.0, punch, depth=0.01)  # type: ignore[arg-type]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import pytest
 
+import gfmdlayer
 from gfmdlayer.config import Config, load
-from gfmdlayer.notes import notes
+from gfmdlayer.config.json_schema import json_schema
+from gfmdlayer.notes import DIMENSIONS, notes
+from gfmdlayer.validation.fields import dimension
 
 SI = {
     "grid": {"period": 1e-2},
@@ -28,9 +32,10 @@ def test_a_forgotten_base_is_noted_with_and_without_units() -> None:
     assert [note[: len(beside)] for note in of(SI)] == [beside]
     assert of(SI | stiff) == []
     assert of(SI | {"units": UNITS}) == [
-        "left at defaults, in the units given: halfspace.shear_modulus = 1 Pa, time.end = 8 s"
+        "left at defaults, in the units given: halfspace.shear_modulus = 1 Pa, time.end = 8 s, "
+        "time.step = 0.005 s"
     ]
-    assert of(SI | stiff | {"units": UNITS, "time.end": 4.0}) == []
+    assert of(SI | stiff | {"units": UNITS, "time": {"end": 4.0, "step": 0.01}}) == []
 
 
 @pytest.mark.parametrize(
@@ -94,7 +99,7 @@ def test_an_interface_that_the_grid_does_not_resolve_is_noted_with_points_that_w
 def test_an_indentation_in_a_single_step_of_first_order_is_noted() -> None:
     coarse = {"time": {"end": 8.0, "step": 2.0, "integrator": "backward_euler"}}
     assert of(coarse | {"trajectory.ramp_time": 4.0}) == []
-    assert of({"time": {"end": 8.0, "step": 2.0}}) == []
+    assert not any("backward Euler" in note for note in of({"time": {"end": 8.0, "step": 2.0}}))
     (note,) = of(coarse)
     assert note.startswith("time.step = 2: the indentation, up to trajectory.ramp_time = 1, is one step")
 
@@ -126,3 +131,60 @@ def test_a_solver_too_coarse_for_adaptive_steps_is_noted() -> None:
     assert of({"layer.material": material, "solver.tolerance": 1e-4}) == []
     notes = of(case | {"layer.material": material | {"Ginf": 1e8}})
     assert notes[-1].endswith(": the solver uses 1e-10")
+
+
+def test_times_in_another_unit_are_noted() -> None:
+    """All given times are below a hundredth of the paper's; long relaxation times are common."""
+    fast = {"layer.material.tau": 1e-4, "trajectory.ramp_time": 2e-3}
+    assert of(fast | {"time.step": 1e-5}) == [
+        "left at defaults beside layer.material.tau: time.end = 8; give all times in one unit"
+    ]
+    assert of({"layer.material.tau": 1e-4}) == [
+        "left at defaults beside layer.material.tau: trajectory.ramp_time = 1, time.end = 8, "
+        "time.step = 0.005; give all times in one unit"
+    ]
+    assert of(fast | {"time": {"end": 0.1, "step": 1e-5}}) == []
+
+
+def test_each_default_with_a_dimension_is_named_beside_units() -> None:
+    """All keys of all sections whose default is a number with a dimension; angles are in degrees."""
+    dimensional = {
+        (name, key)
+        for name, section in json_schema()["$defs"].items()
+        for key, value in section.get("properties", {}).items()
+        if dimension(value.get("description", "").partition("; must be ")[0])[1] not in ("", "degrees")
+        if isinstance(value.get("default"), float) and value["default"]
+    }
+    assert {("Time", "step"), ("Topography", "unit"), ("Layer", "thickness")} <= dimensional
+    assert {key for _, key in dimensional} <= set(DIMENSIONS)
+    speed = {"trajectory": {"kind": "approach_retract", "depth": 1e-6}, "units": UNITS}
+    assert "trajectory.approach_speed = 1e-06 m/s" in of(speed)[0]
+
+
+@pytest.mark.parametrize(("ramp", "step"), [(1e-3, 5e-3), (1e-3, 5e-4), (1e-2, 5e-3)])
+def test_a_step_that_is_too_long_for_the_relaxation_is_noted_with_its_error(ramp: float, step: float) -> None:
+    """Against the advised step, whose error is 0.002; one digit of an estimate that is within a third."""
+    case = {
+        "layer": {"material": {"G0": 1.0, "Ginf": 10.0, "tau": 1e-3}},
+        "halfspace": {"shear_modulus": 1e3},
+        "grid": {"points": 256},
+        "trajectory": {"ramp_time": ramp},
+    }
+    (note,) = [note for note in of(case | {"time": {"end": 0.02, "step": step}}) if "long beside" in note]
+    error = float(note.partition("may be ")[2].partition(" ")[0])
+    enough = float(note.partition("use time.step: ")[2].partition(",")[0])
+
+    def force(step: float) -> float:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return float(gfmdlayer.run(case | {"time": {"end": ramp, "step": min(step, ramp)}}).force[-1])
+
+    assert 1 - force(step) / force(enough) == pytest.approx(error, rel=0.5, abs=0.002)
+    assert not [note for note in of(case | {"time": {"end": 0.02, "step": enough}}) if "long beside" in note]
+
+
+def test_steps_that_follow_the_relaxation_or_a_slow_ramp_are_not_noted() -> None:
+    """On a ramp of 100 tau the viscous part of the force is a tenth, whatever the step is within it."""
+    fast = {"layer.material.tau": 1e-3, "time": {"end": 1.0, "step": 5e-3}}
+    assert of(fast | {"trajectory.ramp_time": 0.1}) == []
+    assert of(fast | {"trajectory.ramp_time": 1e-3, "time.step": "adaptive"}) == []

@@ -177,7 +177,7 @@ def test_a_process_with_the_number_of_a_dead_one_is_not_taken_for_it(run_here: R
 def test_a_process_that_has_ended_and_is_still_listed_does_not_run() -> None:
     process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     record = {"host": socket.gethostname(), "pid": process.pid, "simulated_time": 1.0, "end": 2.0}
-    status = Running.from_record(0, record | {"started": 0.0, "updated": 0.0, "born": born(process.pid)})
+    status = Running(0, **record | {"started": 0.0, "updated": 0.0, "born": born(process.pid)})
     assert status.alive
     process.kill()
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # leaves it in the list

@@ -22,8 +22,8 @@ KEYS: dict[str, Any] = {
     "layer": {"thickness": 0},
     "interface": {"law": "exponential", "work": 2e-3, "range": 1e-2},
     "trajectory": {"kind": "approach_retract", "depth": 0.002, "start": -0.03, "approach_speed": 0.02},
-    "time": {"step": 0.1},
-    "sweep": {"trajectory.retract_speed": [0.01, 0.02], "interface.work": [1e-3, 2e-3]},
+    "time": {"step": 0.1, "integrator": "exponential"},
+    "sweep": {"trajectory.retract_speed": [0.013, 0.02], "interface.work": [1e-3, 2e-3]},
 }
 
 
@@ -52,6 +52,36 @@ def test_a_loop_shows_the_whole_curve_of_each_case_with_its_area(results: Path) 
         np.testing.assert_array_equal(curve.get_xdata(), case.depth)
         np.testing.assert_array_equal(curve.get_ydata(), case.force)
         assert shown(case.attrs["work_of_separation"]) in texts(figure)
+
+
+def test_curves_over_depth_and_time_have_all_rows_of_each_case(results: Path) -> None:
+    """Approach and retraction, though the cases end at other times and share few of them."""
+    sweep = open_results(results)
+    cases = [open_case(results / "cases" / f"{number:04d}.h5") for number in range(4)]
+    for x in ("depth", "time"):
+        axes = curves_figure(sweep, x=x, y=["force"]).axes[0]
+        for case, curve in zip(cases, axes.lines, strict=True):
+            np.testing.assert_array_equal(curve.get_xdata(), case[x])
+            np.testing.assert_array_equal(curve.get_ydata(), case.force)
+    assert axes.get_xlim() == (0.0, max(float(case.time[-1]) for case in cases))
+    depth = np.concatenate([np.sign(np.diff(case.depth)) for case in cases])
+    assert {-1, 1} <= {*depth}
+
+
+def test_columns_against_a_key_are_taken_from_the_rows_of_each_case(results: Path) -> None:
+    sweep = open_results(results).sel(work=1e-3)
+    cases = [open_case(results / "cases" / f"{number:04d}.h5") for number in (0, 2)]
+    middle = float(cases[1].time[-1]) + 0.4  # behind the end of the second
+    first = cases[0].depth[np.argmin(np.abs(cases[0].time.to_numpy() - middle))]
+    expected: dict[Any, list[float]] = {
+        "end": [float(case.depth[-1]) for case in cases],
+        "max": [float(case.depth.max()) for case in cases],
+        middle: [float(first), np.nan],
+    }
+    for time, wanted in expected.items():
+        figure = curves_figure(sweep, x="retract_speed", y=["depth"], time=time)
+        np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), wanted)
+        assert ("1 case ended before" in figure.get_supxlabel() + texts(figure)) == bool(np.isnan(wanted[1]))
 
 
 def test_the_legend_of_a_loop_over_two_keys_has_the_looks_of_its_curves(results: Path) -> None:

@@ -8,7 +8,7 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -259,48 +259,6 @@ def test_the_program_is_sound_javascript() -> None:
         subprocess.run(["node", "--check", str(folder / name)], check=True)
 
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """A headless Chromium of this machine."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is in the PATH")
-    with playwright.sync_playwright() as driver:
-        yield driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
-
-
-@pytest.fixture
-def visit(browser: Any) -> Iterator[Callable[..., Any]]:
-    """Open a page; at the end nothing may have been logged as an error, and nothing loaded."""
-    opened: list[Any] = []
-    wrong: list[str] = []
-
-    def visit(path: Path, width: int = 1280, scheme: str = "light") -> Any:
-        opened.append(browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme))
-        page = opened[-1].new_page()
-        page.set_default_timeout(300_000)  # a machine under load is slow to draw
-        page.on(
-            "console", lambda each: wrong.append(each.text) if each.type in ("error", "warning") else None
-        )
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on(
-            "request",
-            lambda each: None if each.url.startswith(("file:", "blob:")) else wrong.append(each.url),
-        )
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready]", state="attached")
-        return page
-
-    yield visit
-    for each in opened:
-        each.close()
-    assert wrong == []
-
-
 def drawn(page: Any, figure: str, what: str) -> Any:
     """A part of what a figure shows, by its data."""
     return page.evaluate(f"(() => {{ const g = document.getElementById('{figure}'); return {what}; }})()")
@@ -314,7 +272,7 @@ def table(download: Any) -> list[dict[str, str]]:
 def test_in_a_browser_the_slider_moves_the_profile_and_selectors_change_the_curves(
     run: Callable[[str], Path], visit: Callable[..., Any]
 ) -> None:
-    page = visit(run(SWEEP) / "report.html")
+    page = visit(run(SWEEP) / "report.html", ready="html[data-ready]")
     with open_case(case_path(run(SWEEP), 0)) as case:
         case.load()
     surface, pressure = "Array.from(g.data[0].y)", "Array.from(g.data[1].y)"
@@ -358,7 +316,7 @@ def test_in_a_browser_the_slider_moves_the_profile_and_selectors_change_the_curv
 def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(
     run: Callable[[str], Path], visit: Callable[..., Any]
 ) -> None:
-    page = visit(run(SURFACE) / "report.html", scheme="dark")
+    page = visit(run(SURFACE) / "report.html", ready="html[data-ready]", scheme="dark")
     with open_case(case_path(run(SURFACE), 0)) as case:
         case.load()
     page.fill("#time", "0")
@@ -391,7 +349,7 @@ def test_in_a_browser_a_surface_has_maps_a_cut_and_distributions(
 def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_by_keys(
     run: Callable[[str], Path], visit: Callable[..., Any]
 ) -> None:
-    page = visit(run(SURFACE) / "report.html", width=375)
+    page = visit(run(SURFACE) / "report.html", ready="html[data-ready]", width=375)
     assert page.evaluate("document.documentElement.scrollWidth") == 375
     controls = page.eval_on_selector_all(
         "button, input, select, summary, a[href]",
@@ -406,6 +364,38 @@ def test_in_a_browser_as_wide_as_a_phone_nothing_sticks_out_and_all_is_reached_b
     assert unreached == set()
 
 
+def test_pale_and_cut_off_text_is_found(
+    tmp_path: Path, visit: Callable[..., Any], flaws: Callable[..., list[str]]
+) -> None:
+    box = '<div style="width: 80px; white-space: nowrap; overflow: {}">long words in a small box</div>'
+    (tmp_path / "page.html").write_text(
+        '<html lang="en"><title>page</title><body style="color: #767676"><p>grey</p>'
+        '<p style="color: #777">pale</p>'
+        + "".join(map(box.format, ("auto", "hidden")))
+        + '<p style="position: absolute; left: 395px">over the edge</p></body></html>'
+    )
+    page = visit(tmp_path / "page.html", width=400)
+    assert {each.partition(":")[0] for each in flaws(page)} == {"contrast 4.48", "cut off", "outside"}
+    assert any(each.startswith("scrolls") for each in flaws(page, unscrolled="div"))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize("text", [SWEEP, SURFACE], ids=["sweep", "surface"])
+def test_in_a_browser_no_text_is_cut_off_or_pale(
+    text: str,
+    width: int,
+    scheme: str,
+    run: Callable[[str], Path],
+    visit: Callable[..., Any],
+    flaws: Callable[..., list[str]],
+) -> None:
+    page = visit(run(text) / "report.html", width=width, scheme=scheme, ready="html[data-ready]")
+    page.click("summary")
+    page.click("#table tbody tr:first-child button")
+    assert flaws(page) == []
+
+
 def test_a_folder_without_a_complete_case_has_a_page_of_its_cases(
     run: Callable[[str], Path], tmp_path: Path, visit: Callable[..., Any]
 ) -> None:
@@ -413,7 +403,7 @@ def test_a_folder_without_a_complete_case_has_a_page_of_its_cases(
     for number in (0, 2):
         case_path(folder, number).unlink()
     assert main(["report", str(folder)]) == 0
-    page = visit(folder / "report.html")
+    page = visit(folder / "report.html", ready="html[data-ready]")
     assert "2 failed, 2 waiting" in page.text_content("#summary")
     assert page.locator("#table tbody tr").count() == 4
     assert page.text_content("#curves p") == page.text_content("#surface p") == "No case is complete."

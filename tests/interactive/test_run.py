@@ -458,3 +458,56 @@ def test_nothing_is_said_where_nobody_watches(capfd: pytest.CaptureFixture[str])
         gfmdlayer.run(LINE, grid__points=1024)
         gfmdlayer.run(LINE, grid__points=1024, progress=False, sweep={"layer.thickness": [0.1]})
     assert capfd.readouterr() == ("", "")
+
+
+ROUND = -(np.linspace(-0.5, 0.5, 12, endpoint=False)[:, np.newaxis] ** 2 + (X[::32] * 2) ** 2) / 16
+
+
+@pytest.mark.parametrize("given", ["mapping", "keyword", "file"])
+def test_an_array_gives_the_points_before_the_rest_of_the_grid_is_checked(given: str) -> None:
+    """The configuration's own punch, which needs a surface, is not looked at either."""
+    own = SHORT | {"output": {}, "punch": {"shape": "pyramid", "faces": 4}}
+    grid: dict[str, Any] = {"period": [1.0, 2.0]}
+    if given == "file":
+        Path("a.yaml").write_text(
+            "name: a\ngrid: {period: [1, 2]}\ntime: {end: 1, step: 0.25}\npunch: {shape: pyramid}\n"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if given == "keyword":
+            data = gfmdlayer.run(own, punch=ROUND, grid=grid)
+        else:
+            data = gfmdlayer.run("a.yaml" if given == "file" else own | {"grid": grid}, punch=ROUND)
+    assert (data.sizes["x"], data.sizes["y"]) == ROUND.shape
+
+
+@pytest.mark.parametrize("points", [(64,), (16, 16)])
+def test_a_run_on_few_points_asks_whether_a_round_punch_is_upside_down(points: tuple[int, ...]) -> None:
+    """Not of the right sign, nor of a cone, whose heights have a cusp wherever the cell begins."""
+    few = SHORT | {"output": {}, "trajectory": {"depth": 1e-4}}
+    axes = [np.arange(n) / n - 0.5 for n in points]
+    r = np.sqrt(sum(x**2 for x in np.meshgrid(*axes, indexing="ij")))
+    for heights, asked in ((r**2, True), (-(r**2), False), (-r, False)):
+        with pytest.warns(UserWarning, match=r"COARSE: at most \d+ points? in contact") as caught:
+            gfmdlayer.run(few, punch=heights)
+        (coarse,) = [str(each.message) for each in caught if "COARSE" in str(each.message)]
+        assert ("upside down" in coarse) == asked == ("take more grid.points" not in coarse)
+
+
+def test_a_file_with_the_heights_of_an_array_is_the_same_punch() -> None:
+    np.save("heights.npy", -(X**2))
+    profile = {"shape": "profile", "file": "heights.npy", "touches_first": "highest"}
+    found = gfmdlayer.run(LINE, punch=profile)
+    np.testing.assert_array_equal(found.pressure, gfmdlayer.run(LINE, punch=-(X**2)).pressure)
+
+
+def test_a_body_that_is_no_key_is_refused_by_its_type() -> None:
+    with pytest.raises(ConfigError, match="body: got ViscoelasticLayer; must be a Solid, or its keys"):
+        gfmdlayer.run(LINE, body=gfmdlayer.halfspace(1.0))
+
+
+def test_a_punch_that_is_a_word_gets_the_keys_of_its_shape() -> None:
+    with pytest.raises(ConfigError, match=r"such as \{shape: sphere, radius: ...\}"):
+        gfmdlayer.run(LINE, punch="sphere")
+    with pytest.raises(ConfigError, match=r"such as \{shape: sphere, radius: ...\}"):
+        gfmdlayer.solve(gfmdlayer.halfspace(1.0), "sphere", depth=0.1)

@@ -9,6 +9,7 @@ import tracemalloc
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -468,15 +469,49 @@ def test_sweep_where_every_case_failed_opens(tmp_path: Path) -> None:
         assert data.sizes == {"b": 2, "time": 0}
 
 
-def test_cases_with_other_steps_share_their_common_times(tmp_path: Path) -> None:
-    # 3 * 0.1 differs from 0.3 by rounding and is the same time.
-    steps = [(0.0, 0.2, 3 * 0.1, 1.0), (0.0, 0.3, 0.5, 1.0)]
-    paths = [write_case(case_path(tmp_path, i), times) for i, times in enumerate(steps)]
+def collect_steps(folder: Path, steps: Sequence[Sequence[float]], **how: Any) -> None:
+    """Collect cases whose rows are at these times; their contact area is the time."""
+    paths = [write_case(case_path(folder, i), times) for i, times in enumerate(steps)]
     records = [CaseRecord(i, path, {"a.b": i}) for i, path in enumerate(paths)]
-    collect(tmp_path, records, ["a.b"])
+    records.append(CaseRecord(len(paths), case_path(folder, len(paths)), {"a.b": len(paths)}, "no"))
+    collect(folder, records, ["a.b"], **how)
+
+
+def test_cases_with_steps_of_their_own_keep_all_of_their_rows(tmp_path: Path) -> None:
+    steps, nan = [(0.0, 0.2, 1.0), (0.0, 0.2, 0.3, 0.7, 1.5)], np.nan
+    collect_steps(tmp_path, steps)
     with open_results(tmp_path) as data:
-        np.testing.assert_allclose(data["time"], [0.0, 0.3, 1.0], rtol=1e-15)
-        np.testing.assert_allclose(data["contact_area"], [[0.0, 0.3, 1.0]] * 2, rtol=1e-15)
+        assert data["contact_area"].dims == data["time"].dims == ("b", "row")
+        np.testing.assert_array_equal(data["time"], [[*steps[0], nan, nan], steps[1], [nan] * 5])
+        np.testing.assert_array_equal(data["contact_area"], data["time"])
+        assert data["time"].attrs["units"] == "time"
+        assert set(data["contact_area"].coords) == {"b", "case", "row", "time"}
+        one = data["contact_area"].sel(b=0).swap_dims(row="time").dropna("time")
+        assert float(one.sel(time=0.2)) == 0.2
+
+
+def test_cases_of_equal_steps_share_time_and_are_nan_behind_their_ends(tmp_path: Path) -> None:
+    # 3 * 0.1 differs from 0.3 by rounding and is the same time.
+    collect_steps(tmp_path, [(0.0, 0.2, 3 * 0.1), (0.0, 0.2, 0.3, 1.0)])
+    with open_results(tmp_path) as data:
+        assert data["contact_area"].dims == ("b", "time")
+        np.testing.assert_array_equal(data["time"], [0.0, 0.2, 0.3, 1.0])
+        found = data["contact_area"]
+        np.testing.assert_allclose(found[:2], [[0.0, 0.2, 0.3, np.nan], [0.0, 0.2, 0.3, 1.0]], rtol=1e-15)
+        assert found[2].isnull().all()
+
+
+@pytest.mark.parametrize("asked", [0.4, (0.4, 3 * 0.4)])
+def test_output_times_are_a_common_axis_to_the_end_of_the_longest_case(
+    tmp_path: Path, asked: float | tuple[float, ...]
+) -> None:
+    collect_steps(tmp_path, [(0.0, 0.1, 0.4, 0.5), (0.0, 0.1, 0.3, 0.4, 0.8, 1.0, 1.2)], asked=asked)
+    with open_results(tmp_path) as data:
+        times = [0.0, 0.1, 0.4, *([0.8] if asked == 0.4 else []), 1.2]  # 0 and 0.1 are in both cases
+        np.testing.assert_allclose(data["time"], times, rtol=1e-15)
+        np.testing.assert_allclose(data["contact_area"].sel(b=1), times, rtol=1e-15)
+        np.testing.assert_array_equal(data["contact_area"].sel(b=0)[:3], times[:3])
+        assert data["contact_area"].sel(b=0)[3:].isnull().all()
 
 
 def test_a_list_keeps_one_dimension_where_it_happens_to_be_a_product(tmp_path: Path) -> None:

@@ -1,22 +1,28 @@
-"""The reference of keys and columns is whole: each has its meaning, unit, values and default, or origin."""
+"""The reference is whole: keys have meaning, unit, values, default and example; columns have their origin."""
 
 from __future__ import annotations
 
 import re
 import runpy
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
 import pytest
 
-from gfmdlayer.config import Config
+from gfmdlayer.config import Config, load
 from gfmdlayer.config.json_schema import json_schema
 from gfmdlayer.results.schema import SYMBOLS, parameter
 from gfmdlayer.validation.fields import dimension
 from gfmdlayer.validation.sections import described
 
-PAGES = runpy.run_path(str(Path(__file__).parents[2] / "docs/extensions/reference_pages.py"))
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs/extensions"))  # where Sphinx finds them too
+PAGES = runpy.run_path(str(ROOT / "docs/extensions/reference_pages.py"))
+EXAMPLES = PAGES["EXAMPLES"]
 SCHEMA = json_schema()
 # Pure numbers. A new key with a number belongs here, or its meaning ends with its dimension.
 PURE = {
@@ -70,3 +76,31 @@ def test_no_cell_is_empty(page: str) -> None:
     for row in rows:
         cells = re.split(r"(?<!\\)\|", row)[1:-1]
         assert all(cell.strip() for cell in cells), row
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files that examples name, in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    (bed,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/guides/bodies.md").read_text(), re.DOTALL)
+    Path("bed.py").write_text(bed)
+    Path("rubber.yaml").write_text("material: {model: prony, G0: 0.5, branches: [{G: 2.0, tau: 0.01}]}\n")
+    for name in ("celsius.txt", "velocity.txt", "depth.txt"):
+        Path(name).write_text("0 0\n8 0.01\n")
+    x = np.arange(512) / 512 - 0.5
+    np.savetxt("heights.txt", np.stack([x, x**2], axis=1), fmt="%.17g")
+    np.savetxt("profile.txt", np.stack([x[256:] + 0.5, x[256:] ** 2], axis=1) - [0.5, 0], fmt="%.17g")
+    with h5py.File("surface.h5", "w") as h5:
+        h5["scan/height"] = np.zeros((64, 64))
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize("section", SCHEMA["$defs"])
+def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section: str) -> None:
+    """A key that is a section has its own examples; the keys of sweeps are the other sections'."""
+    for example in EXAMPLES[section].split("\n---\n"):
+        Path("example.yaml").write_text(f"name: example\n{example}\n")
+        load("example.yaml")
+    for key, value in SCHEMA["$defs"][section].get("properties", {}).items():
+        if section not in {"Sweep", "Zip"} and "." not in key and not PAGES["_sections"](value):
+            assert re.search(rf"\b{key}: ", EXAMPLES[section]), (section, key)

@@ -171,7 +171,7 @@ def add(runs: IntArray, count: int, factor: float, x: FloatArray, y: FloatArray)
             ys[i] += factor * xs[i]
 
 
-# Points under tension leave once the gaps in the contact are this part of what is wrong with the set.
+# Points under tension leave once the gaps in the contact are this part of the violations of the set.
 _WELL_UNDER = 0.1
 _SETTLED = 0.3  # and once this part of the tension, at most, came with the last iteration
 _FAR = 1e300  # added to the gaps in the contact where only the others count

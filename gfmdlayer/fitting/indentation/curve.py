@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gfmdlayer.arrays import FloatArray
 from gfmdlayer.config import ConfigError
 from gfmdlayer.fitting.measurement import FitError
+from gfmdlayer.indentation.solve import corners
 from gfmdlayer.validation.units import Units
 
 FEWEST_ROWS = 8
@@ -138,8 +139,8 @@ def _rows(wrong: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> str:
 
 # The measured depth as straight pieces in time, and time points of a solution between their corners.
 #
-# A measured depth has noise and thousands of rows. Straight pieces replace it; their corners are rows (Ramer
-# 1972; Douglas & Peucker 1973), and they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The
+# A measured depth has noise and thousands of rows. Straight pieces replace it; their corners are rows, and
+# they stay within `TOLERANCE` of the range or `SIGMAS` of the noise. The
 # depths of the corners follow from least squares; corners that the noise explains are removed again. The
 # pieces stay straight when a contact point and a drift are subtracted.
 
@@ -162,11 +163,11 @@ class Drive:
         """Reduce a measured depth to straight pieces."""
         noise = 1.4826 * float(np.median(np.abs(np.diff(depth, 2)))) / 6**0.5
         within = TOLERANCE * float(np.ptp(depth))
-        corners = time[_corners(time, depth, max(within, SIGMAS * noise))]
+        times = time[corners(time, depth, max(within, SIGMAS * noise))]
         if SIGMAS * noise > within:
-            corners = _pruned(time, depth, corners, CHANCE * noise**2)
-        at_corners, squares = _least_squares(time, depth, corners)
-        return cls(corners, at_corners, (squares / time.size) ** 0.5)
+            times = _pruned(time, depth, times, CHANCE * noise**2)
+        at_corners, squares = _least_squares(time, depth, times)
+        return cls(times, at_corners, (squares / time.size) ** 0.5)
 
     def corrected(self, contact_point: float, drift: float) -> Drive:
         """Return the depth below the contact point, without the drift."""
@@ -194,24 +195,6 @@ class Drive:
         rates = np.diff(self.depth) / np.diff(self.time)
         jumps = np.abs(np.diff(rates)) > SHARP * np.abs(rates).max()
         return np.asarray(self.time[np.concatenate(([True], jumps, [True]))])
-
-
-def _corners(time: FloatArray, depth: FloatArray, within: float) -> list[int]:
-    """Return the rows that are corners: split each chord at the furthest row until all rows are close."""
-    found, open_pieces = {0, time.size - 1}, [(0, time.size - 1)]
-    while open_pieces:
-        first, last = open_pieces.pop()
-        if last - first < 2:
-            continue
-        inside = slice(first + 1, last)
-        chord = np.interp(time[inside], time[[first, last]], depth[[first, last]])
-        away = np.abs(depth[inside] - chord)
-        furthest = int(np.argmax(away))
-        if away[furthest] > within:
-            middle = first + 1 + furthest
-            found.add(middle)
-            open_pieces += [(first, middle), (middle, last)]
-    return sorted(found)
 
 
 def _pruned(time: FloatArray, depth: FloatArray, corners: FloatArray, chance: float) -> FloatArray:

@@ -164,9 +164,8 @@ def _estimate(
 
     ends = back(at - t * error), back(at + t * error)
     of_profile = None if profile is None else (back(profile[0]), back(profile[1]))
-    return Estimate(
-        parameter.key, parameter.curve, value, error, ends, of_profile, parameter.bounds, relative
-    )
+    named = parameter.key, parameter.curve
+    return Estimate(*named, value, error, ends, of_profile, parameter.bounds, relative)
 
 
 def _curve_fits(

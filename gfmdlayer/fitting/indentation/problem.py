@@ -303,7 +303,7 @@ class LeastSquares:
         low, high = np.array([each.bounds for each in self.parameters]).T.copy()
         for i, each in enumerate(self.parameters):
             if each.above:  # u is ln(Ginf - G0); with G0 free a lower bound of Ginf is no bound of u
-                base = self._fixed(each.above)
+                base = self.model.keys[each.above]
                 is_free = any(other.key == each.above for other in self.parameters)
                 smallest = max(each.start - base, 0.1 * base) / WIDE
                 low[i] = smallest if is_free else max(low[i] - base, smallest)
@@ -325,7 +325,7 @@ class LeastSquares:
             found[each.name] = float(np.exp(at)) if each.scale == "logarithmic" else at
         for each in self.parameters:
             if each.above:
-                found[each.name] += found.get(each.above, self._fixed(each.above))
+                found[each.name] += found.get(each.above, self.model.keys[each.above])
         return found
 
     def coordinates(self, values: Mapping[str, float]) -> FloatArray:
@@ -334,7 +334,7 @@ class LeastSquares:
         for i, each in enumerate(self.parameters):
             value = values[each.name]
             if each.above:
-                base = values.get(each.above, self._fixed(each.above))
+                base = values.get(each.above, self.model.keys[each.above])
                 value = max(value - base, 0.1 * base)
             u[i] = np.log(value) if each.scale == "logarithmic" else value
         return u
@@ -346,7 +346,7 @@ class LeastSquares:
         for i, each in enumerate(self.parameters):
             if not each.above:
                 continue
-            value, base = values[each.name], values.get(each.above, self._fixed(each.above))
+            value, base = values[each.name], values.get(each.above, self.model.keys[each.above])
             found[i], slopes[i, i] = np.log(value), 1 - base / value
             if each.above in values:
                 slopes[i, [p.name for p in self.parameters].index(each.above)] = base / value
@@ -355,7 +355,8 @@ class LeastSquares:
     def config(self, u: FloatArray) -> Config:
         """Return the configuration at u."""
         values = self.values(u)
-        return self.model.with_values({each.key: values[each.name] for each in self._of_the_model})
+        own = [each for each in self.parameters if each.key not in OF_A_CURVE]
+        return self.model.with_values({each.key: values[each.name] for each in own})
 
     def adapt(self, u: FloatArray) -> None:
         """Choose the times of the solutions for the forces at u."""
@@ -416,7 +417,8 @@ class LeastSquares:
         if self._euler is not None and i == self._euler[-1]:
             return [np.zeros(1) for _ in forces]
         moved = u.copy()
-        step = STEP if parameter.scale == "logarithmic" else LINEAR_STEP * self._range(parameter)
+        low, high = parameter.bounds
+        step = STEP if parameter.scale == "logarithmic" else LINEAR_STEP * (high - low)
         moved[i] += step if u[i] + step <= self.bounds[1][i] else -step
         try:
             config = self.config(moved)
@@ -432,10 +434,6 @@ class LeastSquares:
             else:
                 column.append((self._force(config, moved, prediction) - force) / (moved[i] - u[i]))
         return column
-
-    def _range(self, parameter: Parameter) -> float:
-        low, high = parameter.bounds
-        return high - low
 
     def _force(self, config: Config, u: FloatArray, prediction: Prediction) -> FloatArray:
         self.solutions += 1
@@ -457,13 +455,6 @@ class LeastSquares:
             for i, each in enumerate(self.parameters)
             if each.key == "force_offset" and each.curve in {"", curve}
         )
-
-    @cached_property
-    def _of_the_model(self) -> list[Parameter]:
-        return [each for each in self.parameters if each.key not in OF_A_CURVE]
-
-    def _fixed(self, key: str) -> float:
-        return self.model.keys[key]
 
     @cached_property
     def _euler(self) -> list[int] | None:

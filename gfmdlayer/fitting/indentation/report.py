@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 from gfmdlayer.config import text
 from gfmdlayer.figures.labels import Quantity, finish, name_axes
 from gfmdlayer.figures.plot_style import colours, new_figure, save, styled
-from gfmdlayer.files.whole import write_text
 from gfmdlayer.fitting.indentation.estimates import CurveFit, Estimate, IndentationFit
-from gfmdlayer.results.schema import ResultsError
+from gfmdlayer.fitting.report import plain_name, with_suffixes, written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,25 +22,17 @@ SHOWN_CURVES = 6
 SECTIONS = ("units", "grid", "layer", "layers", "halfspace", "punch")
 
 
-def targets(out: Path, force: bool) -> tuple[Path, Path, Path]:
+def targets(out: Path, force: bool) -> list[Path]:
     """Return the names of YAML, JSON and picture; existing files are an error unless `force`."""
     material = out if out.suffix.lower() in {".yaml", ".yml"} else out.with_name(f"{out.name}.yaml")
-    found = material, material.with_suffix(".json"), material.with_suffix(".png")
-    for target in found:
-        if target.exists() and not force:
-            raise ResultsError(f"{target}: exists; choose another --out, or overwrite it with --force")
-    return found
+    return with_suffixes(material, [".json", ".png"], force)
 
 
 def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[str]:
     """Write YAML to `out`, JSON and picture beside it, and return the lines of a summary."""
     material, numbers, picture = targets(out, force)
-    try:
-        material.parent.mkdir(parents=True, exist_ok=True)
-        write_text(material, model_yaml(fit, material.stem), replace=force)
-        write_text(numbers, json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n", replace=force)
-    except OSError as error:
-        raise ResultsError(f"{material}: cannot be written: {error.strerror or error}") from error
+    data = json.dumps(as_data(fit), indent=2, allow_nan=False) + "\n"
+    written(material, {material: model_yaml(fit, material.stem), numbers: data}, force)
     save(fit_figure(fit), picture)
     return [*summary(fit), f"model: {material}", f"numbers: {numbers}", f"figure: {picture}"]
 
@@ -50,8 +40,7 @@ def write_report(fit: IndentationFit, out: Path, force: bool = False) -> list[st
 def model_yaml(fit: IndentationFit, name: str) -> str:
     """Write the fitted model as a small configuration, with the estimates in comments above it."""
     data = fit.config.model_dump(exclude_none=True)
-    word = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")[:128] or "model"
-    kept = {"name": word} | {key: data[key] for key in SECTIONS if key in data}
+    kept = {"name": plain_name(name, "model")} | {key: data[key] for key in SECTIONS if key in data}
     kept["trajectory"] = {"depth": fit.depth}
     return "".join(f"# {line}\n" for line in summary(fit)) + text.written(kept)
 
