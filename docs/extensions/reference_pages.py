@@ -223,7 +223,8 @@ def _sentence(words: str) -> str:
 def columns() -> Iterator[str]:
     """Yield the page of the columns, from the declarations that the files are written by."""
     yield _COLUMNS
-    everything = Config(name="all", output={"patches": True, "histograms": _HISTOGRAMS})
+    output = {"patches": True, "histograms": _HISTOGRAMS, "stiffness": {"frequencies": [1.0]}}
+    everything = Config(name="all", grid={"points": [8, 8]}, output=output)
     for observable in OBSERVABLES.values():
         declared = observable.columns(everything) or observable.COLUMNS
         if not declared:

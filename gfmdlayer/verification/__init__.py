@@ -17,7 +17,7 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import adhesion, closed_forms, crosschecks, indentation, orders, stacks
+from gfmdlayer.verification import adhesion, closed_forms, crosschecks, indentation, orders, stacks, transport
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -56,6 +56,12 @@ _GROUPS = {
         adhesion.size_of_the_step,
         adhesion.flat_punch,
         adhesion.thin_films,
+    ),
+    "Leakage, conductance and stiffness of a contact": (
+        transport.leakage,
+        transport.closing,
+        transport.conductance,
+        transport.stiffness,
     ),
     "Independent methods": (
         crosschecks.three_solvers,
