@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from matplotlib.axis import Axis, XAxis
 from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
-from gfmdlayer.observables import INDENTATION, known_columns
+from gfmdlayer.observables import INDENTATION, TOTALS, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 PAPER_SYMBOLS = {
     **{name: column.symbol for name, column in known_columns().items() if column.symbol},
     **{column.name: column.symbol for column in INDENTATION if column.symbol},
+    **{column.name: column.symbol for column in TOTALS.values() if column is not None and column.symbol},
+    "area_interpolated": "A",  # the same quantity as the counted area
+    "total_work_of_separation": r"W_\mathrm{sep}",
     "contact_area_interpolated": r"\tilde{a}",  # the same quantity as the counted area
     "mean_stress": r"\bar{p}",
     "mean_gap": r"\bar{g}",
