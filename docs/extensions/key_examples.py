@@ -8,6 +8,8 @@ EXAMPLES = {
     "Grid": """\
 grid: {points: [512, 256], period: [2.0, 1.0]}
 ---
+grid: {points: 512, boundary: isolated, datum: 2.0}
+---
 grid: {geometry: axisymmetric, points: 1024, extent: 2.0}
 punch: {shape: sphere, radius: 5.0}""",
     "Layers": "body: {kind: layers}",

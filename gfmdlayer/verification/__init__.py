@@ -75,6 +75,7 @@ _GROUPS = {
         indentation.indented_layer,
         indentation.indented_over_time,
         indentation.isolated_and_periodic,
+        indentation.without_images,
         indentation.peeled_sphere,
     ),
     "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics),
