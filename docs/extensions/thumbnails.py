@@ -22,6 +22,7 @@ _CHOSEN = {
     "plot_fit": (0, 1),
     "plot_rolling": (1, -1),
     "plot_rough": (1, -1),
+    "plot_seal": (2, 0),
     "plot_tread": (1, -1),
 }
 _INCHES, _DOTS = (2.0, 1.4), 200

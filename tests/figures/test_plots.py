@@ -342,7 +342,7 @@ def test_movie_shows_each_snapshot(
     with open_case(case_path(tmp_path, 0)) as data:
         figure, show = movie.animated(data, "case")
         show(2)
-        assert figure.get_suptitle() == r"case    $t/\tau$ = 1"
+        assert figure.axes[0].get_title(loc="left") == r"case    $t/\tau$ = 1"
         shown = fields[2, [2, 1]] if len(shape) == 2 else fields[2, :2]  # of a surface the gap
         for axes_, field in zip(figure.axes, shown, strict=False):
             drawn = axes_.images[0].get_array().T if len(shape) == 2 else axes_.lines[0].get_ydata()
