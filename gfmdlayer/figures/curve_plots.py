@@ -37,6 +37,7 @@ from gfmdlayer.figures.selection import (
     swept,
 )
 from gfmdlayer.figures.snapshot_plots import Inset
+from gfmdlayer.observables.transport import SPARSE
 from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
@@ -145,6 +146,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
             sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
         )
         shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
+        if y in SPARSE:
+            shown &= np.isfinite(values)
         across = across[shown] / along.scale
         axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
         ends += [*across[:1], *across[-1:]]

@@ -53,6 +53,7 @@ RADIUS = Column(
     "spot_radius", "radius of one disc of equal resistance, (rho1 + rho2)/(4 R)", "length", origin=_SPOTS
 )
 RESISTANCE = Column("resistance", "resistance of the contact spots and the films", "ohm", origin=_SPOTS)
+SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN in the rows between two others
 
 
 class _Every(Observable):
