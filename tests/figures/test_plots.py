@@ -13,7 +13,6 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-import gfmdlayer
 from gfmdlayer.figures import movie
 from gfmdlayer.figures.curve_plots import curves_figure
 from gfmdlayer.figures.labels import mathtext, value_labels
@@ -385,17 +384,6 @@ def test_pictures_of_snapshots_need_snapshots(tmp_path: Path) -> None:
         with pytest.raises(ResultsError, match=r"no snapshots; set output\.snapshots"):
             plot_results(tmp_path, kind=kind)
     assert list(tmp_path.glob("*.*")) == []
-
-
-def test_every_column_of_a_run_can_be_drawn(tmp_path: Path) -> None:
-    """Columns without a symbol, and pure numbers, have labels that matplotlib can typeset."""
-    data = gfmdlayer.run(
-        {"grid": {"points": 64}, "time": {"end": 0.2, "step": 0.1}, "output": {"patches": True}}
-    )
-    for name in (each for each in data.data_vars if data[each].dims == ("time",)):
-        figure = curves_figure(data, y=[str(name)])
-        figure.savefig(tmp_path / "column.png")  # typesets the labels
-        assert "$$" not in figure.axes[0].get_ylabel()
 
 
 def test_the_contact_area_is_drawn_without_steps_unless_the_counted_one_is_asked_for(tmp_path: Path) -> None:
