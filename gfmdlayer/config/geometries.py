@@ -79,9 +79,12 @@ def _problems_without_images(config: Any) -> Iterator[Problem]:
                 "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
             )
             yield Problem(("trajectory", key), message, _BOUNDARY)
+    output, message = config.output, "describes a cell, which an isolated contact does not have; remove it"
+    for key in ("observables", "leakage", "conductance", "stiffness"):
+        if getattr(output, key) is not None:
+            yield Problem(("output", key), message, _BOUNDARY)
     for key in ("pressure", "gap"):
-        if getattr(config.output.histograms, key) is not None:
-            message = "counts parts of the cell, which an isolated contact does not have; remove it"
+        if getattr(output.histograms, key) is not None:
             yield Problem(("output", "histograms", key), message, _BOUNDARY)
     found = {at: shift for at, shift in shifts(config).items() if shift is not None}
     for at, shift in found.items():

@@ -218,6 +218,10 @@ def default_columns(dataset: Dataset) -> list[str]:
     if "contact_radius" in dataset:
         own = (_own_name(dataset, column.name) for column in INDENTATION if column.symbol)
         return [name for name in own if name in dataset.data_vars]
+    if "area_interpolated" in dataset:
+        force = _own_name(dataset, "force")
+        drawn = [force, depth] if is_swept else [force if control == "depth" else depth]
+        return [_own_name(dataset, "area_interpolated"), *drawn]
     if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
         at = names.index("mean_pressure")
         names[at : at + (0 if is_swept else 1)] = [depth]

@@ -45,7 +45,9 @@ TOTALS: dict[str, Column | None] = {
         origin=_SINCE,
     ),
     "lost": Column("lost", "energy lost in instabilities", _ENERGY, origin=_SINCE),
-    "instability_energy": Column("instability_energy", "energy lost in each instability", _ENERGY),
+    "instability_energy": Column(
+        "instability_energy", "energy lost in each instability", _ENERGY, origin=_WHOLE
+    ),
     "interface_energy": Column(
         "interface_energy", "energy of the interface, zero far away", _ENERGY, origin=_WHOLE
     ),
