@@ -52,8 +52,11 @@ ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
 
 
-def estimate(programme: Programme, width: int) -> Footprint:
-    """Estimate the cost of a periodic case whose rows have `width` numbers."""
+def estimate(programme: Programme, width: int, observed: tuple[float, float] = (0.0, 0.0)) -> Footprint:
+    """Estimate the cost of a periodic case whose rows have `width` numbers.
+
+    `observed` are the FFT pairs of a row and the memory that its observables need.
+    """
     config = programme.config
     size = math.prod(config.grid.points)
     steps, turns = count_steps(programme)
@@ -66,6 +69,7 @@ def estimate(programme: Programme, width: int) -> Footprint:
     uppermost = next(iter(config.solid.thicknesses), math.inf)
     if 0 < (thin := uppermost / max(config.grid.period) / THIN) < 1:
         pairs *= max(thin, THINNEST) ** -0.5
+    pairs += observed[0] * (steps + 1)
     branches = len(config.solid.roughly(config.time.end)[0][1])
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
@@ -74,7 +78,7 @@ def estimate(programme: Programme, width: int) -> Footprint:
         steps=steps,
         pairs=pairs,
         work=size * pairs,
-        memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size,
+        memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size + observed[1],
         storage=HEADER + REAL * (width * rows + sum(config.grid.points) + fields),
         seconds=STEP_SECONDS * steps,
     )
@@ -163,10 +167,7 @@ _REPEATS, _BATCH = 5, 1e-3  # batches of pairs, and the seconds of one
 
 
 def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
-    """Return the seconds of a forward and a backward transform of a grid, kept or measured.
-
-    They are measured with a hasty plan, on a line of as many points but at most `LARGEST`.
-    """
+    """Return the seconds of a pair of transforms: kept, or measured with a hasty plan on a line."""
     for kind in ("seconds", "hasty"):
         with suppress(OSError, ValueError):
             return float(_kept(shape, folder, kind).read_text(encoding="ascii"))

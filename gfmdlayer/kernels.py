@@ -1,6 +1,6 @@
 """How compiled kernels are made: one set of options, and a cache that notices a change in any source.
 
-Numba keeps compiled code beside the module that defines a function and compares that module alone.
+Numba keeps compiled code beside the module that defines a function and compares only this module.
 A kernel that calls one of another module, or uses a constant of it, would keep the old one after an edit.
 Here the cache compares the contents of the module and of all modules of the package that it imports.
 """

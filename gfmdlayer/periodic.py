@@ -17,7 +17,7 @@ from gfmdlayer.body.continuous import ContinuousLaw
 from gfmdlayer.config import Config
 from gfmdlayer.footprint import estimate, keep_pair_seconds
 from gfmdlayer.model import ConvergenceError, Footprint, Model, compile_by, fault_of_the_body
-from gfmdlayer.observables import Column, columns
+from gfmdlayer.observables import Column, columns, costs
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class PeriodicContact(Model):
-    """The model of a case with grid.geometry: periodic."""
+    """The model of a case with grid.geometry: periodic, of either boundary."""
 
     def __init__(
         self, config: Config, wisdom: str | None = None, threads: int = 1, ranks: Ranks | None = None
@@ -73,6 +73,8 @@ class PeriodicContact(Model):
     def attributes(self) -> dict[str, str | float]:
         """The period, and the frame of coordinates under a moving punch."""
         found: dict[str, str | float] = {"L": self.config.grid.period[0]}
+        if (body := self.case.isolated if self.config.grid.isolated else None) is not None:
+            found |= {"reach": body.reach, "fit_error": body.error}
         if self.config.trajectory.moves:
             found["frame"] = "of the punch: x is the distance from its middle, which is at position(time)"
         return found
@@ -80,12 +82,18 @@ class PeriodicContact(Model):
     @property
     def footprint(self) -> Footprint:
         """Estimated steps, FFT pairs, memory and disk."""
-        return estimate(self.programme, sum(column.size for column in self.columns))
+        width = sum(column.size for column in self.columns)
+        return estimate(self.programme, width, costs(self.config))
 
     def methods(self) -> Iterator[str]:
         """Yield the contact solver and why it is taken, and the series that replace continuous laws."""
         method, reason = self.config.contact_solver
         yield f"solver     {method}: {reason}"
+        if (body := self.case.isolated if self.config.grid.isolated else None) is not None:
+            yield (
+                f"isolated   contacts up to {body.reach:g} periods wide; the response is within "
+                f"{body.error:.1e} of the one without images"
+            )
         if not any(isinstance(law, ContinuousLaw) for law in self.config.laws):
             return
         for law, series in zip(self.config.laws, self.case.series, strict=True):
@@ -116,6 +124,15 @@ class PeriodicContact(Model):
         key = next((name for name in names if name.startswith("punch.")), "punch")
         try:
             heights = self.case.punch
+            if config.grid.isolated:
+                try:
+                    assert self.case.reach is not None
+                    if message := self.case.reach.refusal(np.where(heights > 0, 0.0, 1.0)):
+                        yield key, f"touches in several places at once: {message}"
+                        return
+                except ValueError as error:
+                    yield "grid.boundary", str(error)
+                    return
             key = "trajectory.file"
             drive = self.programme.drive
             key = "trajectory.velocity_file"
@@ -148,6 +165,8 @@ class PeriodicContact(Model):
                 message = f"{given.file}: holds the {given.control} {found:.6g}; must be below {most:.6g}"
                 message += ", the hardness over the whole cell: more has no equilibrium"
                 yield "trajectory.file", message
+            return
+        if config.grid.isolated:
             return
         deepest, height = float(values.max()), mean(heights, self.case.grid.ranks)
         if message := too_deep(deepest, height, config.solid.mean_stiffness):

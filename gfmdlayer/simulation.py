@@ -7,13 +7,15 @@ The only module that knows all numerics. The time loop, `Case.run`, follows the 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
 from gfmdlayer.body.body import Body, check_body, internal_variables
+from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
 from gfmdlayer.contact.imprint import Imprint
@@ -21,6 +23,7 @@ from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
 from gfmdlayer.contact.problem import Solver, solve_finer, why_not_converged
+from gfmdlayer.contact.reach import Reach
 from gfmdlayer.contact.solvers import SOLVERS
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
@@ -37,7 +40,7 @@ from gfmdlayer.history.stack_modes import StackModes
 from gfmdlayer.history.time_points import Steps
 from gfmdlayer.interface.law import Interaction
 from gfmdlayer.model import ConvergenceError, make_body, series_of
-from gfmdlayer.observables import AcceptedStep, Observable, observables
+from gfmdlayer.observables import AcceptedStep, Observable, observables, totals
 from gfmdlayer.observables.contact_statistics import closed_gap
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -143,6 +146,17 @@ class Case:
         return make_body(self.config, self.series)
 
     @cached_property
+    def isolated(self) -> Isolated | None:
+        """The body as it answers in the cell of an isolated contact; None in a periodic one."""
+        given = self.config.grid
+        return isolated(self.body, given.period, given.datum) if given.isolated else None
+
+    @cached_property
+    def reach(self) -> Reach | None:
+        """The pressed part of the surface in an isolated contact; None in a periodic one."""
+        return None if self.isolated is None else Reach(self.grid, self.isolated)
+
+    @cached_property
     def series(self) -> tuple[PronySeries, ...]:
         """The laws of layers and halfspace as series of Maxwell branches, over the times of the run."""
         return series_of(self.programme, float(np.abs(self.grid.wavevectors[0]).max()))
@@ -209,7 +223,7 @@ class Case:
             adaptive = given.step == "adaptive"
             return StackModes(internal, scheme, sums, reduced_times=self.reduced_times, halved=adaptive)
         check_body(self.body, "spectrum")
-        spectrum = self.body.spectrum(waves)
+        spectrum = (self.isolated or self.body).spectrum(waves)
         if self.velocity is None:
             return Modes(spectrum, scheme, sums)
         velocity = self.velocity if reduced is None else self.velocity.in_time(reduced.factor(0.0))
@@ -283,6 +297,7 @@ class Case:
     def resumable(self) -> CompositeState:
         """All parts with a state."""
         # The transforms first: the solver uses their plans when it is restored.
+        of_isolated = {} if self.reach is None else {"reach": self.reach}
         return CompositeState(
             transforms=self.transforms,
             solver=self.solver,
@@ -293,6 +308,7 @@ class Case:
             loading=self.loading,
             imprint=self.imprint,
             observables=CompositeState(**self.observables),
+            **of_isolated,
         )
 
     def run(self, recorder: Recorder, progress: Progress = None, resume: Resume = None) -> list[str]:
@@ -332,13 +348,15 @@ class Case:
                 )
                 self.changes.remember(prescribed, problem, solution)
                 self.imprint.remember(solution)
+                if self.reach is not None:
+                    self.reach.remember(solution.pressure)
                 row: dict[str, float | FloatArray] = {}
                 step = AcceptedStep(instant.time, problem, solution, surface, self.integrator, row)
                 finished = False
                 for observable in observables:
                     row |= observable.measure(step)
                     finished = finished or observable.finished
-                recorder.row(**row)
+                recorder.row(**self._recorded(row))
                 if instant.snapshot or finished or keeps_all:
                     self._snapshot(recorder, step)
                 if finished:
@@ -349,23 +367,30 @@ class Case:
                 progress(instant.time)
         for observable in observables:
             if observable.attributes:
-                recorder.note(**observable.attributes)
+                recorder.note(**self._recorded(observable.attributes))
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
     def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
         """Record the fields of a step; a traction only with attraction, the imprint only with a hardness."""
-        gap, shape = closed_gap(step.problem, step.solution), self.grid.shape
+        gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
         others: list[FloatArray | None] = []
         if self.interface.attracts:
-            others.append(step.problem.interface.traction(gap).reshape(shape))
+            others.append(step.problem.interface.traction(gap))
         if self.imprint.yields:
-            others += [None] * (not others) + [self.imprint.depth.reshape(shape)]
-        fields = step.surface.displacement, step.solution.pressure, gap
-        displacement, pressure, gap = (field.reshape(shape) for field in fields)
-        recorder.snapshot(step.time, displacement, pressure, gap, *others)
+            others += [None] * (not others) + [self.imprint.depth]
+        if self.reach is not None:
+            displacement, gap = self.reach.masked(displacement), self.reach.masked(gap)
+        fields = displacement, step.solution.pressure, gap
+        displacement, pressure, gap = (field.reshape(self.grid.shape) for field in fields)
+        given = [each if each is None else each.reshape(self.grid.shape) for each in others]
+        recorder.snapshot(step.time, displacement, pressure, gap, *given)
+
+    def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return columns or attributes of the observables, those of an isolated contact as totals."""
+        return dict(values) if self.isolated is None else totals(values, math.prod(self.grid.period))
 
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
-        """Solve the contact problem of a step; ConvergenceError unless solved or pulled off."""
+        """Solve the contact problem of a step; ConvergenceError unless solved within reach, or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
         problem = self.imprint.under(problem)
         before, given = self.solver.state(), self.config.solver
@@ -374,4 +399,11 @@ class Case:
             self.solver.restore(before)  # the state as a whole is then that before the step
             reason = why_not_converged(problem, solution, self.config.contact_solver.method, given.tolerance)
             raise ConvergenceError(f"t = {time:.6g}: {reason}", problem, solution, time)
+        if (
+            self.reach is not None
+            and solution.converged
+            and (beyond := self.reach.refusal(solution.pressure))
+        ):
+            self.solver.restore(before)
+            raise ConvergenceError(f"t = {time:.6g}: {beyond}", problem, solution, time)
         return problem, solution

@@ -8,6 +8,8 @@ EXAMPLES = {
     "Grid": """\
 grid: {points: [512, 256], period: [2.0, 1.0]}
 ---
+grid: {points: 512, boundary: isolated, datum: 2.0}
+---
 grid: {geometry: axisymmetric, points: 1024, extent: 2.0}
 punch: {shape: sphere, radius: 5.0}""",
     "Layers": "body: {kind: layers}",
@@ -41,6 +43,8 @@ temperature: {value: 35}""",
 halfspace: {shear_modulus: 10.0, poisson: 0.3}
 ---
 halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}""",
+    "Counterbody": """\
+counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}""",
     "Temperature": """\
 temperature: {value: 35}
 layer: {material: {shift: {law: wlf, reference: 20, C1: 17.4, C2: 51.6}}}
@@ -116,7 +120,23 @@ time: {end: 400.0, step: adaptive, steady: 1.0e-3}""",
 solver: {method: fire, inertia: uniform, tolerance: 1.0e-6, max_iterations: 100000}""",
     "Output": """\
 time: {step: adaptive}
-output: {snapshots: [1.0, 8.0], times: 0.1, patches: true, keep_state: true}""",
+output: {snapshots: [1.0, 8.0], times: 0.1, patches: true, keep_state: true}
+---
+grid: {points: [64, 64]}
+output: {observables: [critical_gap_x, critical_gap_y, flow_bruggeman, spot_radius]}""",
+    "Leakage": """\
+grid: {points: [64, 64]}
+output: {leakage: {every: 10}}""",
+    "Conductance": """\
+output:
+  conductance: {body: {resistivity: 1.7e-8}, punch: {resistivity: 5.0e-8}, every: 2}""",
+    "Conductor": """\
+output:
+  conductance:
+    body: {resistivity: 0.0, films: [{thickness: 1.0e-3, resistivity: 2.0}]}
+    punch: {resistivity: .inf, films: [{thickness: 0.1, resistivity: 1.0}]}""",
+    "Film": "output: {conductance: {body: {films: [{thickness: 1.0e-3, resistivity: 2.0}]}}}",
+    "Stiffness": "output: {stiffness: {frequencies: [0, 1.0, 100.0, .inf], every: 5}}",
     "Histograms": "output: {histograms: {pressure: {max: 10.0}, gap: {max: 0.1}}}",
     "Histogram": "output: {histograms: {gap: {scale: log, min: 1.0e-5, max: 0.1, bins: 50}}}",
     "Sweep": """\

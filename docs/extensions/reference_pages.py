@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 from key_examples import EXAMPLES
 
 import gfmdlayer
+from gfmdlayer import figures
 from gfmdlayer.cli import VERBS, command_line
 from gfmdlayer.config import Config, text
 from gfmdlayer.config.json_schema import json_schema
-from gfmdlayer.observables import INDENTATION, OBSERVABLES
+from gfmdlayer.observables import INDENTATION, OBSERVABLES, TOTALS
 from gfmdlayer.observables.observable import Column
 from gfmdlayer.results.schema import VARIABLES, Variable
 from gfmdlayer.validation.fields import dimension
@@ -222,7 +223,8 @@ def _sentence(words: str) -> str:
 def columns() -> Iterator[str]:
     """Yield the page of the columns, from the declarations that the files are written by."""
     yield _COLUMNS
-    everything = Config(name="all", output={"patches": True, "histograms": _HISTOGRAMS})
+    output = {"patches": True, "histograms": _HISTOGRAMS, "stiffness": {"frequencies": [1.0]}}
+    everything = Config(name="all", grid={"points": [8, 8]}, output=output)
     for observable in OBSERVABLES.values():
         declared = observable.columns(everything) or observable.COLUMNS
         if not declared:
@@ -237,6 +239,18 @@ def columns() -> Iterator[str]:
     yield "## Snapshots\n"
     yield "Coordinates, and fields of the surface at the times of `output.snapshots`.\n"
     yield from _columns(VARIABLES.values(), VARIABLES)
+    yield "## Isolated contact\n"
+    yield "With `grid.boundary: isolated` these columns replace means over the cell.\n"
+    replaced = {name: each for name, each in TOTALS.items() if each is not None}
+    yield from _table(
+        ("in place of", "column", "unit", "meaning", "measured"),
+        (
+            (f"`{name}`", f"`{each.name}`", each.units, _sentence(each.long_name), _sentence(each.origin))
+            for name, each in replaced.items()
+        ),
+    )
+    absent = ", ".join(f"`{name}`" for name, each in TOTALS.items() if each is None)
+    yield f"Not there: {absent}. On a line areas are widths, and energies are per length of the line.\n"
     yield "## Isolated indentation\n"
     yield "With `grid.geometry: axisymmetric` a case has these columns in place of the above.\n"
     yield from _columns(INDENTATION)
@@ -271,3 +285,7 @@ def python() -> Iterator[str]:
     yield ".. currentmodule:: gfmdlayer\n"
     yield ".. autosummary::\n   :toctree: names\n"
     yield from (f"   {name}" for name in sorted(gfmdlayer.__all__, key=str.lower))
+    yield "\nPictures\n--------\n"
+    yield ".. currentmodule:: gfmdlayer.figures\n"
+    yield ".. autosummary::\n   :toctree: names\n"
+    yield from (f"   {name}" for name in figures.__all__)

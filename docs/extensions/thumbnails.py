@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 
 # The panel of a picture and the curve in it; by default the first panel, and the last curve.
 _CHOSEN = {
+    "plot_adhesion": (0, -2),
     "plot_coated_sphere": (1, -1),
     "plot_electroadhesion": (1, 2),
     "plot_fit": (0, 1),
     "plot_rolling": (1, -1),
     "plot_rough": (1, -1),
+    "plot_seal": (2, 0),
     "plot_tread": (1, -1),
 }
 _INCHES, _DOTS = (2.0, 1.4), 200

@@ -10,7 +10,7 @@ K(q) = -1/M(q) >= 0, sigma = -K u, for a real or complex modulus G, as G(omega) 
 q is the magnitude of the wavevector, in one dimension or two.
 
 Without its inner fractions, Eq. (11) is a quotient of quadratics in the moduli, with coefficients that depend
-on x = q d and the Poisson ratios alone. With r = exp(-2x), rho = 1 - r, e = 3 - 4 nu, c = 3 - 4 nu_bulk:
+only on x = q d and the Poisson ratios. With r = exp(-2x), rho = 1 - r, e = 3 - 4 nu, c = 3 - 4 nu_bulk:
 
     1/S = N/D,    N = N2 G^2 + N1 G G_bulk + N0 G_bulk^2,    D = D2 G^2 + D1 G G_bulk + D0 G_bulk^2
 

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from gfmdlayer.body.relaxation import Spectrum
     from gfmdlayer.body.wavevectors import Wavevectors
 
+# Width of an isolated contact on a grid, at most, over the period (`body.isolated`).
+WIDEST = 0.42
+
 Relaxation = tuple[float, tuple[tuple[float, float], ...]]  # relaxed modulus, and (G_k, tau_k) of branches
 
 

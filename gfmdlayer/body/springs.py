@@ -14,7 +14,7 @@ springs, each of a positive stiffness and of a strain that is linear in the disp
     w + t u   of 8 m C^2/(k S C - y),   u   of 2 (S C + y)/(m C^2),     t = (e_1 S C - y)/(2 m C^2)    even
     u + t w   of 8 m C^2/(k S C + y),   w   of 2 (S C - y)/(m C^2),     t = (e_1 S C + y)/(2 m C^2)    odd
 
-The differences of nearly equal numbers in a thin or incompressible layer are S C - y = (sinh x - x)/2 alone.
+The differences of nearly equal numbers in a thin or incompressible layer are S C - y = only (sinh x - x)/2.
 
 The surface carries no shear traction. So the uppermost layer is a spring of its own stiffness as a free
 layer on the normal displacement u of the surface, parallel to everything, and two springs between u and

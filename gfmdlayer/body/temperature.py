@@ -62,7 +62,7 @@ def temperature_problems(
     elif (moves or not layered) and len(set(found.values())) > 1:
         at = next(at for at, shift in found.items() if shift != next(iter(found.values())))
         where = "where the punch moves" if layered else "in a body that is not made of layers"
-        message = f"differs from that of other materials; must be the same {where}"
+        message = f"differs from the shifts of other materials; must be the same {where}"
         yield Problem((*at, "shift"), message, (*others, *(_MOTION if layered else ("body",))))
     if temperature.value is not None:
         for at, shift in found.items():

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
     from xarray import Dataset
 
-EXAMPLE = "gfmdlayer leak results/seal --viscosity 1.0e-3 --pressure-drop 1.0e5"
+EXAMPLE = (
+    "gfmdlayer run configs/seal-quick.yaml && "
+    "gfmdlayer leak results/seal-quick --viscosity 1.0e-6 --pressure-drop 1.0e-4"
+)
 
 _SHOWN = (
     ("time", 10),
@@ -44,10 +47,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--pressure-drop", metavar="P", type=float, help="over the length of the seal: pressure"
     )
     parser.add_argument(
-        "--length", metavar="L", type=float, help="of the seal along the flow (default: that of the cell)"
+        "--length", metavar="L", type=float, help="length of the seal along the flow (default: the cell's)"
     )
     parser.add_argument(
-        "--width", metavar="W", type=float, help="of the seal across the flow (default: that of the cell)"
+        "--width", metavar="W", type=float, help="width of the seal across the flow (default: the cell's)"
     )
     parser.add_argument(
         "--out",
@@ -61,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def leak(options: argparse.Namespace) -> int:
-    """Print the flow at each snapshot of results, and draw that of one case."""
+    """Print the flow at each snapshot of results, and draw the flow of one case."""
     from gfmdlayer.figures.flow_plot import flow_figure
     from gfmdlayer.figures.plot_style import STYLES, check_suffix, save
     from gfmdlayer.figures.snapshot_plots import cases_with_snapshots
@@ -86,12 +89,13 @@ def leak(options: argparse.Namespace) -> int:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
             for i, (title, case) in enumerate(cases.items()):
+                label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
                     found = leakage(case, fields=i == 0, **seal)
-                _print(title, found, options.along)
+                _print(label, found, options.along)
                 for each in caught:
-                    print(f"gfmdlayer: {title}{': ' * bool(title)}{each.message}", file=sys.stderr)
+                    print(f"gfmdlayer: {label}{': ' * bool(label)}{each.message}", file=sys.stderr)
                 if i > 0:
                     continue
                 if options.fields is not None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
-from gfmdlayer.cli.terminal import COMPLETE, refuse
+from gfmdlayer.cli.terminal import COMPLETE, note_incomplete, refuse
 
 KINDS = {
     "curves": "contact area and mean pressure over time (depth if the load is prescribed; also friction for "
@@ -169,4 +170,5 @@ def plot(options: argparse.Namespace) -> int:
         fps=options.fps,
     ):
         print(picture)
+    note_incomplete(Path(options.path))
     return COMPLETE

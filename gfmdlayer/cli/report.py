@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gfmdlayer.cli.terminal import COMPLETE
+from gfmdlayer.cli.terminal import COMPLETE, note_incomplete
 
 if TYPE_CHECKING:
     from gfmdlayer.execution.folder import Folder
@@ -35,6 +35,7 @@ def report(options: argparse.Namespace) -> int:
         cases, title = _listed(folder), path.resolve().name
         config = folder.config.read_text(encoding="utf-8", errors="replace")
     print(write_report(cases, Path(options.out or out), title, config))
+    note_incomplete(path)
     return COMPLETE
 
 

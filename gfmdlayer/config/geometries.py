@@ -5,25 +5,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gfmdlayer.body.solid import WIDEST
+from gfmdlayer.body.temperature import shifts
 from gfmdlayer.punch.shapes import SHAPES
-from gfmdlayer.validation.problems import Problem, shown
+from gfmdlayer.validation.problems import Problem, dotted, shown
 from gfmdlayer.validation.sections import files_named
 
 if TYPE_CHECKING:
     from gfmdlayer.validation.sections import Section
 
 _GEOMETRY = ("grid.geometry",)
+_BOUNDARY = ("grid.boundary",)
 # Keys that describe a periodic cell, its contact solver, or observables of its surface.
 _PERIODIC = {
-    "grid": ("period",),
+    "grid": ("period", "boundary", "datum"),
     "solver": None,
     "trajectory": ("velocity", "velocity_file"),
     "time": ("integrator", "steady"),
-    "output": ("patches", "histograms", "keep_state"),
+    "output": (
+        "patches",
+        "histograms",
+        "observables",
+        "leakage",
+        "conductance",
+        "stiffness",
+        "keep_state",
+    ),
 }
 
 
@@ -47,11 +59,71 @@ def _problems_in_a_cell(config: Any) -> Iterator[Problem]:
         yield Problem(("grid", "extent"), message, _GEOMETRY)
     fit = config.punch.misfits(config.grid.cell)
     yield from (each.within(("punch",), "grid.points", "grid.period", "punch.shape") for each in fit)
+    if config.grid.isolated:
+        yield from _problems_without_images(config)
+    elif config.grid.datum is not None:
+        message = "only for boundary: isolated; remove it or set grid.boundary: isolated"
+        yield Problem(("grid", "datum"), message, _BOUNDARY)
+
+
+def _problems_without_images(config: Any) -> Iterator[Problem]:
+    """Yield keys that need a periodic surface, and bodies and punches without an isolated contact."""
+    if config.trajectory.control == "load":
+        message = (
+            "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"
+        )
+        yield Problem(("trajectory", "control"), message, _BOUNDARY)
+    for key in ("velocity", "velocity_file"):
+        if getattr(config.trajectory, key) is not None:
+            message = (
+                "not available with grid.boundary: isolated, a track is longer than the reach; remove it"
+            )
+            yield Problem(("trajectory", key), message, _BOUNDARY)
+    output, message = config.output, "describes a cell, which an isolated contact does not have; remove it"
+    for key in ("observables", "leakage", "conductance", "stiffness"):
+        if getattr(output, key) is not None:
+            yield Problem(("output", key), message, _BOUNDARY)
+    for key in ("pressure", "gap"):
+        if getattr(output.histograms, key) is not None:
+            yield Problem(("output", "histograms", key), message, _BOUNDARY)
+    found = {at: shift for at, shift in shifts(config).items() if shift is not None}
+    for at, shift in found.items():
+        if shift != next(iter(found.values())):
+            message = "differs from that of other materials; must be the same with grid.boundary: isolated"
+            yield Problem((*at, "shift"), message, (*map(dotted, found), *_BOUNDARY))
+            break
+    if config.solid.isolated:  # other bodies are asked for their stiffness before the run
+        yield from (problem.within((), *_BOUNDARY) for problem in config.solid.problems_isolated())
+        yield from _problems_of_the_datum(config)
+    period = config.grid.period
+    if (face := config.punch.face(period)) > WIDEST:
+        least = max(period) * face / WIDEST
+        message = f"the face is {face:.3g} periods wide, and a contact without images at most {WIDEST:g}"
+        yield Problem(("punch", "width"), f"{message}; a period of {least:.3g} would do", _BOUNDARY)
+
+
+def _problems_of_the_datum(config: Any) -> Iterator[Problem]:
+    """Require the distance from which the depth of a line on a halfspace is counted, and refuse others."""
+    datum, period = config.grid.datum, config.grid.period[0]
+    others = (*_BOUNDARY, "grid.points", "halfspace", "layers", "layer")
+    if len(config.grid.points) == 2 or math.isfinite(config.solid.rigid_below):
+        if datum is not None:
+            message = "only for a line on a halfspace, whose depth has no other origin; remove it"
+            yield Problem(("grid", "datum"), message, others)
+    elif datum is None:
+        message = (
+            "missing; a line on a halfspace has no depth of its own: must be the distance at which the "
+            f"surface counts as at rest, at least the period, {period!r}"
+        )
+        yield Problem(("grid", "datum"), message, others)
+    elif datum < period:
+        message = f"got {datum!r}; must be at least the period, {period!r}"
+        yield Problem(("grid", "datum"), message, ("grid.period",))
 
 
 def _plainly_possible_in_a_cell(config: Any) -> bool:
     """Whether no file has to be read, and the depth is well below a mean height in closed form."""
-    if config.body is not None:
+    if config.body is not None or config.grid.isolated:
         return False
     given, mean_height = config.trajectory, config.punch.mean_height(config.grid.cell)
     if files_named(config) or mean_height is None:

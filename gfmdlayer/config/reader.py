@@ -182,7 +182,7 @@ def _location(key: str) -> Location:
 
 
 def _assign(document: Document, key: str, new: Document, option: Place) -> None:
-    """Put a value at a dotted key; its place is that of the option."""
+    """Put a value at a dotted key; its place is the option's."""
     location = _location(key)
     inner: Any = document.data
     for i, part in enumerate(location):

@@ -29,6 +29,7 @@ from gfmdlayer.punch.shape import Cell
 from gfmdlayer.validation.fields import (
     MANY,
     Count,
+    Extended,
     MustBe,
     NotNegative,
     Optional,
@@ -65,6 +66,10 @@ class Grid(Section):
     """number of points, or [nx, ny]; axisymmetric: points of the profiles"""
     period: Annotated[tuple[Length, ...], BeforeValidator(sequence), Field(validate_default=True)] = (1.0,)
     """period L of the cell, or [Lx, Ly]: length"""
+    boundary: Annotated[Annotated[str, Word("periodic", "isolated")] | None, given] = None
+    """periodic (default), or isolated: one contact without periodic images"""
+    datum: Optional = None
+    """isolated line: distance at which the surface counts as at rest: length"""
     extent: Optional = None
     """axisymmetric: profiles are written up to this radius: length"""
 
@@ -84,6 +89,11 @@ class Grid(Section):
     def _number_where_one_will_do(self, values: tuple[float, ...], info: FieldSerializationInfo) -> object:
         same = len(values) == 1 or (info.field_name == "period" and len(set(values)) == 1)
         return values[0] if same else values
+
+    @property
+    def isolated(self) -> bool:
+        """Whether the contact in the cell has no periodic images."""
+        return self.boundary == "isolated"
 
     @property
     def cell(self) -> Cell:
@@ -186,6 +196,12 @@ Snapshots = Annotated[
     | Annotated[Literal["every"], MustBe("a list of times, or the word every", ("every",)), Tag("word")],
     Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "word"),
 ]
+Frequencies = Annotated[
+    tuple[Extended, ...],
+    Field(min_length=1, max_length=100),
+    MustBe("a list of 1 to 100 numbers >= 0 or .inf"),
+]
+SURFACE_ESTIMATES = ("critical_gap_x", "critical_gap_y", "flow_bruggeman", "spot_radius")
 MOST_ROWS = 1_000_000  # of a case
 
 
@@ -226,6 +242,66 @@ class Histograms(Section):
     """distribution of the gap: {max: ..., bins: ..., scale: ..., min: ...}"""
 
 
+class Leakage(Section):
+    """The flow tensor of the gap as columns, in every n-th row, at the snapshots and at the end; else NaN."""
+
+    every: Count = 1
+    """accepted steps from one flow to the next"""
+
+
+Resistivity = Annotated[float, Field(strict=True, ge=0), MustBe("a number >= 0 or .inf")]
+
+
+class Film(Section):
+    """A film on a conductor."""
+
+    thickness: Positive
+    """thickness of the film: length"""
+    resistivity: Positive
+    """resistivity of the film: ohm length"""
+
+
+class Conductor(Section):
+    """One of the two conductors: films, the uppermost first, on a halfspace of a resistivity.
+
+    With the resistivity .inf the back is insulated; with 0 it is a perfect conductor.
+    """
+
+    resistivity: Resistivity = 0.0
+    """resistivity; 0: a perfect conductor, .inf: an insulated back: ohm length"""
+    films: tuple[Film, ...] = ()
+    """films from the contact inwards: [{thickness: ..., resistivity: ...}]"""
+
+
+class Conductance(Section):
+    """The resistance of the contact spots as a column: constriction, and the films in series.
+
+    The two conductors are the body and the punch. Thermal conductors follow the same equations.
+    """
+
+    body: Conductor = Field(default_factory=Conductor)
+    """the conductor below the contact"""
+    punch: Conductor = Field(default_factory=Conductor)
+    """the conductor above it"""
+    every: Count = 1
+    """accepted steps from one resistance to the next"""
+
+    def problems(self) -> Iterator[Problem]:
+        """Refuse two perfect conductors without a film."""
+        if all(side.resistivity == 0 and not side.films for side in (self.body, self.punch)):
+            message = "two perfect conductors have no resistance; give body or punch a resistivity or a film"
+            yield Problem(("body",), message, ("punch",))
+
+
+class Stiffness(Section):
+    """The dynamic stiffness of the contact at a frozen contact area, at some frequencies, as columns."""
+
+    frequencies: Frequencies
+    """frequencies, cycles per time; 0: relaxed, .inf: glassy: 1 / time"""
+    every: Count = 1
+    """accepted steps from one stiffness to the next"""
+
+
 class Output(Section):
     """Output besides the curves: snapshots of the surface, times of the rows, patches, distributions.
 
@@ -241,6 +317,14 @@ class Output(Section):
     """count the connected patches of contact"""
     histograms: Histograms = Field(default_factory=Histograms)
     """distributions written with each row"""
+    observables: Annotated[tuple[Annotated[str, Word(*SURFACE_ESTIMATES)], ...] | None, given] = None
+    """cheap columns of a seal or a conductor, on a surface in two directions"""
+    leakage: Annotated[Leakage | None, given] = None
+    """flow through the gap as columns: {every: 10}"""
+    conductance: Annotated[Conductance | None, given] = None
+    """resistance of the contact: {body: {resistivity: ...}}"""
+    stiffness: Annotated[Stiffness | None, given] = None
+    """dynamic stiffness of the contact: {frequencies: [...]}"""
     keep_state: Switch = False
     """keep the final state, so that a later time.end continues from it"""
 
@@ -250,7 +334,15 @@ class Output(Section):
         return () if self.snapshots == "every" else self.snapshots
 
     def problems(self) -> Iterator[Problem]:
-        """Refuse times that do not increase."""
+        """Refuse times or frequencies that do not increase, and observables named twice."""
+        for i, name in enumerate(names := self.observables or ()):
+            if name in names[:i]:
+                yield Problem(("observables", i), f"got {name!r} twice; name it once", ("observables",))
+        frequencies = () if self.stiffness is None else self.stiffness.frequencies
+        for i, (lower, upper) in enumerate(pairwise(frequencies), start=1):
+            if upper <= lower:
+                message = f"got {upper!r} after {lower!r}; frequencies must increase"
+                yield Problem(("stiffness", "frequencies", i), message, ("stiffness",))
         for key, times in (("snapshots", self.snapshots), ("times", self.times)):
             for i, (before, time) in enumerate(pairwise(times if isinstance(times, tuple) else ()), start=1):
                 if time <= before:

@@ -292,7 +292,7 @@ def satisfies_kkt(system: System, p: FloatArray, gap: FloatArray, shift: float, 
     pressure_scale, depth = residual_scales(p, system.h - gap, system.floor)
     off, per_pressure, per_gap = 0.0, 1.0 / pressure_scale, 1.0 / depth
     for i in range(p.size):
-        known = p[i] == p[i]  # of a pressure that is not a number the violation is that of the gap
+        known = p[i] == p[i]  # where the pressure is not a number, the gap gives the violation
         holds = violation(p[i], gap[i] - shift, per_pressure, per_gap) <= tolerance
         off += 0.0 if known and holds else 1.0
     return off == 0.0

@@ -35,8 +35,8 @@ from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.kernels import kernel
 from gfmdlayer.resumable import Resumable
 
-# Depths count as at least this part of the range of the punch's heights: what is less is rounding of h - u.
-# A surface that heals under a flat punch at depth zero comes to rest there.
+# Depths count as at least this part of the range of the punch's heights: less is rounding of h - u.
+# A surface that heals under a flat punch at depth zero stops there.
 _DEPTH_FLOOR = 1e-14
 
 

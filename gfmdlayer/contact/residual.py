@@ -27,8 +27,8 @@ _PRESSURE_FLOOR = 1e-3
 class ResidualFloor(NamedTuple):
     """Bounds of the residual's scales.
 
-    The pressure scale is at least that of the lowest mode (stiffness kappa_1) and `pressure`, the largest
-    traction of the interface; the depth scale is at least `depth` and at most `range`, that of the interface.
+    The pressure scale is at least the lowest mode's (stiffness kappa_1) and `pressure`, the largest
+    traction of the interface; the depth scale is at least `depth` and at most `range`, the interface's.
     """
 
     stiffness: float

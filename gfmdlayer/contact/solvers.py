@@ -74,8 +74,8 @@ SOLVERS: Mapping[str, Declaration] = {
 }
 
 
-# The solver that `solver.method: auto` takes, by the configuration alone: a run is resumed by the solver that
-# began it. Results carry the digest of the solver that is taken, not of the word `auto`.
+# The solver that `solver.method: auto` takes. It follows only from the configuration: the solver that began a
+# run resumes it. Results carry the digest of the solver that is taken, not of the word `auto`.
 #
 # Measured (docs/theory/ablation.md): on a rough surface in two directions, where no window holds the contact,
 # nested gradients take a quarter to a third of the active set's FFT pairs in time steps, and a fifth to an

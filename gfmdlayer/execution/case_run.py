@@ -46,7 +46,7 @@ class Checkpoints:
     The case writes one every `interval` seconds (0: after every step; later where writing takes long), and
     when the run is asked to stop. A case that fails leaves its last one, from which the next run goes on;
     where a step does not converge, this is the state before the step. A case with a later end than a complete
-    one goes on from the state that the `earlier` one kept; `stem` is that of the configuration where this
+    one goes on from the state that the `earlier` one kept; `stem` is the configuration's where this
     case keeps its own. `report_time` takes the simulated time after each attempt at a step and may raise
     `Stopped`.
     """
@@ -280,10 +280,7 @@ def run_case(
     checkpoint_every: float = CHECKPOINT_EVERY,
     ranks: Ranks | None = None,
 ) -> Outcome:
-    """Run one case into its file; an error becomes its outcome.
-
-    Of several ranks that compute the case each calls this; the first one writes.
-    """
+    """Run one case into its file, on each rank that computes it; an error becomes its outcome."""
     from gfmdlayer.grid.ranks import ALONE
 
     begun, ranks = time.monotonic(), ranks or ALONE
@@ -314,7 +311,7 @@ def _record(folder: Folder, case: Labelled, kind: str, reason: str, **more: str)
     from gfmdlayer.results.provenance import now
 
     record = {"reason": reason, **more, "time": now(), "values": case.values}
-    with suppress(OSError):  # on a full disk the outcome alone must do
+    with suppress(OSError):  # on a full disk the outcome must do
         write_text(folder.case(case.index, kind), json.dumps(record, default=str))
 
 
@@ -401,6 +398,7 @@ class _Run:
             model.columns,
             elapsed=checkpoints.elapsed,
             unit=case.config.unit,
+            swept=case.values,
         ) as writer:
             journal.replay(writer)
             if ended := str(journal.noted.get("ended", "")):
@@ -408,10 +406,7 @@ class _Run:
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
-
-    The configuration is stored as it was `given`, where it differs.
-    """
+    """Return the attributes of a case and notes; the configuration is stored as it was `given`."""
     config = model.config
     found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.solid.characteristic_time) is not None:

@@ -25,27 +25,25 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gfmdlayer.config import Config, ConfigError, digest, load, sweeps, text
+from gfmdlayer.config import Config, ConfigError, digest, load
 from gfmdlayer.config.reader import Inspection
 from gfmdlayer.execution.sweep import Shard, input_errors
 from gfmdlayer.files.locks import regular, write_new
 from gfmdlayer.files.whole import is_intact, unfinished, write_text
+from gfmdlayer.results import stored
+from gfmdlayer.results.schema import ResultsError
 from gfmdlayer.validation.sections import files_named
 
-MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
+MARK = stored.MARK
 FOREIGN = "is not empty and not a results folder of gfmdlayer: no config.yaml; choose another with --out"
 ASIDE = ".aside"
-_CASES, _FILES = "# Cases: ", "# Files: "  # in the head of the configuration
-_CASES_OF_RUN = re.compile(r"[0-9]{1,9}")
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 WAYS_OUT = "choose another folder with --out, or --restart to start over"
 
@@ -133,30 +131,22 @@ class Folder:
     def stored_sweep(self) -> dict[str, list[Any]]:
         """Return the sweep of the results; works without the input files that their configuration names."""
         self.must_hold_results()
-        document = text.read(self.config.read_text(encoding="utf-8", errors="replace"), str(self.config))
-        if not isinstance(document.data, dict):
-            raise FolderError(f"{self.config}: cannot be read; must be as the run wrote it")
-        return dict(document.data.get("sweep") or {})
+        try:
+            return dict(stored.document(self.config).get("sweep") or {})
+        except ResultsError as error:
+            raise FolderError(str(error)) from None
 
     def case_numbers(self) -> Sequence[int]:
         """Return the numbers of the cases in the order of the sweep, without reading the configuration."""
         self.must_hold_results()
-        with self.config.open(encoding="utf-8", errors="replace") as file:
-            _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
-        number = cases.removeprefix(_CASES)
-        count = int(number) if _CASES_OF_RUN.fullmatch(number) else sweeps.count(self.stored_sweep())
-        if files.startswith(_FILES):
-            found = list(islice(_numbers(files.removeprefix(_FILES)), count + 1))
-            if len(found) == count:
-                return found
-        return range(count)
+        try:
+            return stored.case_numbers(self.config)
+        except ResultsError as error:
+            raise FolderError(str(error)) from None
 
     def store(self, config: Config, numbers: Sequence[int]) -> None:
         """Write the configuration of the results, with the numbers of its cases."""
-        head = f"{MARK}{_CASES}{len(numbers)}\n"
-        if any(number != place for place, number in enumerate(numbers)):
-            head += f"{_FILES}{', '.join(_ranges(numbers))}\n"
-        write_text(self.config, head + config.dump())
+        write_text(self.config, stored.head(numbers) + config.dump())
 
     def keep_input(self, path: Path, changed: bool) -> Path:
         """Copy a file that the configuration names; the cases read the copy, whatever becomes of the file.
@@ -190,23 +180,6 @@ class Folder:
             raise FolderError(f"{self.path}: not a results folder of gfmdlayer")
 
 
-def _ranges(numbers: Sequence[int]) -> Iterator[str]:
-    """Yield numbers as text: 0-2, 6, 3-5."""
-    first = last = numbers[0]
-    for number in (*numbers[1:], -1):
-        if number != last + 1:
-            yield str(first) if first == last else f"{first}-{last}"
-            first = number
-        last = number
-
-
-def _numbers(ranges: str) -> Iterator[int]:
-    """Yield the numbers in such a text."""
-    for part in ranges.split(","):
-        first, _, last = part.strip().partition("-")
-        yield from range(int(first), int(last or first) + 1)
-
-
 def is_result(path: str | Path) -> bool:
     """Tell whether a file is one of results, and not a configuration in YAML; a pipe is not, and not read."""
     if not Path(path).is_file():
@@ -226,12 +199,8 @@ def read_config(
 def stored_config(
     path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
 ) -> Config:
-    """Return the configuration from which a case was computed, as `config.load` does.
-
-    ConfigError where a file that it names holds something else now: the case would not be the same.
-    """
+    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
     from gfmdlayer.results.reader import attributes
-    from gfmdlayer.results.schema import ResultsError
 
     try:
         if is_intact(Path(path)) is False:

@@ -5,7 +5,7 @@ stands in the changed sweep; a new one gets a number that no file has. So no fil
 a run that is killed at any moment leaves the folder as sound as before. Cases that the sweep no longer has
 stay in place, and are found again when it has them once more.
 
-A configuration may differ from that of the folder in its sweep, its end, its snapshots, its output times and
+A configuration may differ from the folder's in its sweep, its end, its snapshots, its output times and
 `output.keep_state`, or in anything that leaves some case unchanged. Any other one is refused.
 """
 

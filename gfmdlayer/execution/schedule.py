@@ -152,7 +152,7 @@ class Schedule:
                 self._waiting.appendleft(self._returned.get_nowait())
                 self._submit(1)
             if stop_requested():
-                with suppress(OSError):  # there is one, or signals alone must do
+                with suppress(OSError):  # there is one, or signals must do
                     write_new(self._folder.stop, b"")
                 self._submit(len(self._waiting))
                 self._take_over()  # no case begins after a request to stop: they end at once

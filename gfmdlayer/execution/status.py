@@ -165,7 +165,7 @@ class Record:
 class Overview:
     """Numbers of cases of a sweep by their state."""
 
-    total: int  # numbers of cases; running ones count in `total` alone
+    total: int  # numbers of cases; running ones count only in `total`
     complete: int
     failed: int
     waiting: int
@@ -202,7 +202,7 @@ def _records(folder: Folder, numbers: set[int], kind: str) -> list[Record]:
 
 
 def group_by_reason(records: list[Record]) -> list[list[Record]]:
-    """Group records whose reasons differ in numbers alone, the largest group first."""
+    """Group records whose reasons differ only in numbers, the largest group first."""
     groups: defaultdict[str, list[Record]] = defaultdict(list)
     for record in records:
         groups[re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", record.reason)].append(record)

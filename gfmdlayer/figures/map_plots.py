@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.curve_family import Scale, round_ticks
-from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity, symbol
+from gfmdlayer.figures.curve_family import Scale
+from gfmdlayer.figures.labels import Quantity, finish, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -52,9 +52,28 @@ def map_figure(
 ) -> Figure:
     """Draw columns over two swept keys, at one time or at their extremes over time.
 
-    `x` and `y` are by default the first two swept keys; further keys stay at their middle values. `z` are
-    columns, by default those of the curves. `time` is in the units of the config, where the nearest row is
-    drawn; or "max" or "min", the extremes over all rows; by default "end", the last row.
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        A sweep, as `gfmdlayer.run` and `open_results` return it.
+    time : float or {"end", "max", "min"}, optional
+        A time in the units of the configuration, of which the nearest row is drawn, or the extremes over all
+        rows; by default the last row.
+    style : Style
+        Sizes and fonts.
+    x, y : str
+        Swept keys, by default the first two; further keys stay at their middle values.
+    z : sequence of str
+        Columns, by default the first two of the curves.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ResultsError
+        If there are no two swept keys, or no such column.
     """
     x, y = _axes(sweep, x, y)
     held = [name for name in case_dimensions(sweep) if name not in (x, y, "case")]
@@ -123,8 +142,6 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
     """Draw the colour bar of a quantity beside a panel."""
     bar = axes.figure.colorbar(drawn_in, ax=axes)
     name_axes(bar.ax, y=drawn)
-    if bar.ax.get_yscale() == "log":
-        round_ticks(bar.ax.yaxis, drawn)
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
@@ -187,7 +204,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
         along = quantity(coordinate)
         along = along.fit(known) if along.unit and coordinate.dtype.kind in "if" else along
         labels = along.numbers(known)
-        axis.set_ticks(ticks, [labels[i] for i in ticks])
+        label_places(axis, ticks, [labels[i] for i in ticks])
         axis.set_label_text(along.label)
     _write_numbers(axes, mesh, cells, drawn)
 

@@ -56,11 +56,27 @@ class Options(TypedDict, total=False):
 
 
 def plot_results(path: str | Path, out: str | Path | None = None, **options: Unpack[Options]) -> list[Path]:
-    """Draw results: a folder, or the file of one case; return the paths of the pictures.
+    """Draw results and write the pictures, as `gfmdlayer plot` does.
 
-    `out` is a .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named after
-    the results and lies with them. A ResultsError if there are no results, or none of this kind, or the
-    picture cannot be written.
+    Parameters
+    ----------
+    path : path
+        A results folder, or the file of one case.
+    out : path, optional
+        A .png, .pdf or .svg (a movie: .mp4, which needs ffmpeg, or .gif). By default it is named after the
+        results and lies with them.
+    **options
+        Those of the command: `kind`, `select`, `x`, `y`, `z`, `time` and others, see `Options`.
+
+    Returns
+    -------
+    list of Path
+        The pictures.
+
+    Raises
+    ------
+    ResultsError
+        If there are no results, or none of this kind, or the picture cannot be written.
     """
     if unknown := options.keys() - Options.__annotations__.keys():
         raise TypeError(f"plot_results has no options {', '.join(sorted(unknown))}")

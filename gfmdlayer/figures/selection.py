@@ -7,7 +7,7 @@ it, and `asked`, the value that the user asked for. `notes` writes them below th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
@@ -123,7 +123,9 @@ def notes(dataset: Dataset, columns: Sequence[str] = ()) -> list[str]:
     cases = dataset["case"]
     if cases.size < int(cases.attrs.get("among", 0)):
         parts.append(f"{cases.size} of {cases.attrs['among']} cases")
-    if lost := _failed(dataset):
+    if waiting := _titles(dataset, {*map(int, str(dataset.attrs.get("incomplete", "")).split())}):
+        parts.append(f"{len(waiting)} of {cases.size} cases not complete yet: {_named(waiting)}")
+    if lost := _titles(dataset, failed_numbers(dataset)):
         parts.append(f"{len(lost)} of {cases.size} case{'s' * (cases.size > 1)} failed: {_named(lost)}")
     drawn = {name.removesuffix(OVER_TIME) for name in columns}
     lines = str(dataset.attrs.get("notes", "")).splitlines()
@@ -136,9 +138,9 @@ def failed_numbers(sweep: Dataset) -> set[int]:
     return {int(line.partition(":")[0]) for line in str(sweep.attrs.get("failed", "")).splitlines()}
 
 
-def _failed(sweep: Dataset) -> list[str]:
-    """Return the titles of the failed cases, or their numbers."""
-    numbers, lost = sweep["case"].to_numpy(), failed_numbers(sweep)
+def _titles(sweep: Dataset, lost: Collection[int]) -> list[str]:
+    """Return the titles of cases, or their numbers."""
+    numbers = sweep["case"].to_numpy()
     return [
         title or f"{numbers[at]:04d}" for at, title in case_titles(sweep).items() if int(numbers[at]) in lost
     ]
@@ -216,6 +218,10 @@ def default_columns(dataset: Dataset) -> list[str]:
     if "contact_radius" in dataset:
         own = (_own_name(dataset, column.name) for column in INDENTATION if column.symbol)
         return [name for name in own if name in dataset.data_vars]
+    if "area_interpolated" in dataset:
+        force = _own_name(dataset, "force")
+        drawn = [force, depth] if is_swept else [force if control == "depth" else depth]
+        return [_own_name(dataset, "area_interpolated"), *drawn]
     if depth in dataset.data_vars and (is_swept or control in ("load", "force")):
         at = names.index("mean_pressure")
         names[at : at + (0 if is_swept else 1)] = [depth]

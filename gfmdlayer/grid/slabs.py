@@ -170,7 +170,7 @@ def _shared_window(ranks: MpiRanks, size: int) -> Any:
     """Return a window in which each rank has room for this many bytes, and all read and write all of it.
 
     The last one is returned again where it is large enough: MPI does not give such memory back, and nested
-    grids and both precisions then need no more of it than the finest grid alone.
+    grids and both precisions then need no more of it than the finest grid.
     """
     from mpi4py import MPI
 

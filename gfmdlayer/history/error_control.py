@@ -60,10 +60,7 @@ _SMALLEST_FORCE = 1e-4
 
 
 class Integrator(Resumable, Protocol):
-    """Integrates the history of a body over time; the stress at the end of a step is sigma = -kappa u + b.
-
-    `Modes` for a punch at rest, `SlidingModes` for a moving one, `StackModes` for layers whose shifts differ.
-    """
+    """Integrates the history of a body: -kappa u + b is the stress at the end of a step; see `modes`."""
 
     u: ComplexArray  # (nq,), transform of the displacement after the last step
     step: float  # length of the step of the last `terms`, in reduced time
@@ -232,7 +229,7 @@ class ErrorControl:
 def _curvature(
     ratio: float, step: float, new_u: FloatArray, u: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Return dt^2 u''/2 from the last velocity; the ratio is that of this step to the sum of the last two."""
+    """Return dt^2 u''/2 from the last velocity; the ratio is this step over the sum of the last two."""
     found = np.empty(u.size)
     for i in range(u.size):
         found[i] = ratio * (new_u[i] - u[i] - step * velocity[i])

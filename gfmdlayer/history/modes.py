@@ -11,7 +11,7 @@ A step of length dt from u_0 to u_1 changes the stretch and dissipates heat by
     y_j <- decay_j y_j + gain_j (u_1 - u_0)
     heat = w_j [loss_j |y_j + lead_j (u_1 - u_0)|^2 + remainder_j |u_1 - u_0|^2]
 
-with y_j before the step on the right, and factors that depend on x = dt/theta_j and on the scheme alone. At
+with y_j before the step on the right, and factors that depend only on x = dt/theta_j and on the scheme. At
 the end of the step sigma = -kappa u_1 + b, with
 
     kappa = K_0 + sum_j w_j gain_j,        b = sum_j w_j (gain_j u_0 - decay_j y_j)

@@ -16,7 +16,7 @@ difference from the steady state is integrated exactly:
 phi_n(z) = sum_k (-z)^k/(k + n)!. Where the curvature c = dt^2 U''/2 is known after the step, U is larger by
 c (s^2 - s) at the fraction s of the step, and D_j by (1 - r_j) (2 phi_2 - phi_1) c at its end. At v = 0 all
 of this is the exponential scheme of `modes`. A velocity that changes by dv over the step enters by its mean;
-the term that this neglects, -i q dv dt (phi_2 - phi_1/2) (U - Y_j) at the end, is added like that of c.
+the term that this neglects, -i q dv dt (phi_2 - phi_1/2) (U - Y_j) at the end, is added like the term of c.
 
 The stiffness at the end of the step, K_0 + sum_j w_j (r_j + (1 - r_j) phi_1), is complex: pressure and slope
 of the surface are correlated, which is friction. Its imaginary part, the loss stiffness, is odd in q.

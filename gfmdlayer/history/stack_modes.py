@@ -11,7 +11,7 @@ l^2 with l = U^T (0; g), and the stretch y:
 so that terms, energies and heat of the step are those of `modes`, exact for the ratios of the step. Where
 the layers have the same shift they are those in reduced time, and at constant temperature those of the stack
 of shifted times. While the ratios change, the error of a step is of third order in its length, like the error
-of taking u as linear over it. The uppermost layer alone, parallel to the network, has one reduced time and
+of taking u as linear over it. Only the uppermost layer, parallel to the network, has one reduced time and
 needs no change.
 
 For steps of varying length the error of the ratios is estimated from two halves of the step, 4/3 of the

@@ -12,9 +12,9 @@ import numpy as np
 
 from gfmdlayer.body.body import Body
 from gfmdlayer.config import ConfigError, load
-from gfmdlayer.observables.transport import CRITICAL_GAPS, FLOW
+from gfmdlayer.observables.transport import CRITICAL_GAPS, FLOW, THROATS
 from gfmdlayer.results.provenance import provenance
-from gfmdlayer.transport.leakage import doubts, flow_through
+from gfmdlayer.transport.leakage import doubts, flow_through, numbers_of
 from gfmdlayer.transport.percolation import Throat, throats
 from gfmdlayer.validation.problems import shown
 from gfmdlayer.validation.units import Units
@@ -65,7 +65,7 @@ def leakage(
         Of the seal, along the flow and across it; by default those of the cell, and 1 along the ridges of a
         line.
     body : Body, optional
-        For the lift of the surface; by default that of the configuration of a case.
+        For the lift of the surface; default: the body of the case's configuration.
     fields : bool
         Whether to return the pressure and the flow at each point of a surface.
 
@@ -189,9 +189,7 @@ def _flow(
     """Return the numbers of one gap, the fields under a drop along an axis, and the throats."""
     flow, linear = flow_through(gap, period), flow_through(gap, period, "linear").tensor
     K, axis = flow.tensor, "xy".index(along)
-    row: dict[str, Any] = {"flow_xx": K[0, 0], "flow_xy": K[0, 1], "flow_yy": K[1, 1]}
-    row |= {f"hydraulic_gap_{name}": float(np.cbrt(K[i, i])) for i, name in enumerate("xy")}
-    row["flow_imbalance"] = float(flow.imbalance.max())
+    row: dict[str, Any] = {**numbers_of(flow)}
     for i, name in enumerate("xy"):
         row[f"flow_error_{name}"] = linear[i, i] / K[i, i] - 1 if K[i, i] > 0 else 0.0
     if gap.ndim == 1:
@@ -207,11 +205,9 @@ def _depth_and_residual(state: xarray.Dataset) -> tuple[float, float]:
     """Return the deepest displacement and the residual of the contact; 0 where they are not known."""
     if "displacement" not in state or "residual" not in state:
         return 0.0, 0.0
-    residual = state["residual"]
-    if "row" in residual.dims:  # a case of a sweep with time steps of its own
-        residual = residual.swap_dims(row="time").dropna("time")
-    if "time" in residual.dims:
-        residual = residual.sel(time=state["snapshot"], method="nearest")
+    residual = state["residual"].to_numpy()
+    if residual.ndim:  # along time, or the rows of a sweep
+        residual = residual[int(np.nanargmin(np.abs(state["time"].to_numpy() - float(state["snapshot"]))))]
     return max(-float(state["displacement"].min()), 0.0), float(residual)
 
 
@@ -268,7 +264,7 @@ def _labelled(
 
     named = str(data.attrs.get("units", ""))
     label = Units(**dict(part.split(": ") for part in named.split(", "))).label if named else str
-    meanings = {column.name: (column.long_name, column.units) for column in (*FLOW, *CRITICAL_GAPS)}
+    meanings = {column.name: (column.long_name, column.units) for column in (*FLOW, *THROATS, *CRITICAL_GAPS)}
     meanings |= _LONG_NAMES
     held = {}
     for name, values in found.items():

@@ -10,16 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gfmdlayer.body.body import Body, check_body
+from gfmdlayer.body.isolated import isolated as without_images
 from gfmdlayer.config import Config, ConfigError
 from gfmdlayer.config.reader import from_python
 from gfmdlayer.contact.loading import CONTROLS
 from gfmdlayer.contact.problem import why_not_converged
+from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
-from gfmdlayer.observables.contact_statistics import closed_gap, in_contact, interpolated_area
+from gfmdlayer.observables import totals
+from gfmdlayer.observables.contact_statistics import area_error, closed_gap, in_contact, interpolated_area
 from gfmdlayer.periodic import too_deep
 from gfmdlayer.programme import Programme
 from gfmdlayer.punch.height_files import fitting
@@ -45,6 +48,8 @@ class Options(TypedDict, total=False):
     """Options of `solve`, in addition to its arguments."""
 
     instantaneous: bool
+    isolated: bool
+    datum: float
     method: str
     tolerance: float
     max_iterations: int
@@ -81,18 +86,24 @@ def solve(
         Points of the grid, for a line or a surface; by default those of the array, or 1024 on a line.
     interface : Interface, mapping or sequence
         Law of the interaction across the gap, such as `Exponential`, or its keys; those of a sequence add. By
-        default the hard wall alone.
+        default only a hard wall.
     **options
-        instantaneous : whether a viscoelastic body is glassy instead of relaxed. method, tolerance,
+        instantaneous : whether a viscoelastic body is glassy instead of relaxed. isolated : whether the
+        contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
+        line on a halfspace, the distance at which the surface counts as at rest. method, tolerance,
         max_iterations : of the solver, as in a configuration.
 
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap, contact and (with a hardness) imprint along x[, y];
+        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y];
         contact_area (part of the
-        cell), contact_area_interpolated (with edges between the points), mean_pressure, force, depth,
-        residual and FFT pairs, in the units of the arguments.
+        cell), contact_area_interpolated (with edges between the points) and the estimate
+        contact_area_error of its error, mean_pressure, force, depth,
+        residual and FFT pairs, in the units of the arguments. An isolated contact has area,
+        area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
+        and displacement and gap are NaN where they are not known, further from a point in contact than the
+        reach.
 
     Raises
     ------
@@ -101,12 +112,14 @@ def solve(
     TypeError
         If the body lacks what a contact needs.
     ConvergenceError
-        If the solver does not reach its tolerance, with its last state.
+        If the solver does not reach its tolerance, or an isolated contact is too wide for the cell, with its
+        last state.
 
     Notes
     -----
     An incompressible body, or one on a halfspace, keeps its mean height: depths are counted from there, and
-    are by 1/period corrections smaller than those of an isolated punch.
+    are by 1/period corrections smaller than those of an isolated punch: `isolated=True` has no such
+    corrections.
 
     Examples
     --------
@@ -120,6 +133,13 @@ def solve(
     >>> abs(float(np.sqrt(found.contact_area_interpolated / np.pi) / a) - 1) < 0.002  # images, (a/L)^3
     True
     >>> abs(float(found.pressure.max() / (3 * F / (2 * np.pi * a**2))) - 1) < 0.01
+    True
+
+    Without periodic images the depth is Hertz's too, F = 4/3 E* R^(1/2) depth^(3/2), in a smaller cell:
+
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=R), depth=0.0008,
+    ...                         period=0.48, points=(128, 128), isolated=True)
+    >>> abs(float(found.force) / (4 / 3 * E * R**0.5 * 0.0008**1.5) - 1) < 1e-4
     True
 
     Westergaard: a wave h (1 - cos 2 pi x/L) is in contact over |x| < a under the mean pressure
@@ -143,19 +163,33 @@ def solve(
     True
     """
     check_body(body, "mean_stiffness", "spectrum")
-    instantaneous = options.pop("instantaneous", False)
+    instantaneous, alone = options.pop("instantaneous", False), options.pop("isolated", False)
+    datum = options.pop("datum", None)
     given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
     if isinstance(interface, Interface | Mapping | Sequence):
         given["interface"] = interface
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
+    if mean_pressure is not None and alone:
+        raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
+    if config.hardness is not None and alone:
+        raise ConfigError(["interface: its hardness is not available with isolated=True; remove it"])
+    reach, response = None, body
+    if alone:
+        try:
+            response = without_images(body, grid.period, datum)
+        except ValueError as error:
+            raise ConfigError([f"isolated: {error}"]) from None
+        reach = Reach(grid, response)
+    elif datum is not None:
+        raise ConfigError(["datum: only with isolated=True; remove it"])
     control, target = _prescribed(depth, mean_pressure, force, math.prod(grid.period), law)
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
-    if control == "depth" and (message := too_deep(target, float(heights.mean()), body.mean_stiffness)):
+    if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
     loading = CONTROLS[control](heights, Constant(target), law)
-    spectrum = body.spectrum(grid.waves)
+    spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
@@ -167,7 +201,11 @@ def solve(
         solver = config.solver
         reason = why_not_converged(problem, solution, solver.method, solver.tolerance)
         raise ConvergenceError(reason, problem, solution)
-    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0))
+    if reach is not None:
+        if beyond := reach.refusal(solution.pressure):
+            raise ConvergenceError(beyond, problem, solution)
+        reach.remember(solution.pressure)
+    return _dataset(grid, problem, solution, loading.surface(solution, kappa, nothing, 0.0), reach)
 
 
 def _points(punch: object, points: int | tuple[int, ...] | None) -> Any:
@@ -224,8 +262,10 @@ def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) ->
         raise ConfigError([f"punch: {error}"]) from None
 
 
-def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface) -> xarray.Dataset:
-    """Return fields and scalars of a solution."""
+def _dataset(
+    grid: Grid, problem: Problem, solution: Solution, surface: Surface, reach: Reach | None
+) -> xarray.Dataset:
+    """Return fields and scalars of a solution; `reach` is that of an isolated contact."""
     import xarray
 
     touching = in_contact(problem, solution)
@@ -242,6 +282,7 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
     scalars = {
         "contact_area": solution.contact_area,
         "contact_area_interpolated": area,
+        "contact_area_error": area_error(touching.reshape(grid.shape), area, grid),
         "mean_pressure": solution.mean_pressure,
         "force": solution.mean_pressure * math.prod(grid.period),
         "depth": surface.depth,
@@ -249,6 +290,9 @@ def _dataset(grid: Grid, problem: Problem, solution: Solution, surface: Surface)
         "transforms": solution.transforms,
         "iterations": solution.iterations,
     }
+    if reach is not None:
+        fields |= {name: reach.masked(np.asarray(fields[name], float)) for name in ("displacement", "gap")}
+        scalars = totals(scalars, math.prod(grid.period))
     axes = dict(zip("xy", grid.coordinates, strict=False))
     held: dict[str, Any] = {
         name: (tuple(axes), values.reshape(grid.shape), _MEANINGS[name]) for name, values in fields.items()
@@ -266,7 +310,11 @@ _MEANINGS = {
     **{name: _meaning(entry.long_name, entry.units) for name, entry in VARIABLES.items()},
     "contact": _meaning("whether the point is in contact"),
     "contact_area": _meaning("relative contact area, contact points / all points"),
+    "area": _meaning("contact area, of a line the width", "area"),
+    "area_interpolated": _meaning("contact area, of a line the width, the edge between the points", "area"),
+    "area_error": _meaning("estimated error of area_interpolated", "area"),
     "contact_area_interpolated": _meaning("relative contact area, the edge located between the points"),
+    "contact_area_error": _meaning("estimated error of contact_area_interpolated"),
     "mean_pressure": _meaning("mean pressure over the cell", "pressure"),
     "force": _meaning("force over the cell, of a line per length", "pressure area"),
     "depth": _meaning("depth of the punch below its first touch", "length"),

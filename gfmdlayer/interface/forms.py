@@ -48,7 +48,7 @@ Values = tuple[float, float, float]
 
 @nb.njit(inline="always")
 def _decay(x: float) -> float:
-    """Return exp(-x), x >= 0, within 5e-14 of its value, by products and sums alone.
+    """Return exp(-x), x >= 0, within 5e-14 of its value, only by products and sums.
 
     The vector units take it, and it stays exact where sums may be reordered: exp(-x/128) is a power series
     about x = 32, whose remainder is (1/4)^13/13! = 2e-18, and is squared seven times.

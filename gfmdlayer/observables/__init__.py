@@ -1,4 +1,4 @@
-"""Observables of a step: contact, effort, friction, adhesion, energy balance, statistics, steady state."""
+"""Observables of a step: contact, effort, friction, adhesion, energy, statistics, transport, steady state."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import EnergyBalance
 from gfmdlayer.observables.folds import Instabilities
 from gfmdlayer.observables.friction import Friction
+from gfmdlayer.observables.isolated import TOTALS, of_one_contact, totals
 from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts
 from gfmdlayer.observables.steady_state import SteadyState
+from gfmdlayer.observables.transport import Conductance, Leakage, SealEstimates, SpotRadius, Stiffness
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "INDENTATION",
     "OBSERVABLES",
+    "TOTALS",
     "AcceptedStep",
     "Column",
     "Observable",
@@ -34,6 +37,7 @@ __all__ = [
     "known_columns",
     "known_numbers",
     "observables",
+    "totals",
 ]
 
 # In the order of the columns; each may read the columns of those before it.
@@ -49,6 +53,11 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "instabilities": Instabilities,
     "statistics": ContactStatistics,
     "temperature": Temperature,
+    "seal_estimates": SealEstimates,
+    "leakage": Leakage,
+    "spot_radius": SpotRadius,
+    "conductance": Conductance,
+    "stiffness": Stiffness,
     "series_error": SeriesError,
     "spectrum_error": SpectrumError,
     "steady_state": SteadyState,
@@ -61,8 +70,17 @@ def observables(case: Parts) -> dict[str, Observable]:
 
 
 def columns(config: Config) -> tuple[Column, ...]:
-    """Return the columns of a periodic case, in the order of its rows."""
-    return tuple(column for each in OBSERVABLES.values() for column in each.columns(config) or ())
+    """Return the columns of a case on a grid, in the order of its rows."""
+    every = [column for each in OBSERVABLES.values() for column in each.columns(config) or ()]
+    if config.grid.isolated:
+        return tuple(of_one_contact(every, line=len(config.grid.points) == 1))
+    return tuple(every)
+
+
+def costs(config: Config) -> tuple[float, float]:
+    """Return the FFT pairs of a row that observables take, and the bytes of the largest of them."""
+    found = [each.cost(config) for each in OBSERVABLES.values() if each.columns(config) is not None]
+    return sum(pairs for pairs, _ in found), max((memory for _, memory in found), default=0.0)
 
 
 def known_columns() -> dict[str, Column]:
@@ -78,4 +96,5 @@ def known_columns() -> dict[str, Column]:
 
 def known_numbers() -> dict[str, Column]:
     """Return the attributes of cases that sweep files hold as columns, by name."""
-    return {column.name: column for each in OBSERVABLES.values() for column in each.NUMBERS}
+    every = [column for each in OBSERVABLES.values() for column in each.NUMBERS]
+    return {column.name: column for column in (*every, *of_one_contact(every, line=False))}

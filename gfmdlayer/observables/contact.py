@@ -82,6 +82,11 @@ class Resolution(Observable):
             "relative contact area, the edge located between the points",
             origin="over the cell; the edge from pressure and gap beside it",
         ),
+        Column(
+            "contact_area_error",
+            "estimated error of contact_area_interpolated",
+            origin="over the cell; from the number of points across the contact",
+        ),
     )
 
     def __init__(self, case: Parts) -> None:
@@ -90,7 +95,12 @@ class Resolution(Observable):
 
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the area, and remember the number of points."""
-        from gfmdlayer.observables.contact_statistics import in_contact, interpolated_area, is_upside_down
+        from gfmdlayer.observables.contact_statistics import (
+            area_error,
+            in_contact,
+            interpolated_area,
+            is_upside_down,
+        )
 
         if step.time == 0.0:
             self._upside_down = is_upside_down(step.problem.obstacle, self._grid)
@@ -99,7 +109,9 @@ class Resolution(Observable):
         pressure = step.problem.wall_pressure(solution.pressure, solution.gap)
         self._count(self._grid.ranks.total(int(touching.sum())))
         fields = touching.reshape(shape), pressure.reshape(shape), solution.gap.reshape(shape)
-        return {"contact_area_interpolated": interpolated_area(*fields, self._grid)}
+        area = interpolated_area(*fields, self._grid)
+        error = area_error(fields[0], area, self._grid)
+        return {"contact_area_interpolated": area, "contact_area_error": error}
 
     def state(self) -> State:
         """Return the largest number of points."""

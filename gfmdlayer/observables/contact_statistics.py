@@ -138,11 +138,13 @@ def count_patches(touching: BoolArray, grid: Grid) -> int:
 # between the points. On a surface in two directions the edge is the polygon through these places on the lines
 # of the grid.
 #
-# The error is of first order in the spacing, like the error of the number of points in contact, which is up
-# to a cell for each edge, but some hundred times smaller.
+# The error is less than that of the number of points in contact, which is up to a cell for each edge: 10 to
+# 80 times on a sphere whose contact is 10 to 90 points wide, and 2 to 16 times on rough surfaces with 4 to 32
+# points for the shortest wave, see `area_error`.
 
 T0, T1 = 0.1896, 0.0885
 U0, U1, U2 = 0.9021, -0.3620, 0.2695
+_OFF, _OFF_LINE = 0.35, 0.02  # spacings, see `area_error`
 WIDEST = 1.25  # u beyond which the gap does not vanish as beside a smooth punch; at t = -T0 it is 1.13
 Line = tuple[int, int, int, int]
 
@@ -168,6 +170,27 @@ def interpolated_area(touching: BoolArray, pressure: FloatArray, gap: FloatArray
     return max(float(points), 0.0) / grid.size
 
 
+def area_error(touching: BoolArray, area: float, grid: Grid) -> float:
+    """Estimate the error of `interpolated_area`, as a part of the surface.
+
+    Each crossing of the edge along a line of the grid is off by 0.35/w spacings, w being the mean width of
+    the contact along such lines in points, and by 0.02 on a line. Measured against 1024 x 1024 points, the
+    area is off by 0.1 to 0.5 of the estimate on spheres, and by 0.35 to 0.9 on rough surfaces with 4 to 32
+    points for the shortest wave. It says nothing of edges where the pressure does not vanish, as of a flat
+    punch.
+    """
+    _, below = grid.halo(touching, 0, 1)
+    crossings = int((touching != np.concatenate((touching[1:], below))).sum())
+    if touching.ndim == 2:
+        crossings += int((touching != np.roll(touching, 1, axis=1)).sum())
+    crossings = grid.ranks.total(crossings)
+    if not crossings or area <= 0:
+        return 0.0
+    width = 2 * touching.ndim * area * grid.size / crossings
+    offset = max(_OFF / width, _OFF_LINE if touching.ndim == 1 else 0.0)
+    return crossings * min(offset, 0.5) / grid.size
+
+
 def _with_halo(field: NDArray[Any], rows: int, grid: Grid) -> NDArray[Any]:
     """Return a field, flat, with some rows of the neighbours before and after those of this rank."""
     if not rows:
@@ -189,7 +212,7 @@ def _edge(
     """Place of the edge between a point in contact and the next along a line, in spacings from the point.
 
     A line is (index of its first point, stride, number of points, place of the point on it), and periodic:
-    `line` that of pressure and gap, `marks` that of `touching`. Contact and gap are measured along `farthest`
+    `line` is of pressure and gap, `marks` of `touching`. Contact and gap are measured along `farthest`
     points; step is 1 or -1.
     """
     start, span, many, place = marks

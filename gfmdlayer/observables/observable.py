@@ -16,6 +16,7 @@ from gfmdlayer.resumable import Stateless
 
 if TYPE_CHECKING:
     from gfmdlayer.arrays import Attribute, FloatArray
+    from gfmdlayer.body.body import Body
     from gfmdlayer.body.materials import PronySeries
     from gfmdlayer.config import Config
     from gfmdlayer.contact.loading import Surface
@@ -50,6 +51,16 @@ class Bins:
 
 
 @dataclass(frozen=True)
+class Places(Bins):
+    """Places along a dimension of the result files, such as frequencies: the `edges` themselves."""
+
+    @property
+    def ends(self) -> Iterator[tuple[str, tuple[float, ...], dict[str, str]]]:
+        """Yield name, values and attributes of the coordinate."""
+        yield self.name, self.edges, {"long_name": self.quantity, "units": self.units}
+
+
+@dataclass(frozen=True)
 class Column:
     """One column of the rows: a number for each accepted step, or one for each bin."""
 
@@ -57,14 +68,14 @@ class Column:
     long_name: str  # its meaning
     units: str = "1"  # in words, see `results.schema`; "1" for dimensionless quantities
     dtype: str = "f8"  # in the files, as numpy names it
-    along: Bins | None = None  # bins of a distribution; a number without them
+    along: Bins | None = None  # bins of a distribution, or `Places`; a number without them
     symbol: str = ""  # in mathtext; a number with a symbol has a panel among the curves
     origin: str = ""  # from where, or over what, it is measured; for the reference
 
     @property
     def size(self) -> int:
         """Numbers in a row."""
-        return 1 if self.along is None else len(self.along.edges) - 1
+        return 1 if self.along is None else len(next(self.along.ends)[1])
 
     def in_units(self, unit: Callable[[str], str]) -> Column:
         """Return the column with the label of its unit in place of the words."""
@@ -102,6 +113,11 @@ class Parts(Protocol):
     @property
     def transforms(self) -> Transforms:
         """Fourier transforms of the grid."""
+        ...
+
+    @property
+    def body(self) -> Body:
+        """The body under the surface."""
         ...
 
     @property
@@ -177,6 +193,11 @@ class Observable(Stateless):
     def columns(cls, config: Config) -> tuple[Column, ...] | None:  # noqa: ARG003
         """Return the columns of a case, or None where the case does not have this observable."""
         return cls.COLUMNS
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:  # noqa: ARG003
+        """Return FFT pairs, or as much other time, of a row, and bytes in memory; 0 where it is cheap."""
+        return 0.0, 0.0
 
     def attempt(self, solution: Solution) -> None:
         """Take note of a solution of a step that is not yet accepted, and may be rejected."""

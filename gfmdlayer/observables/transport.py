@@ -1,48 +1,393 @@
-"""Columns of a seal: flow through the gap, and estimates of it."""
+"""Columns of seals, switches and joints: flow through the gap, conductance and stiffness of the spots.
+
+They follow from the contact of an accepted step. The ranks of a case bring gap or contact to the first one,
+which computes them (`_whole`).
+"""
 
 from __future__ import annotations
 
-from gfmdlayer.observables.observable import Column
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-_ONE_WAY = "between the points; valid while the fluid does not lift the surface"
+from gfmdlayer.observables.observable import AcceptedStep, Column, Observable, Parts, Places, Value
+from gfmdlayer.transport.memory import flow_memory
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gfmdlayer.arrays import FloatArray
+    from gfmdlayer.config import Config
+    from gfmdlayer.config.sections import Conductor
+    from gfmdlayer.resumable import State
+    from gfmdlayer.transport.spots import Spots
+
 _CELL = "over the cell; valid while the fluid does not lift the surface"
-_MEANING = "flow per width times 12 viscosities, along {} by a drop of pressure per length along {}"
+_PATH = "on the widest path; valid while the fluid does not lift the surface"
+_FLOW = "flow per width along {} by a drop of pressure per length along {}, times 12 viscosities"
+_PLATES = "distance of parallel plates with the same flow along {}"
+_THROAT = "points across the throat of the widest path along {}; below 6 the flow is an order of magnitude"
+_CRITICAL = "largest gap such that points with at least this gap lead through along {}"
+_SPOTS = "contact area of the step; from the mean potential of the surface"
+_FROZEN = "at the contact area of the step; from the mean height of the surface where it is prescribed"
+
+# Cost of a row in FFT pairs: the factors of an open gap; 13 iterations on the spots, of two pairs each.
+FLOW_PAIRS, SPOTS_PAIRS = 300.0, 26.0
+SPOTS_FIELDS = 12.0  # arrays of the grid
+_KIND = len("the throat along x")  # letters of a doubt that say its kind
 
 FLOW = (
-    Column("flow_xx", _MEANING.format("x", "x"), "length^3", origin=_CELL),
-    Column("flow_xy", _MEANING.format("x", "y"), "length^3", origin=_CELL),
-    Column("flow_yy", _MEANING.format("y", "y"), "length^3", origin=_CELL),
-    Column("hydraulic_gap_x", "distance of plates with the same flow along x", "length", origin=_CELL),
-    Column("hydraulic_gap_y", "distance of plates with the same flow along y", "length", origin=_CELL),
-    Column(
-        "flow_imbalance",
-        "largest difference of the flows through two cross-sections, relative to their mean",
-        origin="over the cell",
-    ),
-    Column(
-        "throat_points_x",
-        "points across the narrowest place of the widest path along x; "
-        "below 6 the flow is an order of magnitude",
-        origin="of the grid",
-    ),
-    Column(
-        "throat_points_y",
-        "points across the narrowest place of the widest path along y; "
-        "below 6 the flow is an order of magnitude",
-        origin="of the grid",
-    ),
+    *(Column(f"flow_{a}{b}", _FLOW.format(a, b), "length^3", origin=_CELL) for a, b in ("xx", "xy", "yy")),
+    *(Column(f"hydraulic_gap_{a}", _PLATES.format(a), "length", origin=_CELL) for a in "xy"),
+    Column("flow_imbalance", "difference of the flow between cross-sections, relative", origin=_CELL),
 )
-CRITICAL_GAPS = (
-    Column(
-        "critical_gap_x",
-        "largest gap such that the points with at least this gap lead through along x",
-        "length",
-        origin=_ONE_WAY,
-    ),
-    Column(
-        "critical_gap_y",
-        "largest gap such that the points with at least this gap lead through along y",
-        "length",
-        origin=_ONE_WAY,
-    ),
+THROATS = tuple(Column(f"throat_points_{a}", _THROAT.format(a), origin=_PATH) for a in "xy")
+CRITICAL_GAPS = tuple(Column(f"critical_gap_{a}", _CRITICAL.format(a), "length", origin=_PATH) for a in "xy")
+BRUGGEMAN = Column(
+    "flow_bruggeman",
+    "(flow_xx flow_yy)^(1/2) of an isotropic surface by Bruggeman's effective medium, estimated",
+    "length^3",
+    origin="from the distribution of the gap; closed from a contact area of 0.42 on",
 )
+RADIUS = Column(
+    "spot_radius", "radius of one disc of equal resistance, (rho1 + rho2)/(4 R)", "length", origin=_SPOTS
+)
+RESISTANCE = Column("resistance", "resistance of the contact spots and the films", "ohm", origin=_SPOTS)
+SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN in the rows between two others
+
+
+class _Every(Observable):
+    """Measured in every n-th row, at the times of the snapshots and at the end; NaN in the other rows."""
+
+    def __init__(self, case: Parts, every: int) -> None:
+        self._grid, self._every, self._rows = case.grid, every, 0
+        output, end = case.config.output, case.config.time.end
+        self._times = (*output.snapshot_times, end)
+
+    def state(self) -> State:
+        """Return the number of rows so far."""
+        return {"rows": self._rows}
+
+    def restore(self, state: State) -> None:
+        """Continue from the rows of another run."""
+        self._rows = int(state["rows"])
+
+    def _due(self, time: float) -> bool:
+        self._rows += 1
+        counted = (self._rows - 1) % self._every == 0
+        return counted or any(math.isclose(time, each, rel_tol=1e-9) for each in self._times)
+
+
+def _whole(grid: Any, field: NDArray[Any], found: Callable[[NDArray[Any]], Any]) -> Any:
+    """Return what is found from the whole field, on the first rank; all ranks get it."""
+    ranks = grid.ranks
+    whole = ranks.gathered(field.reshape(grid.shape))
+    with ranks.agreeing(ArithmeticError), ranks.agreeing(MemoryError):
+        value = found(whole) if ranks.first else None
+    return ranks.shared(value)
+
+
+def _gap_of(step: AcceptedStep) -> FloatArray:
+    from gfmdlayer.observables.contact_statistics import closed_gap
+
+    return closed_gap(step.problem, step.solution)
+
+
+class SealEstimates(Observable):
+    """Cheap estimates of the flow, where `output.observables` names them.
+
+    The cube of a critical gap is 0.35 to 1.7 of the flow over eight decades, and zero exactly where the flow
+    is. Bruggeman's estimate is within a third up to a contact area of a quarter, and not near closing.
+    """
+
+    COLUMNS = (*CRITICAL_GAPS, BRUGGEMAN)
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns that are asked for."""
+        return tuple(each for each in cls.COLUMNS if each.name in (config.output.observables or ())) or None
+
+    def __init__(self, case: Parts) -> None:
+        self._grid, self._names = case.grid, [each.name for each in self.columns(case.config) or ()]
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the estimates."""
+        return dict(_whole(self._grid, _gap_of(step), self._found))
+
+    def _found(self, gap: FloatArray) -> dict[str, float]:
+        from gfmdlayer.transport.leakage import bruggeman
+        from gfmdlayer.transport.percolation import throats
+
+        found = {}
+        if BRUGGEMAN.name in self._names:
+            found[BRUGGEMAN.name] = bruggeman(gap)
+        if any(each.name in self._names for each in CRITICAL_GAPS):
+            narrow = throats(gap, _spacing(self._grid))
+            found |= {each.name: throat.gap for each, throat in zip(CRITICAL_GAPS, narrow, strict=True)}
+        return {name: found[name] for name in self._names}
+
+
+class Leakage(_Every):
+    """Flow tensor of a thin fluid film through the gap, by the Reynolds equation (`output.leakage`).
+
+    The leak rate of a seal of length Lx and width Ly is flow_xx/(12 viscosity) Ly/Lx times the drop of
+    pressure. It is zero exactly where contact closes the cell.
+    """
+
+    COLUMNS = (*FLOW, *THROATS)
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns; a line has no throats."""
+        if config.output.leakage is None:
+            return None
+        return cls.COLUMNS if len(config.grid.points) == 2 else FLOW
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the FFT pairs of a row and the bytes of the solver."""
+        points, asked = math.prod(config.grid.points), config.output.leakage
+        if asked is None or len(config.grid.points) == 1:
+            return 0.0, 0.0
+        return FLOW_PAIRS / asked.every, flow_memory(points)
+
+    def __init__(self, case: Parts) -> None:
+        asked = case.config.output.leakage
+        assert asked is not None
+        super().__init__(case, asked.every)
+        self._names = [each.name for each in self.columns(case.config) or ()]
+        self._said: dict[str, str] = {}
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the flow, and remember why it is not to be trusted."""
+        if not self._due(step.time):
+            return dict.fromkeys(self._names, math.nan)
+        from gfmdlayer.transport.leakage import doubts
+
+        row, narrow = _whole(self._grid, _gap_of(step), self._found)
+        depth = max(-self._grid.ranks.minimum(float(step.surface.displacement.min())), 0.0)
+        for axis, throat in narrow.items():
+            for reason in doubts(axis, throat, depth, step.solution.residual):
+                self._said[reason[:_KIND]] = f"t = {step.time:.6g}: {reason}"
+        self.warning = "; ".join(self._said.values())
+        return dict(row)
+
+    def state(self) -> State:
+        """Return the rows and the doubts so far."""
+        return {**super().state(), "said": "\n".join(self._said.values())}
+
+    def restore(self, state: State) -> None:
+        """Continue from the rows and the doubts of another run."""
+        super().restore(state)
+        lines = str(state["said"]).splitlines()
+        self._said = {line.partition(": ")[2][:_KIND]: line for line in lines}
+        self.warning = "; ".join(self._said.values())
+
+    def _found(self, gap: FloatArray) -> tuple[dict[str, float], dict[str, Any]]:
+        from gfmdlayer.transport.leakage import flow_through, numbers_of
+        from gfmdlayer.transport.percolation import throats
+
+        row = numbers_of(flow_through(gap, self._grid.period))
+        narrow = {} if gap.ndim == 1 else dict(zip("xy", throats(gap, _spacing(self._grid)), strict=True))
+        return row | {f"throat_points_{axis}": each.points for axis, each in narrow.items()}, narrow
+
+
+class SpotRadius(Observable):
+    """Radius of the disc with the resistance of all contact spots, on homogeneous halfspaces.
+
+    It needs no material: charge has no memory, and the resistance follows the contact area of the step.
+    """
+
+    COLUMNS = (RADIUS,)
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the column where it is asked for."""
+        return cls.COLUMNS if RADIUS.name in (config.output.observables or ()) else None
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the FFT pairs of a row and the bytes of the solver."""
+        return SPOTS_PAIRS, SPOTS_FIELDS * 8.0 * math.prod(config.grid.points)
+
+    def __init__(self, case: Parts) -> None:
+        self._grid = case.grid
+        self._spots = _of_conductors(case, [((), 1.0)]) if case.grid.ranks.first else None
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the radius, S/4 for a conductivity of 1."""
+        return {RADIUS.name: _total(self._grid, step, self._spots) / 4}
+
+    def state(self) -> State:
+        """Return the density, from which the next step starts."""
+        return _density(self._spots)
+
+    def restore(self, state: State) -> None:
+        """Continue from the density of another run."""
+        _put_back(self._spots, state)
+
+
+class Conductance(_Every):
+    """Resistance of the contact spots between two conductors (`output.conductance`).
+
+    Constriction and films on both sides, and the films in series over the cell. Without contact it is
+    infinite. On a line it is the resistance times the length of the line.
+    """
+
+    COLUMNS = (RESISTANCE,)
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the column where it is asked for."""
+        if config.output.conductance is None:
+            return None
+        units = "ohm" if len(config.grid.points) == 2 else "ohm length"
+        return (replace(RESISTANCE, units=units),)
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the FFT pairs of a row and the bytes of the solver."""
+        asked = config.output.conductance
+        every = 1 if asked is None else asked.every
+        return SPOTS_PAIRS / every, SPOTS_FIELDS * 8.0 * math.prod(config.grid.points)
+
+    def __init__(self, case: Parts) -> None:
+        asked = case.config.output.conductance
+        assert asked is not None
+        super().__init__(case, asked.every)
+        sides = [_conductor(each) for each in (asked.body, asked.punch)]
+        self._spots = _of_conductors(case, sides) if case.grid.ranks.first else None
+        in_series = sum(d / k for films, base in sides if 0 < base < math.inf for d, k in films)
+        self._series = in_series / math.prod(case.grid.period)
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return the resistance."""
+        if not self._due(step.time):
+            return {RESISTANCE.name: math.nan}
+        total = _total(self._grid, step, self._spots)
+        return {RESISTANCE.name: 1 / total + self._series if total > 0 else math.inf}
+
+    def state(self) -> State:
+        """Return the rows and the density."""
+        return {**super().state(), **_density(self._spots)}
+
+    def restore(self, state: State) -> None:
+        """Continue from the rows and the density of another run."""
+        super().restore(state)
+        _put_back(self._spots, state)
+
+
+class Stiffness(_Every):
+    """Dynamic stiffness of the contact, force over depth, at a frozen contact area (`output.stiffness`).
+
+    Storage and loss at each frequency, for amplitudes that leave the contact area as it is. It is no slope of
+    force over depth during the run, which depends on the rate.
+    """
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns over the frequencies."""
+        asked = config.output.stiffness
+        if asked is None:
+            return None
+        along = Places("frequency", "frequency, cycles per time", "1 / time", asked.frequencies)
+        units = "force / length" if len(config.grid.points) == 2 else "pressure"
+        meanings = (
+            ("storage_stiffness", "real part of the dynamic stiffness, in phase"),
+            ("loss_stiffness", "imaginary part of the dynamic stiffness, out of phase"),
+        )
+        return tuple(Column(name, words, units, along=along, origin=_FROZEN) for name, words in meanings)
+
+    @classmethod
+    def cost(cls, config: Config) -> tuple[float, float]:
+        """Return the FFT pairs of a row and the bytes of the solver."""
+        asked = config.output.stiffness
+        assert asked is not None
+        number, points = len(asked.frequencies), math.prod(config.grid.points)
+        return 2 * SPOTS_PAIRS * number / asked.every, 2 * SPOTS_FIELDS * 8.0 * points
+
+    def __init__(self, case: Parts) -> None:
+        asked = case.config.output.stiffness
+        assert asked is not None
+        super().__init__(case, asked.every)
+        self._case, self._frequencies = case, asked.frequencies
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, Value]:
+        """Return storage and loss stiffness at each frequency."""
+        import numpy as np
+
+        total = np.full(len(self._frequencies), complex(math.nan, math.nan))
+        if self._due(step.time):
+            from gfmdlayer.observables.contact_statistics import in_contact
+
+            reduced = next(filter(None, self._case.reduced_times), None)
+            factor = 1.0 if reduced is None else reduced.factor(step.time)
+            touching = in_contact(step.problem, step.solution)
+            total = _whole(self._grid, touching, lambda contact: self._found(contact, factor))
+        return {"storage_stiffness": total.real.copy(), "loss_stiffness": total.imag.copy()}
+
+    def _found(self, contact: NDArray[Any], factor: float) -> NDArray[Any]:
+        """Return K* of a contact; where K(q, s) is proportional to K(q, 0), by one solution."""
+        import numpy as np
+
+        from gfmdlayer.grid.grid import Grid
+        from gfmdlayer.transport.spots import Spots, inverse
+
+        waves = Grid(self._case.grid.points, self._case.grid.period).waves
+        body, before, found = self._case.body, None, []
+        for frequency in self._frequencies:
+            s = 2j * math.pi * frequency * factor
+            K = body.spectrum(waves).glassy if math.isinf(frequency) else np.asarray(body.stiffness(waves, s))
+            K = K if np.any(K.imag) else np.ascontiguousarray(K.real)
+            if before is not None:
+                ratio = (K / np.where(before[0] == 0, 1.0, before[0])).ravel()[1:]
+                if np.ptp(ratio.real) + np.ptp(ratio.imag) <= 1e-12 * abs(ratio[0]):
+                    found.append(before[1] * ratio[0])
+                    continue
+            total = complex(Spots(inverse(K), _cell(self._grid)).total(contact))
+            before = before or (K, total)
+            found.append(total)
+        return np.array(found)
+
+
+def _spacing(grid: Any) -> tuple[float, float]:
+    x, y = (length / n for length, n in zip(grid.period, grid.points, strict=True))
+    return x, y
+
+
+def _cell(grid: Any) -> float:
+    return float(math.prod(grid.period) / math.prod(grid.points))
+
+
+def _conductor(side: Conductor) -> tuple[tuple[tuple[float, float], ...], float]:
+    """Return films (thickness, conductivity) and the conductivity of the base."""
+    films = tuple((each.thickness, 1 / each.resistivity) for each in side.films)
+    return films, math.inf if side.resistivity == 0 else 1 / side.resistivity
+
+
+def _of_conductors(case: Parts, sides: Any) -> Spots:
+    """Return the problem of the sum of the impedances of all sides, on the whole grid."""
+    from gfmdlayer.grid.grid import Grid
+    from gfmdlayer.transport.spots import Spots, impedance
+
+    q = Grid(case.grid.points, case.grid.period).wavenumbers
+    Z = [impedance(q, films, base) for films, base in sides]
+    return Spots(Z[0] + Z[-1] if len(Z) > 1 else Z[0], _cell(case.grid))
+
+
+def _total(grid: Any, step: AcceptedStep, spots: Spots | None) -> float:
+    from gfmdlayer.observables.contact_statistics import in_contact
+
+    return float(
+        _whole(grid, in_contact(step.problem, step.solution), lambda contact: spots and spots.total(contact))
+    )
+
+
+def _density(spots: Spots | None) -> State:
+    return {} if spots is None or spots.density is None else {"density": spots.density}
+
+
+def _put_back(spots: Spots | None, state: State) -> None:
+    if spots is not None and "density" in state:
+        spots.density = state["density"]

@@ -155,6 +155,12 @@ class Flat(Analytic):
         )
         return Problem(("width",), message, ("edge_radius",))
 
+    def face(self, period: tuple[float, ...]) -> float:
+        """Width of the disc, or diagonal of the rectangle."""
+        if isinstance(self.width, tuple):
+            return math.hypot(*(width / length for width, length in zip(self.width, period, strict=True)))
+        return self.width / min(period)
+
     def revolution(self) -> Revolution:
         """The flat disc and the parabola outside; ValueError for a rectangle."""
         from gfmdlayer.punch.revolution import of_pieces

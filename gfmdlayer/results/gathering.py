@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,18 +45,29 @@ from numpy.typing import NDArray
 from gfmdlayer.config.sweeps import as_label
 from gfmdlayer.observables import known_numbers
 from gfmdlayer.observables.contact import TIME, ContactMeans
-from gfmdlayer.results.netcdf import add_variable, new_file, write_at
-from gfmdlayer.results.reader import attribute, column, opened, sweep_path
-from gfmdlayer.results.schema import FIELDS, OVER_TIME, SAME_TIME, VARIABLES, described_key
+from gfmdlayer.results.netcdf import add_variable, attribute, column, new_file, opened, write_at
+from gfmdlayer.results.schema import FIELDS, OVER_TIME, SAME_TIME, SWEEP_FILE, VARIABLES, described_key
 
 if TYPE_CHECKING:
     import xarray
 
 
 INCOMPLETE = "no complete result file"
+WAITING = "not complete yet"  # in place of the reason of a failure
 ROW = "row"  # the dimension of the rows of cases with times of their own
 OF_ONE_CASE = {
-    *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
+    *(
+        "config",
+        "digest",
+        "coordinates",
+        "hostname",
+        "started",
+        "finished",
+        "wall_seconds",
+        "rows",
+        "snapshots",
+        "complete",
+    ),
     *known_numbers(),
     *("instabilities", "instability_time", "instability_depth", "instability_energy", "ended"),
 }
@@ -148,7 +159,8 @@ class _File:
                 yield name, Column(_described(dataset))
             else:
                 bins = dataset.dims[1][0].name.lstrip("/")
-                edges = {end: (_described(h5[end]), h5[end][()]) for end in (bins, f"{bins}_end")}
+                ends = [end for end in (bins, f"{bins}_end") if end in h5]
+                edges = {end: (_described(h5[end]), h5[end][()]) for end in ends}
                 yield name, Column(_described(dataset), bins, edges)
 
 
@@ -180,7 +192,7 @@ class _Memory:
         for name, values in self._data.data_vars.items():
             if values.dims[:1] == ("time",):
                 bins = str(values.dims[1]) if values.ndim > 1 else ""
-                ends = (bins, f"{bins}_end") if bins else ()
+                ends = [end for end in (bins, f"{bins}_end") if end in self._data.coords]
                 edges = {end: (self._data[end].attrs, self._data[end].to_numpy()) for end in ends}
                 yield str(name), Column(values.attrs, bins, edges)
 
@@ -405,10 +417,12 @@ class Gathered:
         return lines
 
     def attributes(self, given: Mapping[str, object]) -> dict[str, object]:
-        """Attributes that all cases share, those given, the swept keys, failed cases and notes."""
-        report = "\n".join(f"{index:04d}: {reason}" for index, reason in sorted(self.failed.items()))
-        own = {"swept": " ".join(self._keys), "complete": 1, "failed": report, "notes": "\n".join(self.notes)}
-        return {**self._shared, **given, **own}
+        """Attributes that all cases share, those given, swept keys, failed and waiting cases, notes."""
+        lost = sorted(self.failed.items())
+        waiting = " ".join(f"{index:04d}" for index, reason in lost if reason == WAITING)
+        report = "\n".join(f"{index:04d}: {reason}" for index, reason in lost if reason != WAITING)
+        own = {"swept": " ".join(self._keys), "complete": int(not waiting), "failed": report}
+        return {**self._shared, **given, **own, "incomplete": waiting, "notes": "\n".join(self.notes)}
 
 
 def _numbered(cases: Collection[int]) -> str:
@@ -458,16 +472,16 @@ class Layout(NamedTuple):
     places: list[tuple[int, ...]]
 
 
-def dimension_names(keys: Sequence[str]) -> list[str]:
-    """Name the swept keys by their last parts, or by the whole key where the last part is taken."""
+def dimension_names(keys: Sequence[str], names: Iterable[str] = ()) -> list[str]:
+    """Name the swept keys by their last parts, or by the whole key where the last part, or a name, is it."""
     last = [key.rpartition(".")[2] for key in keys]
-    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL])
+    taken = Counter([*last, TIME.name, ROW, *VARIABLES, *_ARGUMENTS_OF_SEL, *names])
     return [key if taken[part] > 1 else part for key, part in zip(keys, last, strict=True)]
 
 
 def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed: bool) -> Layout:
     """Return the dimensions of a sweep and the places of its cases, from the swept values of each."""
-    columns = [_labels(key, [each[key] for each in values]) for key in keys]
+    columns = [labels(key, [each[key] for each in values]) for key in keys]
     named = list(zip(dimension_names(keys), keys, columns, strict=True))
     axes = [{label: i for i, label in enumerate(dict.fromkeys(column))} for column in columns]
     cells = list(zip(*columns, strict=True)) if keys else [()]
@@ -476,15 +490,15 @@ def lay_out(values: Sequence[Mapping[str, object]], keys: Sequence[str], listed:
         along = {name: Labels(key, "case", np.array(column)) for name, key, column in named}
         return Layout({"case": len(values)}, along, [(i,) for i in range(len(values))])
     lengths = {name: len(axis) for (name, *_), axis in zip(named, axes, strict=True)}
-    labels = {
+    along = {
         name: Labels(key, name, np.array(list(axis)))
         for (name, key, _), axis in zip(named, axes, strict=True)
     }
     places = [tuple(axis[label] for axis, label in zip(axes, cell, strict=True)) for cell in cells]
-    return Layout(lengths, labels, places)
+    return Layout(lengths, along, places)
 
 
-def _labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
+def labels(key: str, values: Sequence[object]) -> list[int] | list[float] | list[str]:
     """Return labels of one type for the values of one key: numbers if all are numbers, else text."""
     if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
         return [int(str(value)) for value in values]
@@ -510,7 +524,7 @@ def collect(
     A case that failed or whose file is not complete is NaN, and is named in the attribute `failed`. The
     attributes given are added to those of `Gathered`, whose other arguments are given too.
     """
-    path = sweep_path(directory)
+    path = Path(directory) / SWEEP_FILE
     sweep = Gathered(records, keys, listed, unit, asked)
     with new_file(path) as file:
         h5 = file.begin()
@@ -562,7 +576,7 @@ def labelled(
     unit: Callable[[str], str] = str,
     asked: Asked = None,
 ) -> xarray.Dataset:
-    """Return cases in memory as `open_results` returns a folder, with fields if their grids agree."""
+    """Return cases as `open_results` does a folder; with fields of those in memory, if their grids agree."""
     import xarray
 
     sweep = Gathered(records, keys, listed, unit, asked)
@@ -578,8 +592,8 @@ def labelled(
     }
     held |= {name: (dims, values, described) for name, (dims, described, values) in sweep.numbers.items()}
     cases = [record.source for record in records if isinstance(record.source, xarray.Dataset)]
-    first = cases[0]
-    if first.sizes["snapshot"] and all(_surface(case) == _surface(first) for case in cases):
+    first = cases[0] if cases else xarray.Dataset()
+    if first.sizes.get("snapshot") and all(_surface(case) == _surface(first) for case in cases):
         for name in (each for each in FIELDS if all(each in case for case in cases)):
             fields = np.full((*sweep.shape, *first[name].shape), np.nan)
             for place, record in zip(sweep.places, records, strict=True):

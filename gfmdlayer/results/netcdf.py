@@ -19,7 +19,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5s, h5t
+from h5py import h5a, h5d, h5f, h5p, h5s, h5t
 from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
@@ -177,3 +177,41 @@ _KINDS = {
     for python, kind in ((str, h5py.string_dtype()), (int, np.dtype("i8")), (float, np.dtype("f8")))
 }
 _SCALAR = h5s.create(h5s.SCALAR)
+
+
+# A sweep may have 10 000 cases, of which the sweep file needs a few attributes and columns each. These
+# functions read them through h5py's low-level interface, in 60 % of the time of the other.
+#
+# Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
+# fail. (A file that another program has open for writing is found by `files.locks`.)
+_NO_LOCK = h5p.create(h5p.FILE_ACCESS)
+_NO_LOCK.set_file_locking(False, True)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5f.FileID]:
+    """Open an HDF5 file for reading with `column` and `attribute`."""
+    file = h5f.open(bytes(path), h5f.ACC_RDONLY, _NO_LOCK)
+    try:
+        yield file
+    finally:
+        file.close()
+
+
+def column(file: h5f.FileID, name: str) -> NDArray[np.float64]:
+    """Read a column, checksums included; KeyError if the file has none of this name."""
+    dataset = h5d.open(file, name.encode())
+    values = np.empty(dataset.shape)
+    dataset.read(h5s.ALL, h5s.ALL, values)
+    return values
+
+
+def attribute(file: h5f.FileID, name: str) -> object:
+    """Read an attribute of the file, text or a number; None if the file has none of this name."""
+    if not h5a.exists(file, name.encode()):
+        return None
+    stored = h5a.open(file, name.encode())
+    value = np.empty(stored.shape, dtype=stored.dtype)
+    stored.read(value)
+    found = value[()]
+    return found.decode() if isinstance(found, bytes) else found

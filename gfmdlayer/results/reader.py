@@ -1,43 +1,39 @@
 """Read result files: one case, or a whole folder, as labelled xarray datasets.
 
 A folder of results holds config.yaml, cases/NNNN.h5 (one file per case) and sweep.h5 (all cases, labelled).
+Where cases are not complete yet, there may be no sweep.h5: the complete ones are gathered from their files.
 
-A sweep may have 10 000 cases, of which the sweep file needs a few attributes and columns each. `opened`,
-`column` and `attribute` read these through h5py's low-level interface, in 60 % of the time of the other.
+A run needs `is_complete`, `attributes` and `replay`; so xarray, which takes half a second, is imported where
+data are opened.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-import xarray
-from h5py import h5a, h5d, h5f, h5p, h5s
-from numpy.typing import NDArray
-from xarray.backends import BackendArray
-from xarray.core import indexing
 
-from gfmdlayer.files.locks import open_for_writing, regular
+from gfmdlayer.config import ConfigError, load
+from gfmdlayer.config.sweeps import combinations, is_listed, sampling, swept_keys
+from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
-from gfmdlayer.results.schema import FIELDS, SAME_TIME, ResultsError
+from gfmdlayer.results.gathering import WAITING, CaseRecord, labelled
+from gfmdlayer.results.schema import FIELDS, SWEEP_FILE, ResultsError
+from gfmdlayer.results.stored import case_numbers, document
 
 if TYPE_CHECKING:
+    import xarray
+
     from gfmdlayer.results.journal import Recorder
 
 
-SWEEP_FILE = "sweep.h5"
 _ROWS_READ = 4096  # at a time
 VERIFIED = 1 << 28  # bytes of a file that is verified when it is opened: a quarter of a second
-
-# Files under their final names do not change any more, and HDF5 refuses to read where a file system's locks
-# fail. (A file that another program has open for writing is found by `files.locks`.)
-_NO_LOCK = h5p.create(h5p.FILE_ACCESS)
-_NO_LOCK.set_file_locking(False, True)
 
 
 def case_path(directory: str | Path, index: int) -> Path:
@@ -48,35 +44,6 @@ def case_path(directory: str | Path, index: int) -> Path:
 def sweep_path(directory: str | Path) -> Path:
     """Return the path of the sweep file in a folder of results."""
     return Path(directory) / SWEEP_FILE
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[h5f.FileID]:
-    """Open an HDF5 file for reading with `column` and `attribute`."""
-    file = h5f.open(bytes(path), h5f.ACC_RDONLY, _NO_LOCK)
-    try:
-        yield file
-    finally:
-        file.close()
-
-
-def column(file: h5f.FileID, name: str) -> NDArray[np.float64]:
-    """Read a column, checksums included; KeyError if the file has none of this name."""
-    dataset = h5d.open(file, name.encode())
-    values = np.empty(dataset.shape)
-    dataset.read(h5s.ALL, h5s.ALL, values)
-    return values
-
-
-def attribute(file: h5f.FileID, name: str) -> object:
-    """Read an attribute of the file, text or a number; None if the file has none of this name."""
-    if not h5a.exists(file, name.encode()):
-        return None
-    stored = h5a.open(file, name.encode())
-    value = np.empty(stored.shape, dtype=stored.dtype)
-    stored.read(value)
-    found = value[()]
-    return found.decode() if isinstance(found, bytes) else found
 
 
 def is_complete(path: str | Path, digest: str | None = None) -> bool:
@@ -191,9 +158,10 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     -------
     xarray.Dataset
         For a sweep, every column of the cases along the swept keys and time, with the coordinate `case`, the
-        number of each case's file. Where the cases share a grid, also displacement, pressure and gap
-        along the swept keys, snapshot, x and y; of these, only the parts that are used are read, then and
-        there, from the files of the cases.
+        number of each case's file. Cases that are not complete yet are NaN; the attribute `incomplete` has
+        their numbers, and `failed` the failed ones with their reasons. Where the cases share a grid, also
+        displacement, pressure and gap along the swept keys, snapshot, x and y; of these, only the parts that
+        are used are read, then and there, from the files of the cases.
 
     Raises
     ------
@@ -210,17 +178,22 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     directory = Path(directory)
     if not directory.is_dir():
         raise ResultsError(f"{directory}: no such folder")
-    sweep = sweep_path(directory)
+    sweep, config = sweep_path(directory), directory / "config.yaml"
     files = sorted((directory / "cases").glob("*.h5"))
     if not sweep.exists() and not (directory / "cases").is_dir():
         raise ResultsError(f"{directory}: not a folder of results, it has neither {SWEEP_FILE} nor cases/")
+    numbers = set(case_numbers(config)) if config.exists() else set()
     if sweep.exists():
         collected = _open(sweep)
-        if collected.attrs.get("swept"):
+        held = {*collected["case"].to_numpy().flat} if "case" in collected.coords else numbers
+        is_of_all = not numbers or held == numbers  # else the sweep has grown since
+        if is_of_all and collected.attrs.get("swept"):
             return _with_snapshots(collected, directory)
         with collected:  # of the only case, beside which earlier ones may lie
-            files = [case_path(directory, int(collected["case"]))]
+            files = [case_path(directory, int(collected["case"]))] if is_of_all else files
     complete = [path for path in files if _is_whole(path, VERIFIED)]
+    if complete and (found := _gathered(directory, config)) is not None:
+        return _with_snapshots(found, directory)
     if len(complete) == 1:
         return _open(complete[0])
     if complete:
@@ -230,7 +203,38 @@ def open_results(directory: str | Path) -> xarray.Dataset:
     raise ResultsError(f"{directory}: no complete case")
 
 
+def _gathered(directory: Path, config: Path) -> xarray.Dataset | None:
+    """Gather a sweep of which cases are not complete yet; None where no sweep is stored."""
+    data = document(config) if config.exists() else {}
+    if not (sweep := data.get("sweep")):
+        return None
+    records, numbers, swept = [], case_numbers(config), combinations(sweep)
+    if len(numbers) != len(swept):
+        named = f"names {len(numbers)} cases, and its sweep has {len(swept)}"
+        raise ResultsError(f"{config}: {named}; must be as the run wrote it")
+    for number, values in zip(numbers, swept, strict=True):
+        path = case_path(directory, number)
+        failure = read_json(path.with_suffix(".failed")) or {}
+        missing = None if path.exists() else str(failure.get("reason", WAITING))
+        records.append(CaseRecord(number, path, values, missing))
+    if all(record.failed for record in records):
+        raise ResultsError(f"{directory}: no complete case")
+    keys, times = swept_keys(sweep), (data.get("output") or {}).get("times")
+    asked = None if "output.times" in keys else times
+    return labelled(records, keys, sampling(sweep), is_listed(sweep), _unit(config), asked)
+
+
+def _unit(config: Path) -> Callable[[str], str]:
+    """Return the labels of units of a stored configuration; words where it cannot be read in full."""
+    try:
+        return load(config).unit
+    except ConfigError:
+        return str
+
+
 def _open(path: Path) -> xarray.Dataset:
+    import xarray
+
     try:
         if is_intact(path, VERIFIED) is not False:
             return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
@@ -254,15 +258,6 @@ def _reason(path: Path) -> str:
     return "not a complete result file"
 
 
-# The snapshots of all cases of a sweep as arrays along the swept keys, read from the cases' files when used.
-#
-#     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
-#
-# Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and
-# reads the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the
-# sweep file read as fast, but a file with another grid would be read without an error, and wrongly.)
-
-
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     """Add the snapshots of all cases to a sweep whose cases share grid and times."""
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
@@ -272,48 +267,18 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     with _open(first) as example:
         if not example.sizes["snapshot"] or "axes" in example.attrs:  # each case has its own
             return sweep
-        axes = {name: example[name].load() for name in ("snapshot", "x", "y") if name in example.coords}
+        import xarray
+        from xarray.core import indexing
+
+        from gfmdlayer.results.fields_of_cases import FieldOfCases
+
+        axes = {
+            name: example[name].variable.load() for name in ("snapshot", "x", "y") if name in example.coords
+        }
         added = {}
         for name in FIELDS:
             if name in example:
                 field, times = example[name].variable, axes["snapshot"].to_numpy()
-                lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape, times))
+                lazy = indexing.LazilyIndexedArray(FieldOfCases(files, name, field.shape, times))
                 added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
     return sweep.assign_coords(axes).assign(added)
-
-
-class _FieldOfCases(BackendArray):
-    """One field of all cases, along the swept keys and then the field's own axes."""
-
-    def __init__(
-        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
-    ) -> None:
-        self._files, self._name, self._inner, self._times = files, name, shape, times
-        self.shape = (*files.shape, *shape)
-        self.dtype = np.dtype(np.float64)
-
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        support = indexing.IndexingSupport.BASIC
-        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
-
-    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        outer, part = key[: self._files.ndim], key[self._files.ndim :]
-        files = np.asarray(self._files[outer], dtype=object)
-        inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
-        found = np.full((*files.shape, *inner), np.nan)
-        for place, file in np.ndenumerate(files):
-            if file.is_file():
-                found[place] = self._read_case(file, part)
-        return found
-
-    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        with h5py.File(file, locking=False) as h5:
-            field = h5[self._name]
-            wrong = ""
-            if field.shape != self._inner:
-                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                wrong = "snapshots at other times than in the first case"
-            if wrong:
-                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-            return np.asarray(field[part])

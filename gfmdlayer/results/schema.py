@@ -73,6 +73,7 @@ VARIABLES: dict[str, Variable] = {
 
 # Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness.
 FIELDS = ("displacement", "pressure", "gap", "traction", "imprint")
+SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
 

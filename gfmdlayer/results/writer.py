@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from functools import lru_cache, partial
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 import h5py
@@ -27,10 +27,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import Attribute
 from gfmdlayer.observables import Column, known_columns
+from gfmdlayer.results.gathering import dimension_names, labels
 from gfmdlayer.results.netcdf import NewFile, add_variable, append, contents, new_file, set_attributes
 from gfmdlayer.results.paraview import describe
 from gfmdlayer.results.provenance import now, provenance
-from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
+from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable, described_key
 
 # The template of a case file: all variables without their values.
 #
@@ -38,7 +39,7 @@ from gfmdlayer.results.schema import FIELDS, VARIABLES, Variable
 #
 # Snapshots are shuffled by byte and compressed by gzip at level 1. Measured on a rough contact of 2^22
 # points, the pressure, mostly zeros, shrinks to 10 % in 34 ns a point, the gap to 74 % and the displacement
-# to 82 % in 142 ns, of which the disk alone takes 13; level 4 gains 1 % more.
+# to 82 % in 142 ns, of which the disk takes 13; level 4 gains 1 % more.
 
 CHUNK_ROWS = 128  # a chunk is written whole, and most of what a case of few steps takes on the disk
 BLOCK = 2**20  # points of a snapshot in a chunk
@@ -85,7 +86,8 @@ def _add_column(h5: h5py.File, column: Column) -> None:
         return
     dimensions, options = ("time", column.along.name), _growing(column.size) | PACKED
     dataset = add_variable(h5, column.name, dimensions, column.described, dtype=column.dtype, **options)
-    dataset.attrs["coordinates"] = f"{column.along.name}_end"
+    if beside := [name for name, *_ in column.along.ends if name != column.along.name]:
+        dataset.attrs["coordinates"] = " ".join(beside)
 
 
 def _growing(*places: int) -> dict[str, Any]:
@@ -133,11 +135,12 @@ class CaseWriter:
         columns: Iterable[Column] | None = None,
         elapsed: float = 0.0,
         unit: Callable[[str], str] = str,
+        swept: Mapping[str, object] = MappingProxyType({}),
     ) -> None:
         self.path = Path(path)
         self._coordinates = {name: np.asarray(values) for name, values in coordinates.items()}
         self._shape = tuple(len(values) for values in self._coordinates.values())
-        self._attributes = dict(attributes or {})
+        self._attributes, self._swept, self._unit = dict(attributes or {}), swept, unit
         declared = known_columns().values() if columns is None else columns
         self._declared = {column.name: column.in_units(unit) for column in declared}
         self._fields = tuple((name, each.in_units(unit)) for name, each in VARIABLES.items())
@@ -245,7 +248,19 @@ class CaseWriter:
         growing = dict.fromkeys((*columns, *SNAPSHOTS))
         self._growing = {name: h5d.open(self._h5.id, name.encode()) for name in growing}
         set_attributes(self._h5, {"started": self._started, **self._attributes})
+        self._add_swept()
         self._columns = columns
+
+    def _add_swept(self) -> None:
+        """Add the values of the swept keys as coordinates; a name that a column has is the whole key."""
+        names = dimension_names([*self._swept], self._declared)
+        for name, (key, value) in zip(names, self._swept.items(), strict=True):
+            (held,) = labels(key, [value])
+            described = {"long_name": key, **described_key(key, self._unit)}
+            del described["key"]
+            add_variable(self._h5, name, (), described, data=held)
+        if names:
+            set_attributes(self._h5, {"coordinates": " ".join(names)})
 
     def _append_rows(self) -> None:
         if not self._held:

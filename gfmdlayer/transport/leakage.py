@@ -66,6 +66,14 @@ class Flow:
     flow: FloatArray
 
 
+def numbers_of(flow: Flow) -> dict[str, float]:
+    """Return the components of K, the hydraulic gaps and the imbalance by the names of their columns."""
+    K = flow.tensor
+    found = {f"flow_{a}{b}": float(K["xy".index(a), "xy".index(b)]) for a, b in ("xx", "xy", "yy")}
+    found |= {f"hydraulic_gap_{a}": float(np.cbrt(K[i, i])) for i, a in enumerate("xy")}
+    return found | {"flow_imbalance": float(flow.imbalance.max())}
+
+
 def flow_through(gap: FloatArray, period: Sequence[float], mean: Mean = "harmonic") -> Flow:
     """Return the flow through a gap (nx,) or (nx, ny), 0 in contact, over a cell of these lengths."""
     gap = np.asarray(gap, dtype=float)

@@ -168,7 +168,7 @@ Amplitudes = Annotated[
 # needs them, and reading them takes about as long as building all sections.
 
 _DIMENSION = re.compile(
-    r": ((?:length|pressure|time|force|drive|V|J|mol|kelvin|degrees|Celsius|or|\d|[/^ ])+)$", re.MULTILINE
+    r": ((?:length|pressure|time|force|drive|V|ohm|J|mol|kelvin|degrees|Celsius|or|\d|[/^ ])+)$", re.MULTILINE
 )
 
 

@@ -17,7 +17,16 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import adhesion, closed_forms, crosschecks, hardness, indentation, orders, stacks
+from gfmdlayer.verification import (
+    adhesion,
+    closed_forms,
+    crosschecks,
+    hardness,
+    indentation,
+    orders,
+    stacks,
+    transport,
+)
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -57,6 +66,12 @@ _GROUPS = {
         adhesion.flat_punch,
         adhesion.thin_films,
     ),
+    "Leakage, conductance and stiffness of a contact": (
+        transport.leakage,
+        transport.closing,
+        transport.conductance,
+        transport.stiffness,
+    ),
     "Independent methods": (
         crosschecks.three_solvers,
         crosschecks.two_forms_of_backward_euler,
@@ -69,6 +84,7 @@ _GROUPS = {
         indentation.indented_layer,
         indentation.indented_over_time,
         indentation.isolated_and_periodic,
+        indentation.without_images,
         indentation.peeled_sphere,
     ),
     "Hardness": (hardness.yielding,),

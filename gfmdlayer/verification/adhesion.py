@@ -57,11 +57,11 @@ def _adhesive_rows(
 def line_jkr(_quick: bool) -> Iterator[Row]:
     """The line contact of a parabola with adhesion of short range.
 
-    At half-width a the mean pressure is that without adhesion less sqrt(2 E* w tan(pi a)), at a depth that
-    is less by what a flat strip of that width takes. A range rho smears the edge over the cohesive zone l =
-    (pi/4) E* rho^2/w, and the pull-off falls short: by 11, 3 and 0.5 % where rho is halved twice, of second
-    order and more. With six points to l the lattice adds 0.1 %. The bound at the shortest range is 1 %; at
-    the others the last digit of an independent program, the time between two rows included.
+    At half-width a the mean pressure is sqrt(2 E* w tan(pi a)) below the pressure without adhesion, and the
+    depth is smaller by the depth of a flat strip of this width. A range rho smears the edge over the cohesive
+    zone l = (pi/4) E* rho^2/w, and the pull-off falls short: by 11, 3 and 0.5 % where rho is halved twice, of
+    second order and more. With six points to l the grid adds 0.1 %. The bound at the shortest range is 1 %,
+    at the others the last digit of an independent program, the time between two rows included.
     """
     work = 1e-3
     a = np.linspace(5e-3, 0.2, 20001)
@@ -79,14 +79,14 @@ def line_jkr(_quick: bool) -> Iterator[Row]:
     for reach, theory in ((4e-3, 0.888), (2e-3, 0.970)):
         wide = values | {"grid.points": 1024, "interface": law | {"range": reach}, "output.times": 0.01}
         part = float(run(HALFSPACE, wide, cycle(-0.004, 0.004, -0.016, 0.01))["mean_stress"].min()) / least
-        yield Row(f"pull-off over that of JKR, range {reach:g}", theory, part, 0.002, known)
+        yield Row(f"pull-off over the pull-off of JKR, range {reach:g}", theory, part, 0.002, known)
 
 
 def wave(_quick: bool) -> Iterator[Row]:
     """A wavy punch with adhesion, from partial contact back to none.
 
     p = p_1 sin^2(psi) - sqrt(2 E* w tan(psi)/lambda), psi = pi a/lambda, p_1 = pi E* A/lambda, with the depth
-    A (s - s ln s), s = sin^2 psi, less that of a flat strip. Range and grid as for the line.
+    A (s - s ln s), s = sin^2 psi, minus the term of a flat strip. Range and grid as for the line.
     """
     amplitude, work = 0.02, 2e-3
     psi = np.linspace(0.02, 1.2, 20001)
@@ -105,7 +105,7 @@ def full_contact(_quick: bool) -> Iterator[Row]:
     """Full contact with a wavy punch is lost where the tension in its troughs reaches the strength.
 
     In full contact the pressure is pbar - p_1 cos(2 pi x/lambda); a trough opens where pbar - p_1 =
-    -w/range. The load falls from twice that of the opening; steps of a hundredth of it locate the opening.
+    -w/range. The load falls from twice the opening load, in steps of a hundredth of it.
     """
     amplitude, work, reach = 0.002, 1e-3, 0.05
     strength, height = work / reach, math.pi * E_STAR * amplitude

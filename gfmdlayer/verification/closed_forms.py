@@ -144,7 +144,7 @@ def full_contact(_quick: bool) -> Iterator[Row]:
 
     p(t) = h [K_0 + sum_j w_j exp(-t/theta_j)] at the q of the wave, with K from the paper's Eq. (11) at the
     modulus G(s). The load rises within 1e-9 tau, which is the bound relative to the glassy stiffness. The
-    mode of the displacement is that of the punch within rounding, and the exponential steps are exact.
+    mode of the displacement equals the punch's within rounding, and the exponential steps are exact.
     """
     n, h, times = 2**14, 0.01, [0.25, 1.0, 4.0]
     punch = {"shape": "sinusoid", "amplitude": h, "wavelength": 1.0}
@@ -195,9 +195,9 @@ def depth_control(quick: bool) -> Iterator[Row]:
 def load_control(quick: bool) -> Iterator[Row]:
     """A viscoelastic halfspace that creeps under a load.
 
-    The contact is that of the elastic body of modulus G0 under F = int J(t - s) dpbar(s), J = 1/G0 - (1/G0 -
+    The contact equals an elastic body's of modulus G0 under F = int J(t - s) dpbar(s), J = 1/G0 - (1/G0 -
     1/Ginf) exp(-t G0/(Ginf tau)). Linear interpolation of F over the steps errs by at most (Ginf - G0)/G0
-    dt^2/12 F', F' below the rate of loading times J. The error of the depth is that of F, and the grid's,
+    dt^2/12 F', F' below the rate of loading times J. The depth has the error of F, and the grid's,
     times d(depth)/dF.
     """
     n, step, load = (2**10, 0.025, 0.05) if quick else (2**14, 0.0125, 0.05)

@@ -176,7 +176,7 @@ def series_of_laws(quick: bool) -> Iterator[Row]:
 
 
 def jump_of_temperature(_quick: bool) -> Iterator[Row]:
-    """A flat punch on the material alone, in which the temperature rises from 18 to 30 degrees in 1e-3 tau.
+    """A flat punch on a halfspace; its temperature rises from 18 to 30 degrees in 1e-3 tau.
 
     The contact does not change, so that p(t) = p_0 int G(xi(t) - xi(s))/G0 dh(s)/h_0, p_0 the pressure on
     the relaxed material and the reduced time xi. The displacement is linear over each step, for which the

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gfmdlayer.body.body import ViscoelasticLayer
+from gfmdlayer.body.isolated import TOLERANCE
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Prony, Zener
 from gfmdlayer.indentation.isolated import IsolatedIndentation
@@ -115,6 +116,34 @@ def isolated_and_periodic(quick: bool) -> Iterator[Row]:
         bound = theory * (L / (n * a)) ** 2 + (a / L) ** 2 * (depth - theory)
         name = f"depth in a cell of 16 d, G_bulk = {base:g}, n = {n}²"
         yield Row(name, theory, recording.last("depth"), bound, "isolated contact, less its images")
+
+
+def without_images(quick: bool) -> Iterator[Row]:
+    """A sphere on a grid with `boundary: isolated`, in a cell of five contact radii, against the indenter.
+
+    The force at the end of a ramp and after a hold, on a Zener layer. The grid puts the edge of the contact
+    within a part of a cell, (D/a)^2 of the force, and the response within reach has the tolerance of its fit.
+    """
+    n, depth = (64 if quick else 128), 0.01
+    for nu, base in ((0.5, math.inf), (0.45, 5.0), (0.45, 0.2)):
+        body = ViscoelasticLayer(LayeredHalfspace(0.1, nu, base), _ZENER)
+        alone = follow(
+            body, paraboloid(1.0), History(np.array([0.0, 1.0, 4.0]), np.array([0.0, depth, depth]))
+        )
+        values: dict[str, object] = {
+            "grid": {"points": [n, n], "period": 5 * float(alone.radius.max()), "boundary": "isolated"},
+            "layer": {"thickness": 0.1, "poisson": nu, "material": {"model": "zener", "Ginf": 10.0}},
+            "halfspace": {"shear_modulus": base},
+            "punch.radius": 1.0,
+            "trajectory": {"depth": depth, "ramp_time": 1.0},
+            "time": {"end": 4.0, "step": "adaptive"},
+        }
+        found = run(values)
+        for time in (1.0, 4.0):
+            theory = float(np.interp(time, alone.time, alone.force))
+            bound = ((5 / n) ** 2 + TOLERANCE) * theory
+            name = f"F at t = {time:g} without images, nu = {nu:g}, G_bulk = {base:g}, n = {n}²"
+            yield Row(name, theory, float(found.at("force", [time])[0]), bound, "isolated indenter")
 
 
 def peeled_sphere(quick: bool) -> Iterator[Row]:  # noqa: ARG001

@@ -49,7 +49,7 @@ class Recording(journal.Recording):
 def run(*values: Mapping[str, object], trajectory: Trajectory | None = None) -> Recording:
     """Run the paper's default case with these dotted values in it, later ones before earlier ones.
 
-    A trajectory takes the place of that of the configuration.
+    A trajectory replaces the configuration's.
     """
     config = Config(name="verification").with_values({key: each[key] for each in values for key in each})
     found = Recording()

@@ -64,6 +64,18 @@ trajectory: {control: load, load: 0.1, velocity: 0.1}
 time: {step: adaptive, tolerance: 1.0e-3, steady: 0.1}
 output: {times: 0.1}
 """,
+    """\
+name: surface
+grid: {points: [16, 16]}
+output:
+  observables: [critical_gap_x, critical_gap_y, flow_bruggeman, spot_radius]
+  leakage: {every: 5}
+  conductance:
+    body: {resistivity: .inf, films: [{thickness: 0.1, resistivity: 2.0}]}
+    punch: {resistivity: 1.0, films: [{thickness: 0.2, resistivity: 1.0}]}
+    every: 2
+  stiffness: {frequencies: [0, 1.0, .inf], every: 3}
+""",
     LINE + "trajectory: {kind: table, file: heights.txt}\ntime: {step: adaptive}\noutput: {times: [1, 2]}\n",
     LINE
     + """\

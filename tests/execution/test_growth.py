@@ -76,7 +76,10 @@ def same(grown: Path, at_once: Path, bits: Bits) -> None:
     with h5py.File(grown / "sweep.h5") as one, h5py.File(at_once / "sweep.h5") as other:
         pairs = zip(np.ravel(one["case"]), np.ravel(other["case"]), strict=True)
         for number, place in pairs:
-            assert bits(Folder(grown).case(number)) == bits(Folder(at_once).case(place))
+            # The file of a case names the keys of the sweep that computed it, which may have been another.
+            both = bits(Folder(grown).case(number)), bits(Folder(at_once).case(place))
+            first, second = ({k: v for k, v in each.items() if k != "shear_modulus"} for each in both)
+            assert first == second
 
 
 @pytest.mark.parametrize("kind", STEPS)

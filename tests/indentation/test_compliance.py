@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from gfmdlayer import LayeredHalfspace, Prony, Zener
 from gfmdlayer.body.body import ViscoelasticLayer
-from gfmdlayer.indentation.compliance import Features, find_features, retardation
+from gfmdlayer.body.creep import retardation
+from gfmdlayer.indentation.compliance import Features, find_features
 from gfmdlayer.indentation.solve import make_space
 
 WIDE = Prony(1.0, [(1, 0.01), (2, 0.1), (3, 1.0), (1, 1.0), (4, 100.0)])

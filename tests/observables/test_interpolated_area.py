@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import spence
 
+import gfmdlayer
 from gfmdlayer.config import Config
 from gfmdlayer.contact.bounded import ConjugateGradient
 from gfmdlayer.contact.problem import Problem, Solution
@@ -177,3 +178,24 @@ def test_an_open_gap_keeps_its_value() -> None:
     touching = in_contact(problem, solution)
     np.testing.assert_array_equal(closed[~touching], solution.gap[~touching])
     assert not closed[touching].any()
+
+
+@pytest.mark.parametrize("force", [4e-4, 4e-3])
+def test_the_estimated_error_bounds_the_error_on_a_sphere_and_is_not_far_from_it(force: float) -> None:
+    """Hertz, on 8 to 40 points across; the finer grid is off by a sixteenth of the coarser one's estimate."""
+    body, punch = gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=8.0)
+    found = [gfmdlayer.solve(body, punch, force=force, points=(n, n)) for n in (64, 256)]
+    coarse, fine = (float(each.contact_area_interpolated) for each in found)
+    estimate = float(found[0].contact_area_error)
+    assert abs(coarse - fine) < estimate < 10 * abs(coarse - fine)
+    assert estimate < abs(float(found[0].contact_area) - fine)  # less than that of counting
+
+
+def test_the_estimated_error_bounds_the_error_on_a_rough_surface() -> None:
+    """Eight points for the shortest wave, against 32."""
+    rough = gfmdlayer.SelfAffine(hurst=0.8, short_cutoff=1 / 8, seed=1, rms_slope=0.1)
+    found = [
+        gfmdlayer.solve(gfmdlayer.halfspace(1.0), rough, mean_pressure=0.04, points=(n, n)) for n in (64, 256)
+    ]
+    coarse, fine = (float(each.contact_area_interpolated) for each in found)
+    assert 0.1 * float(found[0].contact_area_error) < abs(coarse - fine) < float(found[0].contact_area_error)

@@ -12,7 +12,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import yaml
 
 from gfmdlayer.config import Config, load
 from gfmdlayer.config.json_schema import json_schema
@@ -99,11 +98,9 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("section", SCHEMA["$defs"])
 def test_the_examples_of_a_section_are_valid_and_have_all_its_keys(section: str) -> None:
     """A key that is a section has its own examples; the keys of sweeps are the other sections'."""
-    seen = ""
     for example in EXAMPLES[section].split("\n---\n"):
         Path("example.yaml").write_text(f"name: example\n{example}\n")
         load("example.yaml")
-        seen += str(yaml.safe_load(example))
     for key, value in SCHEMA["$defs"][section].get("properties", {}).items():
         if section not in {"Sweep", "Zip"} and "." not in key and not PAGES["_sections"](value):
-            assert f"'{key}'" in seen, (section, key)
+            assert re.search(rf"\b{key}: ", EXAMPLES[section]), (section, key)

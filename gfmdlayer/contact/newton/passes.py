@@ -17,7 +17,7 @@ from gfmdlayer.interface.forms import Terms, term
 from gfmdlayer.kernels import LANES, kernel
 
 _NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
-_STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs that of the body
+_STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs the body's
 _ROUNDING = 1e-15
 
 
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     direction: Any
     applied: Any  # K times the direction
     z: Any  # preconditioned force
-    share: Any  # root of the share of the body in the stiffness of a point, beside that of the interface
+    share: Any  # root of the share of the body in the stiffness of a point; the interface has the rest
     point: Any  # compliance of the body at a point
     moves: Any  # `free` again
     stiffness: Any  # curvature and damping
@@ -214,7 +214,7 @@ def precondition(single: Plans, step: Step, r: Any, z: Any) -> None:
 
     M = S C S + (1 - S^2)/(k + w'') with C = 1/(K + damping + kappa_1/2), the stiffness k of the body at a
     point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more stiffly than
-    the body answer alone.
+    only the body answer.
     """
     share = step.share
     for i in range(z.size):
@@ -380,7 +380,7 @@ def compare(
     """Compare two states, with the arguments of `balance` and its results for the first.
 
     Returns the slope of the energy along the straight way from one to the other, at its beginning and at its
-    end; the change of the energy but for that of the interface, exact by the mean of both stresses; and the
+    end; the change of the energy without the interface's, exact by the mean of both stresses; and the
     largest difference of the traction from that which the curvature predicts, over the strength.
     """
     first, last, elastic, most = 0.0, 0.0, 0.0, np.zeros(LANES)

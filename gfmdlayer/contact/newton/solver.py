@@ -10,7 +10,7 @@ branch
     little from its tangent follow the minimum (Davidenko's path), in most steps all the way at once. Points
     at the wall stay there.
 descent
-    Where the energy is not convex along the free points, or that path comes to a standstill, a branch ends.
+    Where the energy is not convex along the free points, or that path stops, a branch ends.
     The punch stops (s is kept) and the surface descends overdamped, each point at a speed in proportion to
     the pressure p_c that is out of balance on it, eta du/dt = p_c with one eta for all points, and u <= h.
     Steps are linearly implicit (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35
@@ -546,7 +546,7 @@ class Newton:
         return margin, curvature, attraction, found[-1] + pairs
 
     def compile(self) -> None:
-        """Compile the kernel that only a balance that is no minimum comes to."""
+        """Compile the kernel for a balance of forces that is no minimum."""
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))

@@ -1,7 +1,7 @@
 """The cases of a page, read from their files: thinned columns, surfaces, lists and attributes.
 
 A page holds as many numbers as a browser takes in at once. Rows, points, snapshots and at last cases are
-thinned to that, evenly; what is left out is counted, for the page to say so.
+thinned to that, evenly; the page gives the numbers of rows, points and cases left out.
 """
 
 from __future__ import annotations

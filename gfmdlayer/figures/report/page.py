@@ -146,7 +146,7 @@ SCALES = ("L", "G0", "tau")
 # Attributes that have a place of their own on the page.
 PLACED = {
     *("config", "digest", "hostname", "started", "finished", "wall_seconds", "rows", "snapshots", "complete"),
-    *(*SOFTWARE, *SCALES, "name", "warnings", "settled"),
+    *(*SOFTWARE, *SCALES, "name", "warnings", "settled", "coordinates"),
 }
 
 
@@ -392,7 +392,7 @@ COLOURS = 32  # of a scale; browsers interpolate
 def write_report(cases: Sequence[Listed], out: Path, title: str, config: str = "") -> Path:
     """Write the page (.html) of a case or a sweep, over an earlier one; return its path.
 
-    `config` is the configuration, by default that of the first complete case.
+    `config` is the configuration; default: the first complete case's.
     """
     check_suffix(out, (".html", ".htm"))
     try:

@@ -1,0 +1,108 @@
+"""Whether a contact without periodic images is within reach, and where its displacement is known.
+
+All that was ever pressed counts, as the surface remembers it. It is kept as its support function: the largest
+distance from an origin in each of some directions, with lengths over the periods. The sum of two opposite
+ones is a width, and the largest width the distance of the two points that are furthest apart.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.body.isolated import Isolated, period_for
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.resumable import Resumable, State
+
+# Pressures and tractions below this part of the largest do not count: their response may be wrong by as much
+# as that of the others (`body.isolated.TOLERANCE`).
+_NEGLIGIBLE = 1e-3
+
+_DIRECTIONS = 64  # of a surface: a width is short by at most 0.12 %
+
+
+class Reach(Resumable):
+    """The part of the surface that was pressed, on the grid of a body with a reach."""
+
+    def __init__(self, grid: Grid, body: Isolated) -> None:
+        self._grid, self._body = grid, body
+        angles = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        surface = len(grid.period) == 2
+        self._directions = np.stack((np.cos(angles), np.sin(angles))) if surface else np.array([[1.0, -1.0]])
+        self._origin = np.zeros(len(grid.period))
+        self._support = np.full(self._directions.shape[1], -math.inf)
+
+    def refusal(self, pressure: FloatArray) -> str:
+        """Return why pressures, one value a point, are not those of an isolated contact, if so."""
+        _, support = self._with(pressure)
+        half = support.size // 2
+        width = float((support[:half] + support[half:]).max())
+        if width <= self._body.reach:
+            return ""
+        found = f"pressed points are {width:.3g} periods apart, in which there are periodic images"
+        return f"{found}; must be at most {self._body.reach:g}{period_for(self._body, width)}"
+
+    def remember(self, pressure: FloatArray) -> None:
+        """Add the pressures of an accepted step."""
+        self._origin, self._support = self._with(pressure)
+
+    def masked(self, field: FloatArray) -> FloatArray:
+        """Return a field, one value a point, NaN where the displacement is not known."""
+        if self._support[0] == -math.inf:
+            return field
+        axes = np.meshgrid(*self._from_origin(self._origin), indexing="ij", sparse=True)
+        furthest = np.full(self._grid.shape, -math.inf)
+        for support, direction in zip(self._support, self._directions.T, strict=True):
+            along = sum(cosine * x for cosine, x in zip(direction, axes, strict=True))
+            np.maximum(furthest, support - along, out=furthest)
+        return np.where(np.ravel(furthest) <= self._body.reach, field, math.nan)
+
+    def state(self) -> State:
+        """Return what was pressed."""
+        return {"origin": self._origin, "support": self._support}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._origin, self._support = np.array(state["origin"]), np.array(state["support"])
+
+    def _with(self, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return origin and support function with these pressures."""
+        ranks, size = self._grid.ranks, np.abs(pressure)
+        largest = ranks.maximum(float(size.max(initial=0.0)))
+        if largest == 0:
+            return self._origin, self._support
+        pressed = (size > _NEGLIGIBLE * largest).reshape(self._grid.shape)
+        origin = self._origin if self._support[0] > -math.inf else self._middle(pressed)
+        points = self._outermost(pressed, self._from_origin(origin))
+        support = (points @ self._directions).max(axis=0, initial=-math.inf)
+        return origin, np.maximum(self._support, ranks.maximum(support))
+
+    def _middle(self, pressed: BoolArray) -> FloatArray:
+        """Return the middle of the pressed points along each axis, in periods: their mean on a circle."""
+        turns = [np.exp(2j * math.pi * x) for x in self._from_origin(np.zeros(pressed.ndim))]
+        counts = [
+            pressed.sum(axis=tuple({0, 1} - {axis})[: pressed.ndim - 1]) for axis in range(pressed.ndim)
+        ]
+        sums = np.array([np.sum(turn * count) for turn, count in zip(turns, counts, strict=True)])
+        total = self._grid.ranks.total(sums.view(np.float64)).view(np.complex128)
+        return np.asarray(np.angle(total) / (2 * math.pi))
+
+    def _from_origin(self, origin: FloatArray) -> list[FloatArray]:
+        """Coordinates of the points of this process along each axis, in periods, from -1/2 to 1/2."""
+        every = zip(self._grid.coordinates, self._grid.period, origin, strict=True)
+        return [(x / length - middle + 0.5) % 1.0 - 0.5 for x, length, middle in every]
+
+    @staticmethod
+    def _outermost(pressed: BoolArray, axes: list[FloatArray]) -> FloatArray:
+        """Return the first and the last pressed point of each row, shape (points, axes)."""
+        if pressed.ndim == 1:
+            return axes[0][pressed][:, np.newaxis]
+        x, y = axes
+        order = np.argsort(y)
+        ordered, y = pressed[:, order], y[order]
+        held = ordered.any(axis=1)
+        first, last = ordered.argmax(axis=1), y.size - 1 - ordered[:, ::-1].argmax(axis=1)
+        ends = np.concatenate((y[first[held]], y[last[held]]))
+        return np.stack((np.tile(x[held], 2), ends), axis=1)

@@ -1,0 +1,65 @@
+"""The configuration stored in a folder of results: its sweep, and the numbers of the cases' files.
+
+The head of config.yaml says how many cases the sweep has, and their numbers where these do not run from 0.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from gfmdlayer.config import sweeps, text
+from gfmdlayer.results.schema import ResultsError
+
+MARK = "# Results of gfmdlayer: their configuration, every default written out.\n"
+_CASES, _FILES = "# Cases: ", "# Files: "
+_CASES_OF_RUN = re.compile(r"[0-9]{1,9}")
+
+
+def head(numbers: Sequence[int]) -> str:
+    """Return the head of a stored configuration, with the numbers of its cases."""
+    files = f"{_FILES}{', '.join(_ranges(numbers))}\n"
+    grown = any(number != place for place, number in enumerate(numbers))
+    return f"{MARK}{_CASES}{len(numbers)}\n{files * grown}"
+
+
+def document(config: Path) -> dict[str, Any]:
+    """Return the data of a stored configuration; works without the input files that it names."""
+    found = text.read(config.read_text(encoding="utf-8", errors="replace"), str(config))
+    if not isinstance(found.data, dict):
+        raise ResultsError(f"{config}: cannot be read; must be as the run wrote it")
+    return found.data
+
+
+def case_numbers(config: Path) -> Sequence[int]:
+    """Return the numbers of the cases in the order of the sweep, mostly from the head alone."""
+    with config.open(encoding="utf-8", errors="replace") as file:
+        _, cases, files = (file.readline().rstrip("\n") for _ in range(3))
+    number = cases.removeprefix(_CASES)
+    known = _CASES_OF_RUN.fullmatch(number)
+    count = int(number) if known else sweeps.count(document(config).get("sweep") or {})
+    if files.startswith(_FILES):
+        found = list(islice(_numbers(files.removeprefix(_FILES)), count + 1))
+        if len(found) == count:
+            return found
+    return range(count)
+
+
+def _ranges(numbers: Sequence[int]) -> Iterator[str]:
+    """Yield numbers as text: 0-2, 6, 3-5."""
+    first = last = numbers[0]
+    for number in (*numbers[1:], -1):
+        if number != last + 1:
+            yield str(first) if first == last else f"{first}-{last}"
+            first = number
+        last = number
+
+
+def _numbers(ranges: str) -> Iterator[int]:
+    """Yield the numbers in such a text."""
+    for part in ranges.split(","):
+        first, _, last = part.strip().partition("-")
+        yield from range(int(first), int(last or first) + 1)

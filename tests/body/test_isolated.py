@@ -1,0 +1,150 @@
+"""The periodic body that answers like the isolated one within reach."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import erfc, j0
+
+import gfmdlayer
+from gfmdlayer import Elastic, LayerStack, Prony, Wavevectors, Zener, bonded_layer, halfspace
+from gfmdlayer.body.body import Body, layered_body
+from gfmdlayer.body.isolated import TOLERANCE, Isolated, isolated
+from gfmdlayer.body.materials import Material
+
+CELL = (1.0, 1.0)
+
+
+def random_material(rng: np.random.Generator) -> Material:
+    stiff, tau, kind = 10 ** rng.uniform(-1.5, 1.5), 10 ** rng.uniform(-2, 2), rng.integers(3)
+    if kind == 0:
+        return Elastic(stiff)
+    soft = stiff * 10 ** rng.uniform(-1.5, 0)
+    if kind == 1:
+        return Zener(G0=soft, Ginf=stiff, tau=tau)
+    count = rng.integers(2, 6)
+    moduli, times = stiff * rng.dirichlet(np.ones(count)), tau * 10 ** rng.uniform(-2, 2, count)
+    return Prony(soft, list(zip(moduli.tolist(), times.tolist(), strict=True)))
+
+
+def random_body(rng: np.random.Generator) -> Body:
+    """1 to 4 layers of 0.01 to 3 periods, moduli from 0.03 to 30, on a base of any kind."""
+    layers = [
+        gfmdlayer.Layer(
+            float(10 ** rng.uniform(-2, math.log10(3))),
+            float(rng.choice([0.5, rng.uniform(-0.2, 0.5)])),
+            random_material(rng),
+        )
+        for _ in range(rng.integers(1, 5))
+    ]
+    bases: list[Any] = [math.inf, float(10 ** rng.uniform(-1.5, 1.5)), random_material(rng)]
+    return layered_body(layers, bases[rng.integers(3)], float(rng.choice([0.5, 0.3])), accuracy=1e-6)
+
+
+def error_within_reach(found: Isolated, rng: np.random.Generator) -> float:
+    """Largest error of the response to a point load, by sums over all waves and another low pass."""
+    n = np.arange(-20, 21)
+    nx, ny = (np.ravel(each) for each in np.meshgrid(n, n))
+    waves = Wavevectors.of_components(*(2 * np.pi * each for each in (nx, ny)))
+
+    def low_pass(q: Any) -> Any:
+        return 0.5 * erfc(5 * (q / 60 - 1))
+
+    edges = np.unique([0.0, *np.geomspace(1e-9, 120, 60), *np.arange(0, 120, 4.0)])
+    x, w = np.polynomial.legendre.leggauss(16)
+    half = np.diff(edges)[:, np.newaxis] / 2
+    q, w = (half * (x + 1) + edges[:-1, np.newaxis]).ravel(), (half * w).ravel()
+    w = w * low_pass(q) * q / (2 * np.pi)
+    r, angle = found.reach * np.sqrt(rng.uniform(0, 1, 20)), rng.uniform(0, 2 * np.pi, 20)
+    r[:2] = 0, found.reach
+    cosines = np.cos(
+        2 * np.pi * np.outer(r, 1.0) * (np.outer(np.cos(angle), nx) + np.outer(np.sin(angle), ny))
+    )
+    times, worst = found.low.times[found.low.weights > 0], 0.0
+    between = np.log([times.min() / 30, times.max() * 100]) if times.size else np.zeros(2)
+    for s in (0.0, *(1 / np.exp(rng.uniform(*between, 12))), 1e9 / times.min(initial=1.0)):
+        C = 1 / found.body.stiffness(q, s)
+        response = j0(np.outer(r, q)) @ (w * C)
+        # The part of the body's own waves that the low pass takes ends before the nearest image.
+        passed = low_pass(waves.magnitude)
+        own = 1 / found.body.stiffness(np.maximum(waves.magnitude, 1e-9), s)
+        cut = np.where(waves.magnitude > 0, (1 - passed) * own, 0.0)
+        worst = max(worst, np.abs(cosines @ (1 / found.stiffness(waves, s) - cut) - response).max() / (w @ C))
+    return worst
+
+
+def fitted(seed: int, count: int) -> list[Isolated]:
+    """Fits of random bodies; where one is refused, of the body in the period that is said to do."""
+    rng, found = np.random.default_rng(seed), []
+    for _ in range(count):
+        body = random_body(rng)
+        try:
+            found.append(isolated(body, CELL))
+        except ValueError as refusal:
+            _, _, period = str(refusal).partition("; a period of ")
+            period, _, _ = period.partition(" would do")
+            isolated(body, (float(period), float(period)))
+    return found
+
+
+def check(found: list[Isolated]) -> None:
+    rng = np.random.default_rng(3)
+    for each in found:
+        assert each.error <= TOLERANCE
+        assert (each.low.relaxed > 0).all()
+        assert (each.low.weights >= 0).all()
+        assert (each.low.times > 0).all()
+        assert error_within_reach(each, rng) < 1.1 * TOLERANCE  # between the nodes of the fit
+
+
+def test_random_bodies_answer_without_images_within_reach() -> None:
+    check(fitted(seed=4, count=8))
+
+
+@pytest.mark.slow
+def test_three_hundred_random_bodies_answer_without_images_within_reach() -> None:
+    check(fitted(seed=1, count=300))
+
+
+def test_spectrum_is_the_stiffness_of_its_modes_and_the_body_s_own_beyond() -> None:
+    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=0.45, base=5.0)
+    found = isolated(body, (2.0, 1.0))
+    grid = gfmdlayer.Case(gfmdlayer.Config(name="a", grid={"points": [64, 32], "period": [2.0, 1.0]})).grid
+    for s in (0.0, 0.3, 1e9):
+        K, own = found.stiffness(grid.waves, s), body.stiffness(grid.wavenumbers, s)
+        changed = np.abs(K / np.where(own > 0, own, 1.0) - 1) > 1e-9
+        number = np.hypot(grid.waves.qx * 2.0, grid.waves.qy) / (2 * np.pi)
+        assert changed[number < 1.5].all()
+        assert not changed[number > 6.5].any()
+    assert found.mean_stiffness == pytest.approx(found.stiffness([0.0], 0.0)[0], rel=1e-12)
+
+
+class Orthotropic:
+    """A halfspace that is twice as stiff along y."""
+
+    mean_stiffness = 0.0
+
+    def stiffness(self, waves: Any, s: Any) -> Any:
+        waves = Wavevectors.of(waves)
+        return np.hypot(waves.qx, 2 * waves.qy) + 0 * np.asarray(s)
+
+    def spectrum(self, waves: Any) -> gfmdlayer.Spectrum:
+        return gfmdlayer.Spectrum.of_material(self.stiffness(waves, 0.0), Elastic(1.0))
+
+
+@pytest.mark.parametrize(
+    ("body", "period", "words"),
+    [
+        (bonded_layer(0.1, 1.0, base=0.0), CELL, "must be a body on a base"),
+        (LayerStack((gfmdlayer.Layer(0.1, 0.3, Elastic(1.0)),) * 2), CELL, "must be a body on a base"),
+        (halfspace(1.0), (1.0,), "must have a datum"),
+        (Orthotropic(), CELL, "depends on the direction"),
+    ],
+    ids=["free plate", "free stack", "line on a halfspace", "orthotropic"],
+)
+def test_bodies_without_an_isolated_contact_are_refused(body: Body, period: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        isolated(body, period)

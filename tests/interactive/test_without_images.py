@@ -1,0 +1,190 @@
+"""`solve(isolated=True)` and runs with grid.boundary: isolated, against closed forms and `indent`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+
+from gfmdlayer import (
+    Config,
+    ConfigError,
+    ConvergenceError,
+    Parabola,
+    Zener,
+    bonded_layer,
+    halfspace,
+    indent,
+    run,
+    solve,
+)
+from gfmdlayer.observables import columns
+
+E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1
+DEPTH = 0.01
+
+
+def test_a_sphere_is_hertz_in_a_cell_of_six_radii() -> None:
+    """Force at given depth and depth at given force: with images they are 0.8 and 0.27 off."""
+    a, F = math.sqrt(DEPTH), 4 / 3 * E * DEPTH**1.5
+    cell = {"period": 6 * a, "points": (128, 128), "isolated": True}
+    assert float(solve(halfspace(1.0), Parabola(radius=1.0), depth=DEPTH, **cell).force) == pytest.approx(
+        F, rel=1e-4
+    )
+    found = solve(halfspace(1.0), Parabola(radius=1.0), force=F, **cell)
+    assert float(found.depth) == pytest.approx(DEPTH, rel=1e-4)
+    assert float(found.area_interpolated) == pytest.approx(math.pi * a**2, rel=1e-3)  # of a grid point, 2e-3
+    assert not {"contact_area", "mean_pressure"} & set(found)
+
+
+def ellipse() -> tuple[float, float, float]:
+    """Hertz for z = x^2/4 + y^2/2 at the depth: force and semi-axes (m is the squared eccentricity)."""
+    m = brentq(lambda m: (ellipk(m) - ellipe(m)) / (ellipe(m) / (1 - m) - ellipk(m)) - 0.5, 1e-9, 1 - 1e-9)
+    a = math.sqrt(DEPTH * (1 - ellipe(m) / ellipk(m)) / (m / 4))
+    b = a * math.sqrt(1 - m)
+    return 2 * math.pi / 3 * a * b * DEPTH * E / (ellipk(m) * b), a, b
+
+
+@pytest.mark.parametrize("points", [(128, 128), (192, 128)], ids=["square", "rectangle"])
+def test_an_ellipse_is_hertz(points: tuple[int, int]) -> None:
+    F, a, b = ellipse()
+    period = 6 * a if points == (128, 128) else (6 * a, 6 * b)
+    found = solve(
+        halfspace(1.0), lambda x, y: -(x**2) / 4 - y**2 / 2, depth=DEPTH, period=period, points=points,
+        isolated=True,
+    )  # fmt: skip
+    assert float(found.force) == pytest.approx(F, rel=1e-4)
+
+
+def test_a_square_punch_has_the_capacitance_of_the_square() -> None:
+    """F = pi 0.3667874 E* s depth (Read, J. Comput. Phys. 133 (1997) 1), by extrapolation."""
+    found = []
+    for points in (16, 32):
+        inside = np.arange(4 * points) < points
+        heights = np.where(np.add.outer(~inside, ~inside), -1.0, 0.0)
+        contact = solve(halfspace(1.0), heights, depth=DEPTH, period=0.8, isolated=True)
+        found.append(float(contact.force) / (math.pi * 0.3667874 * E * 0.2 * DEPTH))
+    error = 1 - found[0]
+    # The next term of the error is of the order of the square of the first.
+    assert 2 * found[1] - found[0] == pytest.approx(1, abs=2 * error**2)
+
+
+def test_a_cylinder_is_hertz_with_its_depth_from_the_datum() -> None:
+    """Johnson, Contact Mechanics, section 5.6: a surface point at the distance B >> a counts as at rest."""
+    a, B = 0.1, 3.0
+    F, depth = math.pi * E * a**2 / 4, a**2 / 2 * (math.log(2 * B / a) + 0.5)
+    found = solve(
+        halfspace(1.0), Parabola(radius=1.0), force=F, period=5 * a, points=1024, isolated=True, datum=B
+    )
+    assert float(found.depth) == pytest.approx(depth, rel=(a / B) ** 2)
+    assert float(found.pressure.max()) == pytest.approx(E * a / 2, rel=1e-4)
+    assert float(found.area_interpolated) == pytest.approx(2 * a, rel=1e-3)
+
+
+def test_displacement_is_that_of_a_wider_cell_and_nan_beyond_reach() -> None:
+    a = math.sqrt(DEPTH)
+    body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
+    narrow, wide = (
+        solve(body, Parabola(radius=1.0), depth=DEPTH, period=c * a, points=(16 * c, 16 * c), isolated=True)
+        for c in (6, 12)
+    )
+    assert narrow.displacement.isnull().any()
+    assert (narrow.displacement.isnull() == narrow.gap.isnull()).all()
+    assert not narrow.displacement.where(narrow.contact).isnull().all()
+    inner = wide.displacement.sel(x=narrow.x, y=narrow.y, method="nearest")
+    assert float(np.abs(narrow.displacement - inner.to_numpy()).max()) < 1e-3 * DEPTH  # the fit's tolerance
+
+
+def test_a_contact_wider_than_the_reach_is_an_error_that_names_a_period_that_does() -> None:
+    body, punch = halfspace(1.0), Parabola(radius=1.0)
+    with pytest.raises(ConvergenceError, match=r"periods apart.*; a period of \S+ would do") as refused:
+        solve(body, punch, depth=DEPTH, period=0.4, points=(64, 64), isolated=True)
+    period = float(str(refused.value).split("a period of ")[1].split()[0])
+    assert solve(body, punch, depth=DEPTH, period=period, points=(64, 64), isolated=True).force > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"depth": 0.01, "isolated": True}, "must have a datum"),
+        ({"mean_pressure": 0.01, "isolated": True}, "must be depth or force"),
+        ({"depth": 0.01, "datum": 2.0}, "only with isolated=True"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        solve(halfspace(1.0), Parabola(radius=1.0), **options)
+
+
+MATERIAL = {"model": "zener", "G0": 1.0, "Ginf": 10.0, "tau": 1.0}
+
+
+def loaded(boundary: str, period: float, layer: dict[str, Any], base: float, **keys: Any) -> dict[str, Any]:
+    """A sphere that approaches, holds and retracts."""
+    path = {"kind": "approach_retract", "start": 0.0, "depth": DEPTH, "approach_speed": DEPTH, "dwell": 3.0}
+    return {
+        "grid": {"points": [128, 128], "period": period, "boundary": boundary},
+        "layer": {"thickness": 0.1, "material": MATERIAL} | layer,
+        "halfspace": {"shear_modulus": base},
+        "punch": {"shape": "parabola", "radius": 1.0},
+        "trajectory": path | {"retract_speed": DEPTH, "final": 0.0},
+        "time": {"step": "adaptive", "tolerance": 1e-4},
+    } | keys
+
+
+@pytest.mark.parametrize(
+    ("layer", "base", "most"),
+    # Tolerances of the steps, of the fit in the long waves and of 25 points in a radius, about 1e-4 each.
+    [({"poisson": 0.5}, math.inf, 2e-4), ({"poisson": 0.45}, 5.0, 2e-4), ({"poisson": 0.45}, 0.2, 2.5e-4)],
+    ids=["rigid base", "stiff base", "soft base"],
+)
+def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
+    layer: dict[str, float], base: float, most: float
+) -> None:
+    """In a cell of five contact radii, where images change the force by 0.02 to 1 and more."""
+    body = bonded_layer(0.1, Zener(G0=1.0, Ginf=10.0, tau=1.0), poisson=layer["poisson"], base=base)
+    exact = indent(body, Parabola(radius=1.0), [0, 1, 4, 5], depth=[0, DEPTH, DEPTH, 0], tolerance=1e-5)
+    largest, period = float(exact.force.max()), 5 * float(exact.contact_radius.max())
+    found = run(loaded("isolated", period, layer, base))
+    assert np.abs(found.force - np.interp(found.time, exact.time, exact.force)).max() < most * largest
+    area = np.pi * np.interp(found.time, exact.time, exact.contact_radius) ** 2
+    assert np.abs(found.area_interpolated - area).max() < 0.01 * area.max()
+    for name in ("work", "stored", "dissipated"):
+        energy = np.interp(found.time, exact.time, exact[name])
+        assert np.abs(found[name] - energy).max() < 2e-3 * exact.work.max()  # by trapezoids over the steps
+    if base > 1:  # else there is no room in the periodic cell
+        periodic = run(loaded("periodic", period, layer, base))
+        assert found.transforms.sum() <= 1.1 * periodic.transforms.sum()
+
+
+@pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])
+def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
+    config = Config(
+        name="a",
+        grid={"points": points, "boundary": "isolated"},
+        halfspace={"shear_modulus": math.inf},
+        interface={"law": "exponential", "work": 0.01, "range": 0.01},
+        trajectory={"control": "force", "force": 0.01},
+        output={"patches": True},
+    )
+    found = {each.name: each for each in columns(config)}
+    assert not [
+        each for each in found.values() if "over the cell" in each.origin or "per area" in each.long_name
+    ]
+    assert config.unit(found["area"].units) == ("length" if points == 64 else "length^2")
+
+
+def test_a_force_beyond_reach_ends_the_run_at_the_step_and_keeps_those_before() -> None:
+    config = loaded("isolated", 0.5, {"poisson": 0.45}, 5.0, time={"step": 0.25, "end": 2.0})
+    config["grid"]["points"] = [64, 64]
+    config["trajectory"] = {"control": "force", "force": 0.1, "ramp_time": 2.0}
+    with pytest.raises(ConvergenceError, match=r"^t = .*periods apart.*would do") as refused:
+        run(config)
+    assert 1 < refused.value.data.sizes["time"] < 9
+    assert float(refused.value.data.force[-1]) == pytest.approx(
+        0.05 * float(refused.value.data.time[-1]), rel=1e-9
+    )
