@@ -168,7 +168,7 @@ def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
 
 
 def test_adhesion_does_not_depend_on_the_cell() -> None:
-    """At equal spacings; in periodic cells of these widths the forces differ by a quarter and more."""
+    """Of points at equal spacings."""
     law = {"law": "exponential", "work": 5e-5, "range": 5e-4}
     body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
     narrow, wide = (
