@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gfmdlayer.body.continuous import FractionalZener, HavriliakNegami, Kohlrausch, PowerLaw
     from gfmdlayer.body.layer import LayeredHalfspace
     from gfmdlayer.body.materials import Elastic, Prony, Zener
+    from gfmdlayer.body.pair import Pair
     from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
     from gfmdlayer.body.shifts import WLF, Arrhenius
     from gfmdlayer.body.solid import Solid
@@ -49,7 +50,8 @@ __all__ = [
     "WLF", "Arrhenius", "BluntedCone", "Case", "Cone", "Config", "ConfigError", "ConvergenceError",
     "Cylinder", "Dugdale", "Elastic", "Electrostatic", "Exponential", "Flat", "FlatPunch", "ForceCurve",
     "FractionalZener", "HavriliakNegami", "Kohlrausch", "Layer", "LayerStack", "LayeredHalfspace",
-    "LennardJones", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine", "Sinusoid",
+    "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine",
+    "Sinusoid",
     "Solid", "Spectrum", "Sphere", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
     "fit_indentation", "halfspace", "indent", "leakage", "load", "open_case", "open_results",
     "relaxation_spectrum", "run", "simulate", "solve",
@@ -79,6 +81,7 @@ _MODULES = {
     "gfmdlayer.body.continuous": ("FractionalZener", "HavriliakNegami", "Kohlrausch", "PowerLaw"),
     "gfmdlayer.body.shifts": ("WLF", "Arrhenius"),
     "gfmdlayer.body.relaxation": ("Spectrum", "relaxation_spectrum"),
+    "gfmdlayer.body.pair": ("Pair",),
     "gfmdlayer.body.solid": ("Solid",),
     "gfmdlayer.body.stack": ("Layer", "LayerStack"),
     "gfmdlayer.body.wavevectors": ("Wavevectors",),

@@ -167,10 +167,7 @@ _REPEATS, _BATCH = 5, 1e-3  # batches of pairs, and the seconds of one
 
 
 def pair_seconds(shape: tuple[int, ...], folder: Path) -> float:
-    """Return the seconds of a forward and a backward transform of a grid, kept or measured.
-
-    They are measured with a hasty plan, on a line of as many points but at most `LARGEST`.
-    """
+    """Return the seconds of a pair of transforms: kept, or measured with a hasty plan on a line."""
     for kind in ("seconds", "hasty"):
         with suppress(OSError, ValueError):
             return float(_kept(shape, folder, kind).read_text(encoding="ascii"))

@@ -278,7 +278,7 @@ Pull-off force over π w R of a sphere with Dugdale's law, as Maugis' parameter 
 Interface Sci.* 150 (1992) 243. Ours are three-dimensional contacts on up to 1024 × 1024 points, of the stored
 [table of `gfmdlayer verify`](table.md): they take two minutes.
 """
-    stored = Path(__file__).parents[1] / "docs/verification/run/verification.md"
+    stored = Path(__file__).resolve().parents[1] / "docs/verification/run/verification.md"
     cells = [
         line.split("|")
         for line in stored.read_text(encoding="utf-8").splitlines()

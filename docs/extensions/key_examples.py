@@ -43,6 +43,8 @@ temperature: {value: 35}""",
 halfspace: {shear_modulus: 10.0, poisson: 0.3}
 ---
 halfspace: {poisson: 0.3, material: {G0: 20.0, Ginf: 30.0}}""",
+    "Counterbody": """\
+counterbody: {layer: {thickness: 0.05, material: {G0: 2.0, Ginf: 8.0}}, halfspace: {shear_modulus: 50.0}}""",
     "Temperature": """\
 temperature: {value: 35}
 layer: {material: {shift: {law: wlf, reference: 20, C1: 17.4, C2: 51.6}}}

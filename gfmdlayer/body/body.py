@@ -66,10 +66,7 @@ def check_body(body: object, *needed: str) -> None:
 
 
 def internal_variables(body: Body, waves: Wavevectors) -> InternalVariables:
-    """Return the internal variables of a body whose layers may have reduced times of their own.
-
-    Such a body has the method `internal_variables(waves)`, like `LayerStack`; TypeError for any other.
-    """
+    """Return the internal variables of layers with reduced times of their own, as of `LayerStack`."""
     offered = getattr(body, "internal_variables", None)
     if offered is None:
         raise TypeError(

@@ -31,13 +31,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.relaxation import Spectrum, distinct_branches, retardation_spectrum
+from gfmdlayer.body.relaxation import Spectrum, VectorSpectrum, distinct_branches, retardation_spectrum
 from gfmdlayer.body.springs import Springs
 
 
@@ -57,13 +58,8 @@ class Network:
 
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
-        order = np.argsort(self.times)
-        roots, force = np.sqrt(self.times[order]), self.force[i]
-        if not roots.size or not force.size:
-            return np.zeros(0), np.zeros(0)
-        scaled = self.coupling[i][:, order] / roots
-        slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), scaled)))
-        return ((force @ scaled) @ vectors) ** 2 / slowness**2, 1 / slowness**2
+        amplitudes, slowness = _amplitudes(self.force[i], self.coupling[i], self.times)
+        return amplitudes**2 / slowness**2, 1 / slowness**2
 
     def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return times and axes of the modes at one wavenumber, fastest first, for other theta_j.
@@ -85,6 +81,37 @@ class InternalVariables(NamedTuple):
     network: Network  # the other internal variables, at different wavenumbers where they are not negligible
     number: IntArray  # (nq,): place of each q in the network; -1 where the network is negligible
     laws: tuple[int, ...]  # for each layer of the network the number of its law, counted from the surface
+
+
+def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> VectorSpectrum:
+    """Return the modes of a network on which n displacements of the surface act.
+
+    K(s) = g^H g - g^H B (1 + B^T B + s theta)^-1 B^T g, so that K_0 = g^H (1 + B B^T)^-1 g, with
+    `force` g, real or complex, (nq, redundant, n), `coupling` B (nq, redundant, internal), `times` theta
+    (internal,).
+    """
+    softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
+    relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
+    found = [_amplitudes(*each, times) for each in zip(force, coupling, strict=True)]
+    vectors = np.stack([(amplitudes / slowness).T for amplitudes, slowness in found], axis=1)
+    return VectorSpectrum(relaxed, vectors, np.stack([1 / slowness**2 for _, slowness in found], axis=1))
+
+
+def _amplitudes(
+    force: NDArray[Any], coupling: FloatArray, times: FloatArray
+) -> tuple[NDArray[Any], FloatArray]:
+    """Return amplitudes a_j, (modes,) or (n, modes), and slownesses: v_j = a_j/slowness_j, fastest first.
+
+    `force` has the shape (redundant,) or (redundant, n); the times of the modes are 1/slowness^2.
+    """
+    order = np.argsort(times)
+    roots = np.sqrt(times[order])
+    if not roots.size or not len(force):
+        return np.zeros((*force.shape[1:], 0)), np.zeros(0)
+    scaled = coupling[:, order] / roots
+    slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), scaled)))
+    adjoint = force.conj().T if np.iscomplexobj(force) else force.T
+    return (adjoint @ scaled) @ vectors, slowness
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:

@@ -26,6 +26,7 @@ longest.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -38,6 +39,9 @@ from gfmdlayer.body.materials import Material
 
 # Largest sum of the weights left out at a wavenumber, relative to the relaxed stiffness there.
 NEGLIGIBLE = 1e-15
+
+# Rounding of an entry of K_0, relative to the largest.
+_ASYMMETRIC = 1e-12
 
 # Beyond this x = q d the surface does not feel the base: R_i and b are some x^2 exp(-2x) = 1e-40 of the rest.
 _DEEP = 50.0
@@ -113,6 +117,51 @@ class Spectrum:
         """Return weights and times of the modes at one wave."""
         some = self.weights[:, i] > 0
         return self.weights[some, i].tolist(), self.times[some, i].tolist()
+
+
+@dataclass(frozen=True)
+class VectorSpectrum:
+    """Relaxing modes of n = 1, 2 or 3 components: K(s) = K_inf - sum_j v_j v_j^H/(1 + s theta_j).
+
+    The components are displacements of the surface, and the tractions that do work on them: normal alone,
+    normal and along the wave, or all three. K is Hermitian at real s; a component that is i times a real one
+    makes it real. Each mode has one scalar state, driven by v^H u. A scalar mode of weight w is v = w^(1/2).
+    """
+
+    relaxed: NDArray[Any]  # K_0(q), Hermitian, not negative, shape (*q.shape, n, n)
+    vectors: NDArray[Any]  # v_j(q), zero where a mode is left out, shape (modes, *q.shape, n)
+    times: FloatArray  # theta_j(q) > 0, shape (modes, *q.shape)
+
+    @classmethod
+    def of(cls, spectrum: Spectrum) -> VectorSpectrum:
+        """Return the modes of one component as vectors."""
+        relaxed, vectors = spectrum.relaxed[..., np.newaxis, np.newaxis], np.sqrt(spectrum.weights)
+        return cls(relaxed, vectors[..., np.newaxis], spectrum.times)
+
+    @property
+    def entries(self) -> Spectrum:
+        """The modes of each entry of K, shape (*q.shape, n, n); those beside the diagonal have any sign."""
+        products = self.vectors[..., :, np.newaxis] * self.vectors[..., np.newaxis, :].conj()
+        return Spectrum(self.relaxed, products, self.times[..., np.newaxis, np.newaxis])
+
+    @property
+    def glassy(self) -> NDArray[Any]:
+        """K_inf(q), shape (*q.shape, n, n)."""
+        return self.entries.glassy
+
+    def stiffness(self, s: ArrayLike) -> NDArray[Any]:
+        """K(q, s), shape (*q.shape, n, n), at the Laplace variable s, a number or of the shape of q."""
+        return self.entries.stiffness(np.asarray(s)[..., np.newaxis, np.newaxis])
+
+    def fault(self) -> str:
+        """Return which promise the modes do not keep, if any: K_0 Hermitian and not negative, times > 0."""
+        adjoint = np.swapaxes(self.relaxed, -1, -2).conj()
+        size = np.abs(self.relaxed).max(axis=(-1, -2))
+        if (np.abs(self.relaxed - adjoint).max(axis=(-1, -2)) > _ASYMMETRIC * size).any():
+            return "relaxed: must be Hermitian"
+        if (np.linalg.eigvalsh(self.relaxed).min(axis=-1) < -_ASYMMETRIC * size).any():
+            return "relaxed: has a negative eigenvalue; must be >= 0"
+        return "" if (self.times > 0).all() else "times: must be > 0"
 
 
 def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:
@@ -221,36 +270,48 @@ def retardation_spectrum(
     Raises ArithmeticError if the iteration does not converge.
     """
     compliances, thetas = np.empty((2, moduli.size, relaxed.size))
-    width = max(1, _CHUNK // moduli.size**2)
-    for start in range(0, relaxed.size, width):
-        part = slice(start, start + width)
-        compliances[:, part], thetas[:, part] = _solve_secular(moduli, times, relaxed[part])
+    for part in columns_at_once(moduli.size, relaxed.size):
+        compliances[:, part], thetas[:, part], _ = solve_secular(moduli * times, times, relaxed[part])
     return compliances, thetas
 
 
-def _solve_secular(
-    moduli: FloatArray, times: FloatArray, relaxed: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """`retardation_spectrum` by the iteration of Bunch, Nielsen and Sorensen, Numer. Math. 31 (1978) 31-48.
+def columns_at_once(modes: int, columns: int) -> Iterator[slice]:
+    """Yield the columns for which secular equations are solved together."""
+    width = max(1, _CHUNK // modes**2)
+    for start in range(0, columns, width):
+        yield slice(start, start + width)
 
-    A root is held as its distance from the nearer of the two poles tau_k around it, so that it is accurate
-    however close the times are.
+
+def solve_secular(
+    strengths: FloatArray, times: FloatArray, relaxed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Solve sum_k strengths_k/(theta - tau_k) = A, by the iteration of Bunch, Nielsen and Sorensen (1978).
+
+    Strengths G_k tau_k > 0 and ascending, distinct times tau_k are (n,), or (n, m) for columns of their own;
+    `relaxed` is A > 0, (m,). Return compliances J_k = 1/(theta_k sum_j strengths_j/(theta_k - tau_j)^2) and
+    roots theta_k, both (n, m), and the differences theta_k - tau_j, (n, m, n). A root is stored as its
+    distance from the nearer of the two poles around it, so that it is accurate however close the times are
+    (Numer. Math. 31, 31-48).
     """
-    strengths = moduli * times
+    n = len(times)
+    poles, bounds = times.reshape(n, -1), relaxed.min() if times.ndim == 1 else relaxed
     # A pole of strength zero beyond the last root makes that root like the others. Its distance from the
     # longest time is kept separately: added to the time it may vanish, in a body that is almost rigid.
-    reach = 4 * strengths.sum() / relaxed.min()
-    ends = np.append(times, times[-1] + reach)
-    gap = np.append(np.diff(times), reach)[:, np.newaxis]
-    below = np.tril(np.ones((times.size, 1)) * strengths)
-    sides = np.stack((below, strengths - below), axis=-1)
+    reach = np.atleast_1d(4 * strengths.sum(axis=0) / bounds)
+    ends = np.concatenate((poles, poles[-1:] + reach))
+    gap = np.concatenate((np.diff(poles, axis=0), reach[np.newaxis]))
+    below = np.tril(np.ones((n, 1)) * strengths.T[..., np.newaxis, :])  # ([m,] roots, poles)
+    sides = np.stack((below, strengths.T[..., np.newaxis, :] - below), axis=-1)
+    if times.ndim == 2:
+        sides = np.moveaxis(sides, 1, 0)
 
-    distance = np.repeat(gap / 2, relaxed.size, axis=1)
-    values, _ = _secular_sums((times[:, np.newaxis] - times)[:, np.newaxis], distance, sides)
+    distance = np.array(np.broadcast_to(gap / 2, (n, relaxed.size)))
+    values, _ = _secular_sums(poles[..., np.newaxis] - poles.T, distance, sides)
     upward = values.sum(axis=-1) < relaxed
     sign = np.where(upward, 1, -1)
-    origin = ends[np.arange(times.size)[:, np.newaxis] + ~upward]
-    offsets = origin[..., np.newaxis] - times
+    nearer = np.arange(n)[:, np.newaxis] + ~upward
+    origin = np.take_along_axis(np.broadcast_to(ends, (n + 1, relaxed.size)), nearer, axis=0)
+    offsets = origin[..., np.newaxis] - poles.T
     for _ in range(_MOST_ITERATIONS):
         values, slopes = _secular_sums(offsets, sign * distance, sides)
         near, far = np.moveaxis(np.where(upward[..., np.newaxis], values, -values[..., ::-1]), -1, 0)
@@ -263,20 +324,23 @@ def _solve_secular(
         if (converged | (np.abs(residual) <= _ROUNDING * (relaxed + near - far))).all():
             break
     else:
-        raise ArithmeticError("no convergence to the retardation times of the layer's material")
+        raise ArithmeticError("no convergence to the retardation times of a body")
     theta = origin + sign * distance
     _, slopes = _secular_sums(offsets, sign * distance, sides)
-    return 1 / (theta * slopes.sum(axis=-1)), theta
+    return 1 / (theta * slopes.sum(axis=-1)), theta, offsets + (sign * distance)[..., np.newaxis]
 
 
 def _secular_sums(offsets: FloatArray, y: FloatArray, sides: FloatArray) -> tuple[FloatArray, FloatArray]:
     """sum_k G_k tau_k/(theta - tau_k) over the poles below and above a root, and minus its derivative.
 
     `offsets` holds origin - tau_k, shape (n, m, n), and y theta - origin, shape (n, m); `sides` the strengths
-    on either side, shape (n, n, 2). Both results have shape (n, m, 2).
+    on either side, shape (n, n, 2), or (n, m, n, 2) where columns differ. Both results have shape (n, m, 2).
     """
     inverse = 1 / (offsets + y[..., np.newaxis])
-    return inverse @ sides, (inverse * inverse) @ sides
+    if sides.ndim == 3:
+        return inverse @ sides, (inverse * inverse) @ sides
+    rows = inverse[..., np.newaxis, :]
+    return (rows @ sides)[..., 0, :], ((rows * rows) @ sides)[..., 0, :]
 
 
 def _next_distance(

@@ -33,10 +33,7 @@ Celsius = Annotated[
 
 
 class Shift(Kind):
-    """The factor aT as a function of the temperature in degrees Celsius.
-
-    In both laws ln aT = slope/(T - pole) + constant, with T above the pole.
-    """
+    """The factor aT of the temperature in Celsius: ln aT = slope/(T - pole) + constant, T above the pole."""
 
     law: str
     """word that chooses the law"""

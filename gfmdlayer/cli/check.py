@@ -15,7 +15,6 @@ from gfmdlayer.cli.terminal import (
     count_cases,
     cut_short,
     read_config,
-    results_folder,
 )
 
 if TYPE_CHECKING:
@@ -40,11 +39,10 @@ def check(options: argparse.Namespace) -> int:
     from gfmdlayer.execution.sweep import Cases, label
     from gfmdlayer.notes import notes
 
-    config = read_config(options)
+    config, directory = read_config(options)
     every = Cases(config)
     some: Sequence[SweepCase] = every.examined()
     part = len(some) / len(every)
-    directory = results_folder(options, config)
     some, found = _in_folder(directory, config, some) if part == 1 else (some, [])
     cost = total((estimate(case.config) for case in some), part)
     lines = [f"{config.name}: {count_cases(len(every))}"]

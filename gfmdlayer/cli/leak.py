@@ -89,12 +89,13 @@ def leak(options: argparse.Namespace) -> int:
             if not cases:
                 raise ResultsError(f"{path}: no snapshots; set output.snapshots and run the config again")
             for i, (title, case) in enumerate(cases.items()):
+                label = title.replace("$", "")
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always", UserWarning)
                     found = leakage(case, fields=i == 0, **seal)
-                _print(title, found, options.along)
+                _print(label, found, options.along)
                 for each in caught:
-                    print(f"gfmdlayer: {title}{': ' * bool(title)}{each.message}", file=sys.stderr)
+                    print(f"gfmdlayer: {label}{': ' * bool(label)}{each.message}", file=sys.stderr)
                 if i > 0:
                     continue
                 if options.fields is not None:

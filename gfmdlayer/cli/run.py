@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gfmdlayer.cli.terminal import (
@@ -22,7 +21,6 @@ from gfmdlayer.cli.terminal import (
     interval,
     read_config,
     refuse,
-    results_folder,
 )
 from gfmdlayer.execution import CHECKPOINT_EVERY
 
@@ -123,10 +121,9 @@ def _run(options: argparse.Namespace, pool: WorkerPool, threads: int) -> int:
 
     try:
         with interrupts.at_once():
-            config = read_config(options, options.ranks_per_case)
-        directory = results_folder(options, config)
+            config, directory = read_config(options, options.ranks_per_case)
         if options.only_failed:
-            Folder(Path(directory)).must_hold_results()
+            Folder(directory).must_hold_results()
         chosen = RunOptions(
             options.restart,
             options.only_failed,

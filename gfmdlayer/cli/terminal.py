@@ -13,6 +13,7 @@ from gfmdlayer.files.locks import printable
 
 if TYPE_CHECKING:
     from gfmdlayer.config import Config
+    from gfmdlayer.config.reader import Inspection
     from gfmdlayer.execution.run import Summary
     from gfmdlayer.execution.sweep import Shard
 
@@ -91,28 +92,26 @@ def input_problems(error: Exception) -> Sequence[str]:
     return [str(error)] if isinstance(error, FolderError | LauncherError | TableError | ResultsError) else []
 
 
-def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> Config:
-    """Read the configuration on the command line, from YAML or from the result file of a case."""
+def read_config(options: argparse.Namespace, ranks_per_case: int = 1) -> tuple[Config, Path]:
+    """Read the configuration on the command line, from YAML or from the result file of a case.
+
+    Also return the results folder: --out, or results/NAME; results/NAME-NNNN when a case is run again.
+    """
     from gfmdlayer.config import ConfigError
     from gfmdlayer.execution import folder
+    from gfmdlayer.execution.sweep import input_errors
 
-    try:
-        if ranks_per_case == 1:
-            return folder.read_config(options.config, options.set)
+    inspect: Inspection = input_errors
+    if ranks_per_case > 1:
         from gfmdlayer.execution.groups import input_errors_together
 
         inspect = partial(input_errors_together, ranks_per_case=ranks_per_case)
-        return folder.read_config(options.config, options.set, inspect)
+    try:
+        config = folder.read_config(options.config, options.set, inspect)
     except PermissionError as error:
         raise ConfigError(list(input_problems(error))) from None
-
-
-def results_folder(options: argparse.Namespace, config: Config) -> Path:
-    """Return --out, or results/NAME; results/NAME-NNNN when a case is run again."""
-    from gfmdlayer.execution.folder import is_result
-
-    rerun = f"-{Path(options.config).stem}" if is_result(options.config) else ""
-    return Path(options.out or Path("results") / f"{config.name}{rerun}")
+    rerun = f"-{Path(options.config).stem}" if folder.is_result(options.config) else ""
+    return config, Path(options.out or Path("results") / f"{config.name}{rerun}")
 
 
 def count_cases(number: int) -> str:

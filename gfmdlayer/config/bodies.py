@@ -83,10 +83,7 @@ def _dumped(body: Solid, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _of_file(given: Any) -> Solid:
-    """Return the body of the class in a file.
-
-    The messages of an InconsistentError name the file with the line, or the key.
-    """
+    """Return the body of the class in a file; InconsistentErrors name the file with the line, or the key."""
     if isinstance(given, _OfFile):
         return given  # type: ignore[return-value]
     try:
@@ -125,10 +122,7 @@ def _restored(source: _Source, state: Any) -> Solid:
 
 @lru_cache(maxsize=64)
 def body_class(source: bytes, path: str) -> type[Solid]:
-    """Run the code of a file, and return the class of the body in it.
-
-    A ValueError if the code fails, or has not one class that derives from `Solid`; it names file and line.
-    """
+    """Run a file, and return its one class that derives from `Solid`; a ValueError names file and line."""
     module = ModuleType(f"gfmdlayer_body_{hashlib.sha256(source + path.encode()).hexdigest()[:16]}")
     module.__file__, module.__loader__ = path, _Source(source, path)  # type: ignore[assignment]
     sys.modules[module.__name__] = module  # where annotations of the class are resolved

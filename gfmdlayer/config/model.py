@@ -24,6 +24,7 @@ from gfmdlayer.body.solid import Solid
 from gfmdlayer.body.temperature import Temperature, temperature_problems
 from gfmdlayer.config import sections, sweeps, text
 from gfmdlayer.config.bodies import BODY
+from gfmdlayer.config.counterbody import Counterbody, TwoBodies, problems_of_the_counterbody
 from gfmdlayer.config.geometries import GEOMETRIES, Geometry
 from gfmdlayer.config.layers import Halfspace, Layer, Layers, StackedLayer, layered, problems_of_the_body
 from gfmdlayer.config.sections import Output
@@ -178,7 +179,7 @@ class Config(Section):
         Names the folder of the results.
     units : Units, optional
         Labels of the numbers; without them lengths are in L, moduli in G0 and times in tau, or in any units.
-    grid, body, layer, layers, halfspace, punch, trajectory, time, solver, output : Section
+    grid, body, layer, layers, halfspace, counterbody, punch, trajectory, time, solver, output : Section
         See their classes.
     sweep : dict
         Dotted key -> its values, and lists of combinations; see `gfmdlayer.config.sweeps`. A configuration
@@ -211,6 +212,8 @@ class Config(Section):
         default_factory=lambda data: Halfspace() if layered(data) else None
     )
     """the base under the layers"""
+    counterbody: Annotated[Counterbody | None, given] = None
+    """a second deformable body, with the shape of the punch; without it the punch is rigid"""
     temperature: Annotated[Temperature | None, given] = None
     """temperature of the body over time, for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)
@@ -252,6 +255,7 @@ class Config(Section):
         moves, of_layers = self.trajectory.moves, isinstance(self.solid, Layers)
         yield from temperature_problems(self, self.temperature, moves=moves, layered=of_layers)
         yield from self.geometry.problems(self)
+        yield from problems_of_the_counterbody(self)
         yield from problems_of_the_interface(self)
         yield from problems_of_the_motion(self.trajectory, self.time, pulls=bool(self.interfaces))
         yield from self._problems_of_the_output()
@@ -299,11 +303,15 @@ class Config(Section):
 
     @property
     def solid(self) -> Solid:
-        """The body: layers, or another one."""
+        """The body: layers, or another one; with the counterbody, where that deforms."""
+        own: Solid
         if self.body is not None and not isinstance(self.body, Layers):
-            return self.body
-        assert self.halfspace is not None
-        return Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
+            own = self.body
+        else:
+            assert self.halfspace is not None
+            own = Layers.of(self.layers or (() if self.layer is None else (self.layer,)), self.halfspace)
+        second = None if self.counterbody is None else self.counterbody.solid
+        return own if second is None else TwoBodies.of(own, second)
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -390,10 +398,7 @@ class Config(Section):
 
 
 def digest(config: Config) -> str:
-    """Return a hash of all input of a case's results, and of nothing else.
-
-    Name and sweep do not enter; files enter by their contents, not by their paths.
-    """
+    """Return a hash of all input of a case's results: without name and sweep, files by their contents."""
     return _hash(config, {"name": True, "sweep": True, "output": {"keep_state"}})
 
 

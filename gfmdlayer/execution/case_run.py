@@ -280,10 +280,7 @@ def run_case(
     checkpoint_every: float = CHECKPOINT_EVERY,
     ranks: Ranks | None = None,
 ) -> Outcome:
-    """Run one case into its file; an error becomes its outcome.
-
-    Of several ranks that compute the case each calls this; the first one writes.
-    """
+    """Run one case into its file, on each rank that computes it; an error becomes its outcome."""
     from gfmdlayer.grid.ranks import ALONE
 
     begun, ranks = time.monotonic(), ranks or ALONE
@@ -409,10 +406,7 @@ class _Run:
 
 
 def attributes(model: Model, given: Config | None = None, *, surfaces: bool = True) -> dict[str, str | float]:
-    """Return the attributes of a case that its configuration gives, and notes, on measured surfaces too.
-
-    The configuration is stored as it was `given`, where it differs.
-    """
+    """Return the attributes of a case and notes; the configuration is stored as it was `given`."""
     config = model.config
     found: dict[str, str | float] = {"name": config.name, "config": (given or config).dump()}
     if (tau := config.solid.characteristic_time) is not None:

@@ -199,10 +199,7 @@ def read_config(
 def stored_config(
     path: str | Path, overrides: Iterable[str] | Mapping[str, object] = (), inspect: Inspection = input_errors
 ) -> Config:
-    """Return the configuration from which a case was computed, as `config.load` does.
-
-    ConfigError where a file that it names holds something else now: the case would not be the same.
-    """
+    """Return the configuration of a case, see `load`; ConfigError where a file that it names has changed."""
     from gfmdlayer.results.reader import attributes
 
     try:

@@ -85,10 +85,7 @@ def run_case_together(case: SweepCase, **options: Any) -> Outcome:
 
 @contextmanager
 def groups_of(size: int, prepare: Callable[[], None] | None = None) -> Iterator[WorkerPool | None]:
-    """Assemble a pool of groups of `size` ranks; all but the first rank get None, after the run.
-
-    LauncherError without a launcher, or where its number of processes is no multiple of the size.
-    """
+    """Assemble a pool of groups of `size` ranks; all but the first rank get None, after the run."""
     launched = launched_size(os.environ)
     if launched is None:
         raise LauncherError(f"--ranks-per-case {size}: needs MPI ranks; start it by mpirun -n {size}")

@@ -91,10 +91,7 @@ def disk_warnings(directory: Path, needed: float) -> list[str]:
 
 
 def memory_warnings(each: float, number: int = 1, instead: str = "fewer grid.points") -> list[str]:
-    """Warn of processes that need more bytes than they may have, by the estimate `each` of one of them.
-
-    The message advises to take `instead`.
-    """
+    """Warn of processes that need more bytes than they may have, an estimate `each`; advise `instead`."""
     for limit, whose, together in memory_limits():
         if (needed := each * (number if together else 1)) > limit:
             processes = f" by {number} processes" * (together and number > 1)

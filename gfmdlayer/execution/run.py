@@ -221,10 +221,7 @@ def _ordered(
 def _collect(
     config: Config, folder: Folder, every: Sequence[SweepCase], outcomes: dict[int, Outcome]
 ) -> tuple[list[str], list[Outcome]] | None:
-    """Write the sweep file; return None where cases of other shards are not complete.
-
-    Else the notes in it, and the cases that ended well, but could not be read any more.
-    """
+    """Write the sweep file; return notes, and cases that cannot be read; None while shards are at work."""
     from gfmdlayer.results.gathering import CaseRecord, collect
     from gfmdlayer.results.reader import attributes
     from gfmdlayer.results.schema import ResultsError

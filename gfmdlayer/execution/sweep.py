@@ -100,10 +100,7 @@ def cases(config: Config) -> list[SweepCase]:
 
 
 def own_cases(every: Cases, shard: Shard | None) -> list[SweepCase]:
-    """Return the cases of a run or of its shard; a request to stop ends it at once.
-
-    ConfigError if a combination of values is not possible, or if memory does not suffice for so many cases.
-    """
+    """Return the cases of a run or of its shard; ConfigError for impossible values, or too many cases."""
     number = len(every) if shard is None else -(-len(every) // shard.count)
     needed, instead = PROGRAM + CASE_BYTES * number, "fewer values, or more parts (--shard I/N)"
     if refused := preflight.memory_warnings(needed, instead=instead):
@@ -113,10 +110,7 @@ def own_cases(every: Cases, shard: Shard | None) -> list[SweepCase]:
 
 
 def input_errors(config: Config, ranks: Ranks | None = None) -> Iterable[tuple[str, str]]:
-    """Check the numbers and input files of the cases, for `config.load`; imports numerics only for files.
-
-    Of very many cases some are checked, and the others when they are run.
-    """
+    """Check numbers and input files of the cases, some of very many, for `config.load`."""
     doubtful = [case.config for case in Cases(config).examined() if not case.config.plainly_possible]
     if not doubtful:
         return ()

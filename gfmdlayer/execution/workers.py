@@ -59,10 +59,7 @@ class _NoWorkers(Executor):
 
 
 def threads_each(environment: MutableMapping[str, str], asked: int | None = None) -> int:
-    """Set the threads of the numerical libraries before their import, one a process by default.
-
-    Returns the threads for the transforms of a process: `asked`, or OMP_NUM_THREADS.
-    """
+    """Set the threads of libraries before their import; return those for the transforms of a process."""
     if asked is not None:
         if not 1 <= asked <= MOST:
             raise LauncherError(f"--threads {asked}: must be from 1 to {MOST}")

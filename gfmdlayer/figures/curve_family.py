@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from gfmdlayer.figures.labels import Quantity, Ticks, name_axes, quantity, symbol
+from gfmdlayer.figures.labels import Quantity, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import LINE_STYLES, Dashes, colours, line_style, spread
 from gfmdlayer.figures.selection import (
     case_dimensions,
@@ -27,7 +27,6 @@ from gfmdlayer.results.schema import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from xarray import DataArray, Dataset
@@ -77,25 +76,11 @@ class Scale(NamedTuple):
         """Set the scale, the ticks and the label of an axis."""
         axis = axes.xaxis if name == "x" else axes.yaxis
         if self.kind == "order":
-            axis.set_ticks(self.ticks, self.labels)
-            axis.set_ticks([], minor=True)
+            label_places(axis, self.ticks, self.labels)
             axis.set_label_text(self.quantity.label)
             return
         axes.set(**{f"{name}scale": self.kind})
         name_axes(axes, **{name: self.quantity})
-        if self.kind == "log":
-            round_ticks(axis, self.quantity)
-
-
-def round_ticks(axis: Axis, drawn: Quantity) -> None:
-    """Label a logarithmic axis of up to three decades at 1, 2 and 5, without powers of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    low, high = axis.get_view_interval()
-    if high / low <= 1e3:
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low <= 100 else (1,)))
-        axis.set_major_formatter(Ticks(drawn))
-        axis.set_minor_formatter(NullFormatter())
 
 
 def _off_middle(values: Any) -> float:
@@ -135,8 +120,6 @@ class ColourBar(NamedTuple):
             bar.set_label(self.scale.quantity.label)
             return
         name_axes(bar.ax, y=self.scale.quantity)
-        if self.scale.kind == "log":
-            round_ticks(bar.ax.yaxis, self.scale.quantity)
 
 
 class Curve(NamedTuple):

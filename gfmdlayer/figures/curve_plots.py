@@ -17,7 +17,16 @@ import numpy as np
 
 from gfmdlayer.figures.curve_family import Family, Scale, family
 from gfmdlayer.figures.labels import finish, name_axes, quantity
-from gfmdlayer.figures.plot_style import PAPER, Columns, Style, legend_entries, new_figure, spread, styled
+from gfmdlayer.figures.plot_style import (
+    PAPER,
+    Columns,
+    Style,
+    legend_above,
+    legend_entries,
+    new_figure,
+    spread,
+    styled,
+)
 from gfmdlayer.figures.selection import (
     Time,
     at_time,
@@ -28,6 +37,7 @@ from gfmdlayer.figures.selection import (
     swept,
 )
 from gfmdlayer.figures.snapshot_plots import Inset
+from gfmdlayer.observables.transport import SPARSE
 from gfmdlayer.results.reader import case_path, is_complete, open_case
 from gfmdlayer.results.schema import ResultsError
 
@@ -40,8 +50,7 @@ if TYPE_CHECKING:
 
 
 LABELLED = 40  # most entries of a legend
-BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are below
-SHORT = 20  # letters of mathtext of a short entry, of which three fit below a column
+BESIDE, LETTERS = 12, 40  # most entries of a legend beside the panels, and letters of each; more are above
 ROW_MM = 4.5  # of a legend
 
 
@@ -137,6 +146,8 @@ def _draw_against_column(axes: Axes, drawn: Family, x: str, y: str, log: Sequenc
             sweep[name].isel(curve.place, missing_dims="ignore").to_numpy() for name in ("time", x, y)
         )
         shown = np.isfinite(clock) & ((across > 0) if "x" in log else True)
+        if y in SPARSE:
+            shown &= np.isfinite(values)
         across = across[shown] / along.scale
         axes.plot(across, values[shown] / up.scale, color=curve.colour, linestyle=curve.dashes)
         ends += [*across[:1], *across[-1:]]
@@ -151,7 +162,7 @@ def _scale_axes(axes: Axes, names: Mapping[str, str], log: Sequence[str]) -> lis
     """Set the scales of the axes; say which values a logarithmic one has no place for."""
     said = []
     if "y" not in log and axes.dataLim.y0 >= 0:
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, 1.05 * axes.dataLim.y1 or 1.0)  # of a constant, matplotlib leaves no room
     for each in set(log):
         values = np.concatenate([np.asarray(getattr(line, f"get_{each}data")()) for line in axes.lines])
         if not (values > 0).any():
@@ -193,15 +204,12 @@ def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, s
     if entries and columns == 2 and len(entries) <= BESIDE and letters <= LETTERS:
         figure.legend(handles=entries, loc="outside right center")
     elif entries:
-        across = max(1, (3 if columns == 1 else 6) * SHORT // max(letters, SHORT))
-        rows = -(-len(entries) // across)
+        rows = legend_above(figure, entries)
         width, height = figure.get_size_inches()
         figure.set_size_inches(width, height + max(rows - 2, 0) * ROW_MM * style.scale / 25.4)
-        figure.legend(handles=entries, loc="outside lower center", ncols=across)
     return [f"{len(kept)} of {len(drawn.legend)} curves labelled"] * (len(kept) < len(drawn.legend))
 
 
-_LETTERS = 80  # in a row of it, the commands of mathtext included
 _NOTHING = 2e-3  # part of the largest value that cannot be seen
 _MARGIN = 0.05
 _SEPARATIONS = ("work_of_separation", "total_work_of_separation")  # per area, and of an isolated contact
@@ -237,9 +245,7 @@ def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "fo
         _zoom(axes)
         axes.axhline(0.0, color="0.6", linewidth=0.5, zorder=0)
         if entries := legend_entries(legend or drawn.legend):
-            longest = max(len(str(entry.get_label())) for entry in entries)
-            across = 1 if legend else max(1, _LETTERS // longest)
-            figure.legend(handles=entries, loc="outside lower center", ncols=across)
+            legend_above(figure, entries)
         if drawn.bar is not None:
             drawn.bar.draw(figure, axes)
         finish(figure, [*notes(drawn.sweep), *drawn.notes])
@@ -258,7 +264,8 @@ def _zoom(axes: Axes) -> None:
     """Leave out the depths at which the punch is away, where no curve is off zero."""
     curves = [line.get_data() for line in axes.lines]
     least = _NOTHING * max(float(np.abs(y).max(initial=0.0)) for _, y in curves)
-    acts = np.concatenate([np.asarray(x)[np.abs(y) > least] for x, y in curves])
+    off = [np.convolve(np.abs(y) > least, [1, 1, 1], "same") > 0 for _, y in curves]  # and the points beside
+    acts = np.concatenate([np.asarray(x)[each] for (x, _), each in zip(curves, off, strict=True)])
     if acts.size and (room := _MARGIN * np.ptp(acts)) > 0:
         axes.set_xlim(acts.min() - room, acts.max() + room)
 

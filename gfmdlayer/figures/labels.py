@@ -16,7 +16,8 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from matplotlib.ticker import Formatter
+from matplotlib.axis import Axis, XAxis
+from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from gfmdlayer.observables import INDENTATION, TOTALS, known_columns
 from gfmdlayer.results.schema import OVER_TIME, SYMBOLS
@@ -43,6 +44,11 @@ PAPER_SYMBOLS = {
     "work_of_separation": r"W_\mathrm{sep}",
     "loop_area": r"\oint\bar{p}\,\mathrm{d}\delta",
     "traction": r"\tau",
+    **{f"flow_{each}": f"K_{{{each}}}" for each in ("xx", "xy", "yy")},
+    **{f"hydraulic_gap_{each}": f"h_{each}" for each in "xy"},
+    **{f"critical_gap_{each}": rf"u_{{\mathrm{{c}}{each}}}" for each in "xy"},
+    "spot_radius": r"a_\mathrm{eq}",
+    "resistance": "R",
     "displacement": "u",
     "pressure": "p",
     "gap": "g",
@@ -155,6 +161,7 @@ PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: 
 _POWERS = {prefix: power for power, prefix in PREFIXES.items()} | {"u": -6, "μ": -6}
 # Magnitudes that are written as they are: in units that take a prefix, and others.
 WITH_PREFIX, PLAIN = (1e-1, 1e3), (1e-2, 1e5)
+SHORT_TICK = 4  # letters
 DECADES = 1e4  # values within it have the same prefix in a legend
 
 _FACTOR = re.compile(r"(/?)\s*([^\s/*^()]+)(?:\^(-?\d+))?")
@@ -186,7 +193,9 @@ class Quantity(NamedTuple):
         return f"{self.symbol} ({mathtext_units(unit)})" if unit else self.symbol
 
     def numbers(self, values: Sequence[Any]) -> list[str]:
-        """Write values for ticks, in the power of ten of the label."""
+        """Write values for ticks, in the power of ten of the label; fractions are for pure numbers."""
+        if self.unit and not any(isinstance(value, str) for value in values):
+            return [_number_label(float(value) / 10.0**self.power, is_fractional=False) for value in values]
         return value_labels([_in_power(value, self.power) for value in values])
 
     def equals(self, values: Sequence[Any]) -> list[str]:
@@ -282,20 +291,32 @@ def _in_power(value: Any, power: int) -> Any:
 class Ticks(Formatter):
     """Ticks of a quantity, in the power of ten that is written with its unit."""
 
-    def __init__(self, drawn: Quantity) -> None:
-        self.quantity = drawn
+    def __init__(self, drawn: Quantity, *, is_log: bool = False) -> None:
+        self.quantity, self.is_log = drawn, is_log
 
     def __call__(self, value: float, pos: int | None = None) -> str:  # noqa: ARG002
         """Write a single tick."""
         return self.format_ticks([value])[0]
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
-        """Write all ticks with the digits that one of them needs."""
+        """Write all ticks with the digits that one of them needs; on a logarithmic axis each with its own."""
+        if self.is_log:
+            return [_number_label(value / 10.0**self.quantity.power, is_fractional=False) for value in values]
         shown = [f"{value / 10.0**self.quantity.power:.10g}" for value in values]
         if any("e" in text for text in shown):
             return [_number_label(float(text), is_fractional=False) for text in shown]
         digits = max((len(text.partition(".")[2]) for text in shown), default=0)
         return [f"{float(text) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}") for text in shown]
+
+
+def label_places(axis: Axis, places: Sequence[int], labels: Sequence[str]) -> None:
+    """Label places in their order; long words along x are broken after the first, or upright."""
+    if isinstance(axis, XAxis) and max(map(len, labels), default=0) * len(labels) > MOST_LETTERS:
+        labels = [label.replace(" ", "\n", 1) for label in labels]
+        longest = max(len(line) for label in labels for line in label.split("\n"))
+        axis.set_tick_params(rotation=90 if longest * len(labels) > 3 * MOST_LETTERS else 0)
+    axis.set_ticks(places, labels)
+    axis.set_ticks([], minor=True)
 
 
 def name_axes(axes: Axes, x: Quantity | None = None, y: Quantity | None = None) -> None:
@@ -305,6 +326,18 @@ def name_axes(axes: Axes, x: Quantity | None = None, y: Quantity | None = None) 
             axis.set_label_text(drawn.label)
             if axis.get_scale() == "linear":
                 axis.set_major_formatter(Ticks(drawn))
+            else:
+                _round_ticks(axis, drawn)
+
+
+def _round_ticks(axis: Axis, drawn: Quantity) -> None:
+    """Label a logarithmic axis of up to three decades at round numbers, without powers of ten."""
+    low, high = axis.get_view_interval()
+    axis.set_minor_formatter(NullFormatter())
+    if high / low <= 1e3:
+        subs = range(1, 10) if high / low <= 4 else (1, 2, 5) if high / low <= 100 else (1,)
+        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_formatter(Ticks(drawn, is_log=True))
 
 
 def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
@@ -316,9 +349,23 @@ def finish(figure: Figure, notes: Sequence[str] = ()) -> None:
             if isinstance(ticks := axis.get_major_formatter(), Ticks):
                 ticks.quantity = ticks.quantity.fit(axis.get_view_interval())
                 axis.set_label_text(ticks.quantity.label if axis.get_label_text() else "")
+        _part_ticks(axes.xaxis)
     if notes:
         text = "\n".join(_lines(notes, figure.get_figwidth()))
         figure.supxlabel(text, x=0.01, ha="left", fontsize="small", color="0.3")
+
+
+def _part_ticks(axis: XAxis) -> None:
+    """Take fewer ticks of a linear axis where they are so long that they would run together."""
+    ticks = axis.get_major_formatter()
+    if isinstance(ticks, Ticks) and not ticks.is_log:
+        longest = max(map(len, ticks.format_ticks(axis.get_majorticklocs().tolist())), default=0)
+        if longest > SHORT_TICK:
+            # By the axis there is a tick for every 3 heights of a letter; the layout will shorten the axis.
+            room = 0.7 * 3.0 * axis.get_tick_space()
+            axis.set_major_locator(
+                MaxNLocator(max(2, int(room / (0.65 * longest + 1.0))), steps=[1, 2, 5, 10])
+            )
 
 
 def explained(case: Dataset, names: Sequence[str]) -> list[str]:

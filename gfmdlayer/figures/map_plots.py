@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gfmdlayer.figures.curve_family import Scale, round_ticks
-from gfmdlayer.figures.labels import Quantity, finish, name_axes, quantity, symbol
+from gfmdlayer.figures.curve_family import Scale
+from gfmdlayer.figures.labels import Quantity, finish, label_places, name_axes, quantity, symbol
 from gfmdlayer.figures.plot_style import PAPER, Style, new_figure, spread, styled
 from gfmdlayer.figures.selection import (
     Time,
@@ -142,8 +142,6 @@ def _draw_bar(axes: Axes, drawn_in: ScalarMappable, drawn: Quantity) -> None:
     """Draw the colour bar of a quantity beside a panel."""
     bar = axes.figure.colorbar(drawn_in, ax=axes)
     name_axes(bar.ax, y=drawn)
-    if bar.ax.get_yscale() == "log":
-        round_ticks(bar.ax.yaxis, drawn)
 
 
 def fit_map_figure(fits: Dataset, style: Style = PAPER, z: Sequence[str] = ()) -> Figure:
@@ -206,7 +204,7 @@ def draw_quantity(axes: Axes, values: DataArray, drawn: Quantity) -> None:
         along = quantity(coordinate)
         along = along.fit(known) if along.unit and coordinate.dtype.kind in "if" else along
         labels = along.numbers(known)
-        axis.set_ticks(ticks, [labels[i] for i in ticks])
+        label_places(axis, ticks, [labels[i] for i in ticks])
         axis.set_label_text(along.label)
     _write_numbers(axes, mesh, cells, drawn)
 

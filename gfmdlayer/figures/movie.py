@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gfmdlayer.figures.labels import explained, finish, name_axes, quantity
-from gfmdlayer.figures.plot_style import SCREEN, Style, check_suffix, colours, new_figure, styled
+from gfmdlayer.figures.plot_style import (
+    SCREEN,
+    Style,
+    check_suffix,
+    colours,
+    legend_above,
+    new_figure,
+    styled,
+)
 from gfmdlayer.figures.snapshot_plots import (
     PUNCH,
     Extremes,
@@ -97,15 +105,16 @@ def animated(case: Dataset, title: str = "", style: Style = SCREEN) -> tuple[Fig
     figure = new_figure(2, height, style)
     panels = figure.subplots(1, 2)
     updates = [draw(axes, case, name, seen) for axes, name in zip(panels, (first, "pressure"), strict=True)]
+    if "y" in case["pressure"].dims:
+        panels[1].set_ylabel("")
     if "gap" in case:
         punch = [] if "y" in case["pressure"].dims else [Line2D([], [], label="punch", **PUNCH)]
-        figure.legend(handles=[*punch, contact_entry()], loc="outside lower center", ncols=2)
+        legend_above(figure, [*punch, contact_entry()])
     finish(figure, explained(case, [first, "pressure"]))
     times = snapshot_titles(case)
-    heading = figure.suptitle("")
 
     def show(i: int) -> None:
-        heading.set_text(f"{title}    {times[i]}".strip())
+        panels[0].set_title(f"{title}    {times[i]}".strip(), loc="left")
         for update in updates:
             update(i)
 

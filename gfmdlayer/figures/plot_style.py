@@ -7,7 +7,8 @@ yellow, so that they keep their order when printed grey; line styles distinguish
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,6 +158,22 @@ def legend_entries(entries: Iterable[tuple[str, str, Dashes]]) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], color=colour, linestyle=dashes, label=title) for title, colour, dashes in entries]
+
+
+def legend_above(figure: Figure, entries: Sequence[Line2D]) -> int:
+    """Draw a legend above the panels, in as many columns as have room; return the number of its rows."""
+    from matplotlib import rcParams
+    from matplotlib.font_manager import FontProperties
+
+    font = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
+    letters = max(
+        (len(re.sub(r"\\[a-z]+|[${}\\]", "", str(entry.get_label()))) for entry in entries), default=0
+    )
+    # A letter is about 0.42 as wide as the font is high; the line before the text and the room have 2.8 more.
+    width = font * (0.42 * letters + rcParams["legend.handlelength"] + 2.8)
+    rows = -(-len(entries) // max(1, int(figure.get_figwidth() * 72 / width)))
+    figure.legend(handles=list(entries), loc="outside upper center", ncols=-(-len(entries) // rows))
+    return rows
 
 
 def spread(count: int, most: int) -> list[int]:

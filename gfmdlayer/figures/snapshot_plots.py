@@ -26,6 +26,7 @@ from gfmdlayer.figures.plot_style import (
     Dashes,
     Style,
     colours,
+    legend_above,
     legend_entries,
     line_style,
     new_figure,
@@ -118,7 +119,8 @@ def section(case: Dataset) -> Dataset:
 def snapshot_times(case: Dataset) -> tuple[Quantity, list[float]]:
     """Return how time is drawn, and the times of the snapshots, divided by its scale."""
     time = quantity(case["snapshot"], case.attrs)
-    return time, [float(f"{each / time.scale:.12g}") for each in case["snapshot"].to_numpy()]
+    exact, short = ([float(f"{t / time.scale:.{n}g}") for t in case["snapshot"].to_numpy()] for n in (12, 4))
+    return time, short if len(set(short)) == len(set(exact)) else exact
 
 
 def snapshot_titles(case: Dataset) -> list[str]:
@@ -288,24 +290,23 @@ def _profiles(cases: Mapping[str, Dataset], style: Style) -> Figure:
     if any("gap" in case for case in cases.values()):
         entries.append(contact_entry())
     if entries:
-        rows = -(-len(entries) // 5)
-        figure.legend(handles=entries, loc="outside upper center", ncols=-(-len(entries) // rows))
+        legend_above(figure, entries)
     return figure
 
 
-def contact_entry() -> Line2D:
-    """Return the entry of a legend for the contact: a broad line in its colour."""
+def contact_entry(times: float = 3.0) -> Line2D:
+    """Return the entry of a legend for the contact: a line in its colour, `times` as broad as others."""
     from matplotlib import rcParams
     from matplotlib.lines import Line2D
 
-    width = 3.0 * rcParams["lines.linewidth"]
+    width = times * rcParams["lines.linewidth"]
     look: dict[str, Any] = {"marker": "o", "markersize": width, "markeredgewidth": 0}  # for a single point
     return Line2D([], [], color=CONTACT, linewidth=width, label="contact", zorder=1, **look)
 
 
-def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray) -> Line2D:
+def mark_contact(axes: Axes, x: FloatArray, u: FloatArray, gap: FloatArray, times: float = 3.0) -> Line2D:
     """Draw the part of a surface in contact, as a broad line below it."""
-    line = contact_entry()
+    line = contact_entry(times)
     line.set_data(x, np.where(gap <= 0, u, np.nan))
     axes.add_line(line)
     return line
@@ -327,7 +328,8 @@ def _draw_profiles(
         values = one[name].to_numpy() / up.scale
         axes.plot(x, values, color=shade, linestyle=dashes)
         if name == "displacement" and "gap" in one:
-            mark_contact(axes, x, values, one["gap"].to_numpy())
+            few = len(looks) <= LEGEND_MOST
+            mark_contact(axes, x, values, one["gap"].to_numpy(), 3.0 if few else 1.8)
     name_axes(axes, y=up)
 
 
@@ -392,7 +394,7 @@ def _surface(title: str, case: Dataset, seen: Extremes, style: Style) -> Figure:
     entries = legend_entries(
         [("surface", colours(1)[0], "solid"), ("punch", PUNCH["color"], PUNCH["linestyle"])]
     )
-    figure.legend(handles=[*entries, contact_entry()], loc="outside upper center", ncols=3)
+    legend_above(figure, [*entries, contact_entry()])
     return figure
 
 
@@ -505,7 +507,10 @@ class Inset(NamedTuple):
             curves = curves.isel(dict(zip(curves["case"].dims, index.tolist(), strict=True)))
         tau, unit = (quantity(each, self.profile.attrs).scale for each in (curves["time"], curves))
         for time, colour in zip(self.profile["snapshot"].to_numpy(), self._colours(), strict=True):
-            value = float(curves[np.nanargmin(np.abs(curves["time"].to_numpy() - time))])
+            rows = curves["time"].to_numpy()
+            if not np.nanmin(rows) <= time <= np.nanmax(rows):
+                continue
+            value = float(curves[np.nanargmin(np.abs(rows - time))])
             axes.plot(
                 time / tau, value / unit, "o", color=colour, markeredgecolor="white", zorder=3, clip_on=False
             )

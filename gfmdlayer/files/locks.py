@@ -81,10 +81,7 @@ def printable(text: str) -> str:
 
 
 def try_lock(file: IO[str], shared: bool = False) -> bool | None:
-    """Lock a file that is open for writing, without waiting; a lock of this process on it is changed.
-
-    Returns whether the lock was granted; None on a file system without locks.
-    """
+    """Lock an open file without waiting; return whether it is, None on a file system without locks."""
     try:
         fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError as error:

@@ -254,10 +254,7 @@ def _levels(values: FloatArray) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np
 
 
 class ForceMap:
-    """The fits of many curves, one by one, in the results folder `directory`.
-
-    `units` are those of columns without a unit.
-    """
+    """The fits of many curves, one by one, in the results folder `directory`."""
 
     def __init__(
         self, paths: Sequence[Path], directory: Path, model: Mapping[str, Any], free: Free,

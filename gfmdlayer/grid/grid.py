@@ -110,10 +110,7 @@ class Grid:
         return self.shape == self.points
 
     def halo(self, rows: NDArray[Any], before: int, after: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return rows of the periodic surface beside those that this process holds, before and after them.
-
-        `rows` has the shape (rows, columns); a line is one row.
-        """
+        """Return rows of the periodic surface before and after those held, of shape (rows, columns)."""
         held = len(rows)
         return rows[np.arange(-before, 0) % held], rows[np.arange(after) % held]
 
@@ -131,10 +128,7 @@ class Grid:
         return grids
 
     def blocks(self, field: NDArray[Any], rows: int) -> Iterator[tuple[int, NDArray[Any]]]:  # noqa: ARG002
-        """Bring a field together: yield the number of a first row, and at most so many rows from it on.
-
-        Where several processes hold the field, only the first of them gets rows.
-        """
+        """Bring a field together on the first process: yield a first row's number, and rows from it on."""
         yield 0, field
 
     def from_waves(self, spectrum: ComplexArray) -> FloatArray:

@@ -17,11 +17,7 @@ from gfmdlayer.kernels import kernel
 
 
 class Sums:
-    """Sums, means and extrema over a grid.
-
-    `weights` of waves give a mean over the surface, <f g> = sum_q weight Re(f conj(g)) (Parseval), in
-    any shape; f and g are unnormalised transforms.
-    """
+    """Sums, means and extrema over a grid; weights of waves give means, <f g> = sum weight Re(f conj g)."""
 
     def __init__(self, weights: FloatArray, ranks: Ranks = ALONE) -> None:
         self.weights, self.ranks = np.ravel(weights), ranks

@@ -60,10 +60,7 @@ _SMALLEST_FORCE = 1e-4
 
 
 class Integrator(Resumable, Protocol):
-    """Integrates the history of a body over time; the stress at the end of a step is sigma = -kappa u + b.
-
-    `Modes` for a punch at rest, `SlidingModes` for a moving one, `StackModes` for layers whose shifts differ.
-    """
+    """Integrates the history of a body: -kappa u + b is the stress at the end of a step; see `modes`."""
 
     u: ComplexArray  # (nq,), transform of the displacement after the last step
     step: float  # length of the step of the last `terms`, in reduced time

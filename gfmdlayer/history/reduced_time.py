@@ -42,10 +42,7 @@ class ReducedTime:
         return self.shift.factor(float(values.max())), self.shift.factor(float(values.min()))
 
     def step(self, begin: float, length: float) -> float:
-        """Return the reduced time that elapses in a step: the integral of 1/aT, exact to rounding.
-
-        Before t = 0 the temperature is the one at t = 0.
-        """
+        """Return the reduced time of a step, exact to rounding; before t = 0 the temperature is that at 0."""
         end = begin + length
         inside = [time for time in self.temperature.breakpoints if begin < time < end]
         if not inside and self.temperature(begin) == self.temperature(end):

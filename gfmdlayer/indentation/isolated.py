@@ -168,10 +168,7 @@ class IsolatedIndentation:
 
     @cached_property
     def solved(self) -> Indentation:
-        """Force, depth, contact radius and energies over time.
-
-        ArithmeticError if a contact radius is not found, or the tolerance is not reached.
-        """
+        """Force, depth, radius and energies over time; ArithmeticError if the tolerance is not reached."""
         if self.step is not None:
             return self._on_equal_steps(self.step)
         found = follow(

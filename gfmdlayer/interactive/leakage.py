@@ -205,11 +205,9 @@ def _depth_and_residual(state: xarray.Dataset) -> tuple[float, float]:
     """Return the deepest displacement and the residual of the contact; 0 where they are not known."""
     if "displacement" not in state or "residual" not in state:
         return 0.0, 0.0
-    residual = state["residual"]
-    if "row" in residual.dims:  # a case of a sweep with time steps of its own
-        residual = residual.swap_dims(row="time").dropna("time")
-    if "time" in residual.dims:
-        residual = residual.sel(time=state["snapshot"], method="nearest")
+    residual = state["residual"].to_numpy()
+    if residual.ndim:  # along time, or the rows of a sweep
+        residual = residual[int(np.nanargmin(np.abs(state["time"].to_numpy() - float(state["snapshot"]))))]
     return max(-float(state["displacement"].min()), 0.0), float(residual)
 
 

@@ -54,10 +54,7 @@ History = ArrayLike | tuple[ArrayLike, ArrayLike]
 
 
 def with_history(history: History) -> dict[str, object]:
-    """Return the keys of a trajectory that is given as an array of shape (m, 2), or a pair of arrays.
-
-    These are time, and depth, mean pressure or force, as `trajectory.control` says; else ConfigError.
-    """
+    """Return the keys of a trajectory that is an array of shape (m, 2), or a pair of arrays: time, drive."""
     file = _table("history", history)
     others = Trajectory.model_fields.keys() - {"control", "velocity", "velocity_file"}
     left_out: dict[str, object] = {f"trajectory.{key}": None for key in others}
@@ -65,10 +62,7 @@ def with_history(history: History) -> dict[str, object]:
 
 
 def with_voltages(given: Any) -> Any:
-    """Return interface laws with voltages as files where these are arrays, as those of `with_history`.
-
-    `given` are the keys of a law, or those of several; anything else is returned unchanged.
-    """
+    """Return the keys of a law, or of several, with voltages that are arrays as files; others unchanged."""
     if isinstance(given, list | tuple):
         return [with_voltages(law) for law in given]
     voltage: Any = given.get("voltage") if isinstance(given, Mapping) else None
@@ -120,10 +114,7 @@ def _held(kind: str, suffix: str, contents: bytes) -> MemoryFile:
 
 
 def on_disk(config: Config, folder: Path) -> Config:
-    """Write the files of a configuration that are in memory into a folder; return the one that names them.
-
-    They are named after their contents, so that none is overwritten by another.
-    """
+    """Write the files of a configuration that are in memory into a folder; return the one that names them."""
     keys: dict[str, Any] = {}
     held = {key: file for key, file in files_named(config).items() if isinstance(file, MemoryFile)}
     for key, file in held.items():

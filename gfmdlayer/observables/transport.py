@@ -35,6 +35,7 @@ _FROZEN = "at the contact area of the step; from the mean height of the surface 
 # Cost of a row in FFT pairs: the factors of an open gap; 13 iterations on the spots, of two pairs each.
 FLOW_PAIRS, SPOTS_PAIRS = 300.0, 26.0
 SPOTS_FIELDS = 12.0  # arrays of the grid
+_KIND = len("the throat along x")  # letters of a doubt that say its kind
 
 FLOW = (
     *(Column(f"flow_{a}{b}", _FLOW.format(a, b), "length^3", origin=_CELL) for a, b in ("xx", "xy", "yy")),
@@ -53,6 +54,7 @@ RADIUS = Column(
     "spot_radius", "radius of one disc of equal resistance, (rho1 + rho2)/(4 R)", "length", origin=_SPOTS
 )
 RESISTANCE = Column("resistance", "resistance of the contact spots and the films", "ohm", origin=_SPOTS)
+SPARSE = frozenset(each.name for each in (*FLOW, *THROATS, RESISTANCE))  # NaN in the rows between two others
 
 
 class _Every(Observable):
@@ -77,10 +79,10 @@ class _Every(Observable):
         return counted or any(math.isclose(time, each, rel_tol=1e-9) for each in self._times)
 
 
-def _whole(case_grid: Any, field: NDArray[Any], found: Callable[[NDArray[Any]], Any]) -> Any:
+def _whole(grid: Any, field: NDArray[Any], found: Callable[[NDArray[Any]], Any]) -> Any:
     """Return what is found from the whole field, on the first rank; all ranks get it."""
-    ranks = case_grid.ranks
-    whole = ranks.gathered(field.reshape(case_grid.shape))
+    ranks = grid.ranks
+    whole = ranks.gathered(field.reshape(grid.shape))
     with ranks.agreeing(ArithmeticError), ranks.agreeing(MemoryError):
         value = found(whole) if ranks.first else None
     return ranks.shared(value)
@@ -167,9 +169,20 @@ class Leakage(_Every):
         depth = max(-self._grid.ranks.minimum(float(step.surface.displacement.min())), 0.0)
         for axis, throat in narrow.items():
             for reason in doubts(axis, throat, depth, step.solution.residual):
-                self._said[f"{axis} {reason[:12]}"] = f"t = {step.time:.6g}: {reason}"
+                self._said[reason[:_KIND]] = f"t = {step.time:.6g}: {reason}"
         self.warning = "; ".join(self._said.values())
         return dict(row)
+
+    def state(self) -> State:
+        """Return the rows and the doubts so far."""
+        return {**super().state(), "said": "\n".join(self._said.values())}
+
+    def restore(self, state: State) -> None:
+        """Continue from the rows and the doubts of another run."""
+        super().restore(state)
+        lines = str(state["said"]).splitlines()
+        self._said = {line.partition(": ")[2][:_KIND]: line for line in lines}
+        self.warning = "; ".join(self._said.values())
 
     def _found(self, gap: FloatArray) -> tuple[dict[str, float], dict[str, Any]]:
         from gfmdlayer.transport.leakage import flow_through, numbers_of

@@ -123,10 +123,7 @@ class Journal:
             raise ValueError(f"{self._path.name}, which belongs to it, is damaged")
 
     def replay(self, recorder: Recorder) -> None:
-        """Pass everything on to another recorder; of the file, one block at a time is in memory.
-
-        A ResultsError if the file is damaged.
-        """
+        """Pass everything on to a recorder, a block at a time; ResultsError if the file is damaged."""
         if self._file is not None:
             if not self._is_intact(self._file):
                 raise ResultsError(f"{self._path}: is damaged")
@@ -140,10 +137,7 @@ class Journal:
         recorder.note(**self.noted)
 
     def kept(self) -> Position:
-        """Bring everything to the disk; return the position behind it.
-
-        After an OSError it stays in memory.
-        """
+        """Bring everything to the disk; return the position behind it. What fails stays in memory."""
         self._append()
         if self._file is not None:
             os.fsync(self._file.fileno())
@@ -289,11 +283,7 @@ class Recording:
         attributes: Mapping[str, str | float],
         unit: Callable[[str], str] = str,
     ) -> xarray.Dataset:
-        """Return the results as `open_case` gives them.
-
-        `coordinates` of the grid are {"x": x} or {"x": x, "y": y}; `attributes` come in addition to the
-        provenance.
-        """
+        """Return the results as `open_case` gives them; `attributes` come in addition to the provenance."""
         import xarray
 
         columns = [column.in_units(unit) for column in columns]

@@ -24,10 +24,7 @@ _DOUBLE, _SINGLE = (f'Format="HDF" NumberType="Float" Precision="{size}"' for si
 
 
 def describe(h5: h5py.File, path: Path) -> Path:
-    """Describe the snapshots of a case in two dimensions for ParaView, and add the points to the case.
-
-    `h5` is open for writing, `path` its final name; the description, whose path is returned, lies beside it.
-    """
+    """Describe the snapshots of a case, `path` its final name, for ParaView; add the points to the case."""
     _add_points(h5)
     fields = {name: h5[name].shape for name in FIELDS if name in h5}
     times = h5["snapshot"][()].tolist()

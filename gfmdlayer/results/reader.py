@@ -2,6 +2,9 @@
 
 A folder of results holds config.yaml, cases/NNNN.h5 (one file per case) and sweep.h5 (all cases, labelled).
 Where cases are not complete yet, there may be no sweep.h5: the complete ones are gathered from their files.
+
+A run needs `is_complete`, `attributes` and `replay`; so xarray, which takes half a second, is imported where
+data are opened.
 """
 
 from __future__ import annotations
@@ -10,24 +13,22 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
-import xarray
-from numpy.typing import NDArray
-from xarray.backends import BackendArray
-from xarray.core import indexing
 
 from gfmdlayer.config import ConfigError, load
 from gfmdlayer.config.sweeps import combinations, is_listed, sampling, swept_keys
 from gfmdlayer.files.locks import open_for_writing, read_json, regular
 from gfmdlayer.files.whole import is_intact
 from gfmdlayer.results.gathering import WAITING, CaseRecord, labelled
-from gfmdlayer.results.schema import FIELDS, SAME_TIME, SWEEP_FILE, ResultsError
+from gfmdlayer.results.schema import FIELDS, SWEEP_FILE, ResultsError
 from gfmdlayer.results.stored import case_numbers, document
 
 if TYPE_CHECKING:
+    import xarray
+
     from gfmdlayer.results.journal import Recorder
 
 
@@ -230,6 +231,8 @@ def _unit(config: Path) -> Callable[[str], str]:
 
 
 def _open(path: Path) -> xarray.Dataset:
+    import xarray
+
     try:
         if is_intact(path, VERIFIED) is not False:
             return xarray.open_dataset(path, engine="h5netcdf", driver_kwds={"locking": False})
@@ -253,15 +256,6 @@ def _reason(path: Path) -> str:
     return "not a complete result file"
 
 
-# The snapshots of all cases of a sweep as arrays along the swept keys, read from the cases' files when used.
-#
-#     displacement, pressure, gap (swept key, ..., snapshot, x[, y])
-#
-# Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and
-# reads the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the
-# sweep file read as fast, but a file with another grid would be read without an error, and wrongly.)
-
-
 def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     """Add the snapshots of all cases to a sweep whose cases share grid and times."""
     files = np.frompyfunc(lambda number: case_path(directory, number), 1, 1)(sweep["case"].to_numpy())
@@ -271,6 +265,11 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
     with _open(first) as example:
         if not example.sizes["snapshot"] or "axes" in example.attrs:  # each case has its own
             return sweep
+        import xarray
+        from xarray.core import indexing
+
+        from gfmdlayer.results.fields_of_cases import FieldOfCases
+
         axes = {
             name: example[name].variable.load() for name in ("snapshot", "x", "y") if name in example.coords
         }
@@ -278,43 +277,6 @@ def _with_snapshots(sweep: xarray.Dataset, directory: Path) -> xarray.Dataset:
         for name in FIELDS:
             if name in example:
                 field, times = example[name].variable, axes["snapshot"].to_numpy()
-                lazy = indexing.LazilyIndexedArray(_FieldOfCases(files, name, field.shape, times))
+                lazy = indexing.LazilyIndexedArray(FieldOfCases(files, name, field.shape, times))
                 added[name] = xarray.Variable((*sweep["case"].dims, *field.dims), lazy, field.attrs)
     return sweep.assign_coords(axes).assign(added)
-
-
-class _FieldOfCases(BackendArray):
-    """One field of all cases, along the swept keys and then the field's own axes."""
-
-    def __init__(
-        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
-    ) -> None:
-        self._files, self._name, self._inner, self._times = files, name, shape, times
-        self.shape = (*files.shape, *shape)
-        self.dtype = np.dtype(np.float64)
-
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        support = indexing.IndexingSupport.BASIC
-        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
-
-    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        outer, part = key[: self._files.ndim], key[self._files.ndim :]
-        files = np.asarray(self._files[outer], dtype=object)
-        inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
-        found = np.full((*files.shape, *inner), np.nan)
-        for place, file in np.ndenumerate(files):
-            if file.is_file():
-                found[place] = self._read_case(file, part)
-        return found
-
-    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
-        with h5py.File(file, locking=False) as h5:
-            field = h5[self._name]
-            wrong = ""
-            if field.shape != self._inner:
-                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
-            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
-                wrong = "snapshots at other times than in the first case"
-            if wrong:
-                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
-            return np.asarray(field[part])

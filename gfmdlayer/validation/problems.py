@@ -59,10 +59,7 @@ class Problem:
         return dotted_key(without_last_places(self.location))
 
     def within(self, location: Location, *others: str) -> Problem:
-        """Return the problem of a section, at `location`, as a problem of the whole configuration.
-
-        `others` are further dotted keys on which the problem depends.
-        """
+        """Return the problem of a section as one of the configuration, which depends on `others` too."""
         prefix = "".join(f"{part}." for part in location)
         keys = (*(prefix + other for other in self.others), *others)
         return replace(self, location=(*location, *self.location), others=keys)

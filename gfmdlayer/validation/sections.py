@@ -115,10 +115,7 @@ Part = TypeVar("Part", bound=Section)
 
 
 def load_table(*places: str) -> dict[str, Any]:
-    """Import the sections of a table, each "package.module:Class", by the word that chooses them.
-
-    The word is the default of the first field of the class.
-    """
+    """Import the sections of a table, each "package.module:Class", by the default of their first field."""
     found = {}
     for place in places:
         module, _, name = place.partition(":")

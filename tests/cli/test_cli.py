@@ -137,6 +137,21 @@ print(pstats.Stats(profile, stream=io.StringIO()).total_calls)
     assert 1_000 < int(calls) < most
 
 
+def test_a_run_imports_nothing_that_only_reading_and_drawing_need(tmp_path: Path) -> None:
+    """Xarray takes half a second and 40 MB of each process."""
+    (tmp_path / "tiny.yaml").write_text("name: tiny\ngrid: {points: 32}\ntime: {end: 0.1, step: 0.1}\n")
+    script = """
+import sys
+from gfmdlayer.cli import main
+assert main(["run", "tiny.yaml"]) == 0
+print([name for name in ("xarray", "pandas", "matplotlib") if name in sys.modules])
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
+    assert process.stdout.splitlines()[-1] == "[]"
+
+
 def test_version_is_that_of_the_distribution() -> None:
     assert re.fullmatch(r"gfmdlayer \d+\.\d+\.\d+\n", gfmdlayer("--version").stdout)
 

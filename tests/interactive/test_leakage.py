@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,17 @@ def test_a_sweep_has_a_flow_for_each_case_and_none_for_a_failed_one() -> None:
     assert found.flow_xx.dims == ("load", "snapshot")
     np.testing.assert_array_equal(found.flow_xx[0], quiet(seal()).flow_xx)
     assert found.flow_xx[1].isnull().all()
+
+
+def test_a_stored_sweep_of_adaptive_steps_has_the_flow_of_each_case(tmp_path: Path) -> None:
+    """Each case has its own time steps; the loads differ by 1 %, so do the flows by little."""
+    every = {**SEAL, "sweep": {"trajectory.load": [0.03, 0.0303]}}
+    sweep = gfmdlayer.run(every, out=tmp_path / "sweep")
+    found = quiet(sweep)
+    for place, K in np.ndenumerate(found.flow_xx):
+        assert flow_through(sweep.gap[place].to_numpy(), (1.0, 1.0)).tensor[0, 0] == K
+    assert (found.flow_xx[1] < found.flow_xx[0]).all()
+    assert (found.flow_xx[1] > 0.8 * found.flow_xx[0]).all()
 
 
 def test_a_line_leaks_in_closed_form() -> None:

@@ -125,8 +125,8 @@ def test_columns_of_every_nth_row_are_nan_in_the_others_but_for_snapshots_and_th
 
 
 def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = Config(**CASE)
-    found = []
+    config = Config(**CASE).with_values({"trajectory.load": 0.12})
+    found, said = [], []
     for name, stops in (("once", False), ("twice", True)):
         folder, case = Folder(tmp_path / name), SweepCase(0, config, {})
         folder.cases.mkdir(parents=True)
@@ -141,12 +141,16 @@ def test_a_stopped_run_continues_with_the_same_bits(tmp_path: Path, monkeypatch:
             with monkeypatch.context() as once:
                 once.setattr(StatusFile, "advance", stopping)
                 assert run_case(case, folder).state == "stopped"
-        assert run_case(case, folder).state == "complete"
+        ended = run_case(case, folder)
+        assert ended.state == "complete"
+        said.append(ended.note)
         with open_case(folder.case(0)) as data:
             found.append(data.load())
     for name in ("flow_xx", "spot_radius", "resistance", "loss_stiffness", "critical_gap_y"):
         np.testing.assert_array_equal(found[0][name], found[1][name])
     np.testing.assert_array_equal(found[0].frequency, FREQUENCIES)
+    assert said[0] == said[1]  # a doubt of the rows before the stop is not forgotten
+    assert "points across it" in said[0]
 
 
 def test_a_sweep_has_the_columns_and_the_frequencies() -> None:

@@ -20,10 +20,7 @@ _BLOCK = 256  # points that are passed over at once where nothing is in contact
 
 
 class ContactSet(NamedTuple):
-    """The points in contact, as stretches of contiguous memory.
-
-    On a surface in two directions stretches lie along the last axis.
-    """
+    """The points in contact, as stretches of contiguous memory, along the last axis of a surface."""
 
     member: FloatArray  # 1 in the contact set C, 0 elsewhere
     runs: IntArray  # first point of each stretch, and the point after its last; shape (stretches, 2)
@@ -324,11 +321,7 @@ def evaluate(plans: Plans, system: System, at: Iterate, work: Work) -> None:
 
 @kernel(inner=True)
 def _restore_load(system: System, at: Iterate, contact: ContactSet, carried: float) -> None:
-    """Scale the pressure to a given load.
-
-    Points under tension have left the contact, and steps much larger than the load have by rounding a mean
-    of their own.
-    """
+    """Scale the pressure to a given load, which points that have left and rounding have changed."""
     if system.load_given:
         total = at.p.sum()
         factor = carried / total if total > 0.0 else 1.0

@@ -305,10 +305,7 @@ def loss_derivatives(residuals: FloatArray, loss: str) -> tuple[FloatArray, Floa
 
 
 def variance(residuals: FloatArray, parameters: int, loss: str, known: bool) -> float:
-    """Return the factor of (J^T J)^-1 in the covariance; at least 1 where the noise is `known`.
-
-    Residuals are over the noise.
-    """
+    """Return the factor of (J^T J)^-1 in the covariance; at least 1 where the noise is `known`."""
     psi, slope = loss_derivatives(residuals, loss)
     found = float(np.sum(psi**2) / (residuals.size - parameters) / np.mean(slope) ** 2)
     return max(found, 1.0) if known else found

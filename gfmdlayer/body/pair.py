@@ -1,0 +1,194 @@
+"""Two deformable bodies in contact without friction: their compliances add, 1/K = 1/K_1 + 1/K_2.
+
+Both surfaces feel the same pressure, and u = u_1 + u_2 for displacements out of each body, so that two bodies
+of shapes h_1 and h_2 touch like one body of the stiffness K under a rigid punch of shape h_1 + h_2. With
+
+    K_i(s) = K0_i + sum_j w_ij s t_j/(1 + s t_j),       g_j = (w_1j + w_2j) t_j,       A = K0_1 + K0_2
+
+the poles of K = K_1 K_2/(K_1 + K_2) are those of 1/(K_1 + K_2), at the retardation times of the two bodies in
+parallel, sum_j g_j/(theta_k - t_j) = A. With 1/J_k = theta_k sum_j g_j/(theta_k - t_j)^2 and
+
+    kappa_k = K_2(-1/theta_k) = -K_1(-1/theta_k),       K_i(-1/theta) = K0_i - sum_j w_ij t_j/(theta - t_j)
+
+the modes of the pair are (J_k kappa_k^2, theta_k), and for each time t_j of both bodies one more, two springs
+in series, (g_1j g_2j/(t_j (g_1j + g_2j)), t_j). All weights are positive by construction. The stretches y_k
+of the modes give the deformation of each body,
+
+    u_2 = K0_1/A u + sum_k c_k y_k,        u_1 = u - u_2,        c_k = J_k kappa_k, 0 at a shared time.
+
+The compliances add at one s: both materials move alike relative to the contact, or one does not relax.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.body.body import Body
+from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, columns_at_once, solve_secular
+from gfmdlayer.body.wavevectors import Wavevectors
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+# Relative: stiffnesses that differ by less between waves, but for one factor, are the same modes.
+_ALIKE = 1e-13
+
+
+class Series(NamedTuple):
+    """The modes of two bodies in series, and the part of the second one in the deformation."""
+
+    spectrum: Spectrum
+    static: FloatArray  # K0_1/(K0_1 + K0_2), of the shape of q
+    shares: FloatArray  # c_k, of the shape of the weights
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two deformable bodies in contact without friction, as one body under a rigid punch.
+
+    Parameters
+    ----------
+    first, second : Body
+        The body, and the counterbody, whose shape is the punch's. A body that holds its mean displacement,
+        K(0) = 0, adds no compliance at q = 0.
+
+    Examples
+    --------
+    Two equal halfspaces deform like one of half the modulus:
+
+    >>> half = gfmdlayer.halfspace(gfmdlayer.Zener(G0=1.0, Ginf=10.0, tau=2.0))
+    >>> pair = gfmdlayer.Pair(half, half)
+    >>> pair.stiffness([1.0], 0.0) / half.stiffness([1.0], 0.0)
+    array([0.5])
+    >>> found = pair.spectrum([1.0])
+    >>> found.weights, found.times
+    (array([[9.]]), array([[2.]]))
+    """
+
+    first: Body
+    second: Body
+
+    @property
+    def mean_stiffness(self) -> float:
+        """K(q = 0, s = 0), in series where both bodies have one."""
+        return float(_in_series(self.first.mean_stiffness, self.second.mean_stiffness))
+
+    def stiffness(self, waves: Wavevectors | ArrayLike, s: ArrayLike) -> NDArray[Any]:
+        """Return K(q, s) of the pair, see `Body`."""
+        return _in_series(self.first.stiffness(waves, s), self.second.stiffness(waves, s))
+
+    def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
+        """Return the relaxing modes of the pair."""
+        return self.series(waves).spectrum
+
+    def series(self, waves: Wavevectors | ArrayLike) -> Series:
+        """Return the relaxing modes, and the part of the second body in the deformation."""
+        return in_series(self.first.spectrum(waves), self.second.spectrum(waves))
+
+
+def _in_series(one: ArrayLike, two: ArrayLike) -> NDArray[Any]:
+    """Return K_1 K_2/(K_1 + K_2); a body with K = 0 holds its displacement."""
+    a, b = np.broadcast_arrays(np.asarray(one), np.asarray(two))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = np.where(np.abs(a) < np.abs(b), a * (b / (a + b)), b * (a / (a + b)))
+    return np.where(a == 0, b, np.where(b == 0, a, both))
+
+
+def in_series(one: Spectrum, two: Spectrum) -> Series:
+    """Return the modes of two bodies in series, given at the same waves."""
+    shape = one.relaxed.shape
+    relaxed = np.stack((one.relaxed.ravel(), two.relaxed.ravel()))
+    times, strengths = _poles(one, two, relaxed[0].size)
+    size, whole = len(times), relaxed.sum(axis=0)
+    weights, shares = np.zeros((2, 4 * size, whole.size))
+    thetas = np.ones((4 * size, whole.size))
+    alone = (relaxed == 0).any(axis=0)
+    deep = int(np.argmax(np.where(alone, 0.0, whole)))
+    alike = _alike(times, strengths, relaxed, deep) & ~alone
+    # Rows of their own for the waves that share times: all of a pair of halfspaces, most of a thick layer.
+    for rows, columns in ((slice(0, 2 * size), alike), (slice(2 * size, None), ~alike & ~alone)):
+        chosen = np.flatnonzero(columns)
+        if not chosen.size:
+            continue
+        solved = np.array([deep]) if columns is alike else chosen
+        w, t, c = _modes(times[:, solved], strengths[:, :, solved], relaxed[:, solved])
+        scale = whole[chosen] / whole[solved]
+        weights[rows, chosen], thetas[rows, chosen], shares[rows, chosen] = w * scale, t, c
+    held = np.flatnonzero(alone)  # the modes of the body that has a stiffness
+    weights[2 * size : 3 * size, held] = np.where(np.isfinite(times), strengths.sum(axis=0) / times, 0.0)[
+        :, held
+    ]
+    thetas[2 * size : 3 * size, held] = np.where(np.isfinite(times), times, 1.0)[:, held]
+    static = np.where(alone, (relaxed[0] == 0) & (relaxed[1] > 0), relaxed[0] / np.where(alone, 1.0, whole))
+    found = _in_series(relaxed[0], relaxed[1])
+    weights[weights * size <= NEGLIGIBLE * found] = 0.0
+    kept = weights.any(axis=1)
+    spectrum = Spectrum(
+        found.reshape(shape),
+        weights[kept].reshape(-1, *shape),
+        thetas[kept].reshape(-1, *shape),
+        max(one.error, two.error),
+    )
+    return Series(spectrum, static.reshape(shape), shares[kept].reshape(-1, *shape))
+
+
+def _poles(one: Spectrum, two: Spectrum, waves: int) -> tuple[FloatArray, FloatArray]:
+    """Return the distinct times of both bodies, ascending, (n, nq), and w_ij t_ij at them, (2, n, nq).
+
+    Modes without weight have the time inf, and strength 0.
+    """
+    every = [(each.weights.reshape(-1, waves), each.times.reshape(-1, waves)) for each in (one, two)]
+    count = len(every[0][0])
+    weights, times = (np.concatenate(each) for each in zip(*every, strict=True))
+    times = np.where(weights > 0, times, np.inf)
+    strengths = np.zeros((2, *times.shape))
+    finite = np.where(weights > 0, times, 0.0) * weights
+    strengths[0, :count], strengths[1, count:] = finite[:count], finite[count:]
+    for _ in range(2):  # sorted, merged, and sorted again
+        order = np.argsort(times, axis=0, kind="stable")
+        times = np.take_along_axis(times, order, axis=0)
+        strengths = np.take_along_axis(strengths, order[np.newaxis], axis=1)
+        for k in range(len(times) - 1, 0, -1):
+            same = (times[k] == times[k - 1]) & np.isfinite(times[k])
+            strengths[:, k - 1] += np.where(same, strengths[:, k], 0.0)
+            strengths[:, k], times[k] = np.where(same, 0.0, strengths[:, k]), np.where(same, np.inf, times[k])
+    used = np.isfinite(times).any(axis=1)
+    return times[used], strengths[:, used]
+
+
+def _alike(times: FloatArray, strengths: FloatArray, relaxed: FloatArray, deep: int) -> NDArray[np.bool_]:
+    """Return which waves have the modes of the wave `deep` but for a factor: those that feel no base."""
+    whole = relaxed.sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = np.concatenate((relaxed, strengths.reshape(-1, whole.size))) / whole
+    own = parts[:, deep, np.newaxis]
+    near = (np.abs(parts - own) <= _ALIKE * own).all(axis=0)
+    return np.asarray(near & (times == times[:, deep, np.newaxis]).all(axis=0))
+
+
+def _modes(
+    times: FloatArray, strengths: FloatArray, relaxed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return weights, times and shares of the modes of the pair: roots, then shared times, (2 n, nq)."""
+    size, waves = times.shape
+    weights, shares = np.zeros((2, 2 * size, waves))
+    thetas = np.ones((2 * size, waves))
+    number = np.isfinite(times).sum(axis=0)
+    shared = np.nonzero((strengths > 0).all(axis=0))
+    one, two, of_both = strengths[0][shared], strengths[1][shared], times[shared]
+    weights[size:][shared], thetas[size:][shared] = one * (two / (one + two)) / of_both, of_both
+    for n in np.unique(number[number > 0]).tolist():
+        for part in columns_at_once(n, int(np.count_nonzero(number == n))):
+            at = np.flatnonzero(number == n)[part]
+            g, t = strengths[:, :n, at], times[:n, at]
+            J, theta, apart = solve_secular(g.sum(axis=0), t, relaxed[:, at].sum(axis=0))
+            terms = np.moveaxis(g, 1, 2)[:, np.newaxis] / apart  # (2, roots, waves, poles)
+            stiffness = relaxed[:, np.newaxis, at] - terms.sum(axis=-1)
+            size_of = relaxed[:, np.newaxis, at] + np.abs(terms).sum(axis=-1)
+            kappa = np.where(size_of[0] < size_of[1], -stiffness[0], stiffness[1])
+            weights[:n, at], thetas[:n, at], shares[:n, at] = J * kappa**2, theta, J * kappa
+    return weights, thetas, shares

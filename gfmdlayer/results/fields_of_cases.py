@@ -1,0 +1,58 @@
+"""The snapshots of all cases of a sweep as arrays along the swept keys, read from the cases' files when used.
+
+    displacement, pressure, gap (swept key, ..., snapshot, x[, y])
+
+Nothing is copied and no file stays open: indexing such an array opens the files of the chosen cases and reads
+the chosen part of each. A case that failed has no file and is NaN. (Virtual datasets of HDF5 in the sweep
+file read as fast, but a file with another grid would be read without an error, and wrongly.)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from gfmdlayer.results.schema import SAME_TIME, ResultsError
+
+
+class FieldOfCases(BackendArray):
+    """One field of all cases, along the swept keys and then the field's own axes."""
+
+    def __init__(
+        self, files: NDArray[np.object_], name: str, shape: tuple[int, ...], times: NDArray[np.float64]
+    ) -> None:
+        self._files, self._name, self._inner, self._times = files, name, shape, times
+        self.shape = (*files.shape, *shape)
+        self.dtype = np.dtype(np.float64)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def _read(self, key: tuple[int | slice, ...]) -> NDArray[np.float64]:
+        outer, part = key[: self._files.ndim], key[self._files.ndim :]
+        files = np.asarray(self._files[outer], dtype=object)
+        inner = np.empty(self._inner, dtype=[])[part].shape  # an empty dtype takes no memory
+        found = np.full((*files.shape, *inner), np.nan)
+        for place, file in np.ndenumerate(files):
+            if file.is_file():
+                found[place] = self._read_case(file, part)
+        return found
+
+    def _read_case(self, file: Path, part: tuple[int | slice, ...]) -> NDArray[np.float64]:
+        with h5py.File(file, locking=False) as h5:
+            field = h5[self._name]
+            wrong = ""
+            if field.shape != self._inner:
+                wrong = f"{self._name} of shape {field.shape}, where the first case has {self._inner}"
+            elif not np.allclose(h5["snapshot"][...], self._times, rtol=SAME_TIME, atol=0):
+                wrong = "snapshots at other times than in the first case"
+            if wrong:
+                raise ResultsError(f"{file}: {wrong}; open the cases one by one with open_case")
+            return np.asarray(field[part])

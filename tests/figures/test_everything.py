@@ -1,0 +1,154 @@
+"""Every kind of picture of every quick configuration, dimensionless and in SI: texts, colours, curves."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from gfmdlayer.cli import main
+from gfmdlayer.figures.plot_style import CONTACT, styled
+
+SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "contact_sheet.py"))
+# One of a line over a key, one in SI, one of a surface; the others are slow.
+FEW = ("figure2-quick", "electroadhesion-quick", "rubber-coating-quick")
+NAMES = [
+    pytest.param(name, marks=[] if name in FEW else [pytest.mark.slow], id=name) for name in SCRIPT["NAMES"]
+]
+
+
+def texts(figure: Figure) -> list[Text]:
+    """The texts that are seen in a drawn figure."""
+    found = [text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible()]
+    ticks = {
+        label for axis in axes_of(figure) for label in (*axis.get_ticklabels(), *axis.get_ticklabels(True))
+    }
+    seen = {label for axis in axes_of(figure) for label in labels(axis)}
+    offs = {text for axes in figure.axes if not axes.axison for text in (axes.xaxis.label, axes.yaxis.label)}
+    return [text for text in found if (text not in ticks or text in seen) and text not in offs]
+
+
+def axes_of(figure: Figure) -> Iterator[Any]:
+    insets = [each for axes in figure.axes for each in axes.child_axes]
+    for axes in {*figure.axes, *insets}:
+        yield from (axes.xaxis, axes.yaxis)
+
+
+def labels(axis: Any) -> list[Text]:
+    """The labels of the ticks that are within the view of an axis."""
+    low, high = sorted(axis.get_view_interval())
+    room = 1e-9 * (high - low)
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    every = [
+        tick.label1
+        for tick in ticks
+        if low - room <= tick.get_loc() <= high + room and tick.label1.get_visible()
+    ]
+    return [label for label in every if label.get_text() and axis.axes.axison]
+
+
+def faults(figure: Figure, *, is_si: bool) -> Iterator[str]:
+    """What is wrong with a drawn figure."""
+    width, height = figure.bbox.size
+    shown = texts(figure)
+    boxes = np.array([text.get_window_extent().extents for text in shown])
+    for text, (x0, y0, x1, y1) in zip(shown, boxes, strict=True):
+        if "$$" in text.get_text() or re.search(r"\bnan\b|\bNone\b|\{\}", text.get_text()):
+            yield f"{text.get_text()!r} is no text"
+        if x0 < -1 or y0 < -1 or x1 > width + 1 or y1 > height + 1:  # a dot, of antialiasing
+            yield f"{text.get_text()!r} is outside of the canvas"
+    both = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:]) - np.maximum(
+        boxes[:, None, :2], boxes[None, :, :2]
+    )
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
+    of = {label: axis for axis in axes_of(figure) for label in labels(axis)}
+    for i, j in np.argwhere((both > 0).all(axis=-1)):
+        # The boxes have room for letters below the line: ticks of two axes, which meet in a corner, share it.
+        axis, other = of.get(shown[i]), of.get(shown[j])
+        part = 0.0 if axis is not None and axis is other else 0.3 if axis and other else 0.1
+        if i < j and both[i, j].prod() > part * min(areas[i], areas[j]):
+            yield f"{shown[i].get_text()!r} and {shown[j].get_text()!r} overlap"
+    for words in {axis.get_label_text() for axis in axes_of(figure)} if is_si else ():
+        if re.search(r"10\^\{-?\d+\}\$ ?\)", words) and words.partition(" ")[0] in OF_A_UNIT:
+            yield f"{words!r} has a power of ten and no unit"
+        if re.search(r"/L|/G_0|/\\tau", words):
+            yield f"{words!r} is divided by a scale, in SI"
+
+
+OF_A_UNIT = (
+    r"$\delta$",
+    "$F$",
+    "$p$",
+    "$u$",
+    "$x$",
+    "$t$",
+    r"$\bar{p}$",
+    "$d$",
+    "$w$",
+    "$v$",
+    "work",
+    "stored",
+)
+
+
+def contacts(figure: Figure) -> set[str]:
+    """The colours of lines and maps of contact."""
+    lines = {to_hex(line.get_color()) for line in figure.findobj(is_contact)}
+    gaps = [axes for axes in figure.axes for image in axes.images if image.get_cmap().name == "Blues"]
+    return lines | {to_hex(axes.get_facecolor()) for axes in gaps}
+
+
+def is_contact(artist: Any) -> bool:
+    return artist.get_label() == "contact"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("everything")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
+    path = SCRIPT["run"](name, folder)
+    found: list[str] = []
+    in_units = "\nunits:" in (path / "config.yaml").read_text()
+    for title, draw, style in SCRIPT["pictures"](path):
+        with styled(style), warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing
+            figure = draw()
+            figure.draw_without_rendering()
+            found += [f"{title}: {each}" for each in faults(figure, is_si=in_units or "SI" in title)]
+        if title.endswith(("snapshots", "movie", "cases")):
+            assert contacts(figure) <= {CONTACT}
+            named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+            assert bool(contacts(figure)) == ("contact" in named)
+        empty = [axes for axes in figure.axes if axes.axison and not axes.has_data()]
+        found += [f"{title}: an empty panel" for _ in empty]
+    assert found == []
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_a_report_has_labels_with_units_and_the_colour_of_contact(name: str, folder: Path) -> None:
+    path = SCRIPT["run"](name, folder)
+    assert main(["report", str(path)]) == 0
+    page = (path / "report.html").read_text()
+    found = re.search(r'id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    data = json.loads(found[1])
+    assert data["contact"] == CONTACT
+    labels = [*data["fields"].values(), *(each["label"] for each in data["columns"])]
+    titles = [title for key in data["keys"] for title in key["titles"]]
+    assert not [each for each in [*labels, *titles] if re.search(r"[$\\]|nan|10[⁻⁰-⁹]+\)", each)]
+    assert {
+        bool(re.search(r"\((µ|n|m|k|M)?(m|Pa)\)", data["fields"][each])) for each in ("x", "pressure")
+    } == {"\nunits:" in (path / "config.yaml").read_text()}
