@@ -212,7 +212,7 @@ def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, s
 
 _NOTHING = 2e-3  # part of the largest value that cannot be seen
 _MARGIN = 0.05
-_SEPARATION = "work_of_separation"
+_SEPARATIONS = ("work_of_separation", "total_work_of_separation")  # per area, and of an isolated contact
 
 
 def loop_figure(path: Path, dataset: Dataset, style: Style = PAPER, y: str = "force") -> Figure:
@@ -281,9 +281,9 @@ def _draw(axes: Axes, case: Dataset, y: str, colour: str, dashes: object, *, alo
         pulls = np.where(back, np.minimum(values, 0.0), np.nan)
         axes.fill_between(depth / along.scale, pulls / up.scale, 0.0, color=colour, alpha=0.15, linewidth=0)
     name_axes(axes, along, up)
-    found = {"loop_area": float(np.trapezoid(case["mean_stress"].to_numpy(), depth))}
-    if _SEPARATION in case.attrs:
-        found[_SEPARATION] = float(case.attrs[_SEPARATION])
+    pressed = case["mean_stress" if "mean_stress" in case else "force"]  # the latter of an isolated contact
+    found = {"loop_area": float(np.trapezoid(pressed.to_numpy(), depth))}
+    found |= {name: float(case.attrs[name]) for name in _SEPARATIONS if name in case.attrs}
     written = []
     for name, value in found.items():
         area = quantity(case["work"].isel(time=0).rename(name), case.attrs)

@@ -29,6 +29,16 @@ time: {end: 0.4, step: 0.1}
 solver: {method: nested_gradient, tolerance: 1.0e-10}
 output: {snapshots: [0.2, 0.4], patches: true, histograms: {pressure: {max: 0.5, bins: 4}}}
 """
+ISOLATED = """\
+name: rough
+grid: {points: [40, 36], period: [1.0, 0.9], boundary: isolated}
+layer: {thickness: 0.1, material: {model: zener, G0: 1.0, Ginf: 10.0, tau: 0.1}}
+punch: {shape: parabola, radius: 1.0}
+trajectory: {control: force, force: 0.02, ramp_time: 0.2}
+time: {end: 0.4, step: 0.1}
+solver: {method: nested_gradient, tolerance: 1.0e-10}
+output: {snapshots: [0.2, 0.4], patches: true}
+"""
 MEASURED = """
 punch: {shape: topography, file: heights.npy, detrend: paraboloid, taper: 0.3}
 sweep: {trajectory.load: [0.01, 0.02]}
@@ -55,7 +65,9 @@ def case(folder: str, index: int = 0) -> xarray.Dataset:
         return found.load()
 
 
-def test_ranks_have_the_results_of_one_process(run_here: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("text", [SURFACE, ISOLATED], ids=["periodic", "isolated"])
+def test_ranks_have_the_results_of_one_process(run_here: Callable[..., Any], text: str) -> None:
+    Path("rough.yaml").write_text(text)
     process = run(3, "rough.yaml", "--ranks-per-case", "3", "--out", "three")
     assert process.returncode == 0, process.stderr
     assert "1 case; 1 group of 3 MPI ranks" in process.stderr

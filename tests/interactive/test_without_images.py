@@ -11,18 +11,24 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from gfmdlayer import (
+    Case,
     Config,
     ConfigError,
     ConvergenceError,
     Parabola,
+    Solid,
+    Spectrum,
     Zener,
     bonded_layer,
     halfspace,
     indent,
     run,
+    simulate,
     solve,
 )
 from gfmdlayer.observables import columns
+from gfmdlayer.results.journal import Recording
+from gfmdlayer.resumable import CompositeState
 
 E = 4.0  # 2 G/(1 - nu) of an incompressible halfspace with G = 1
 DEPTH = 0.01
@@ -159,6 +165,70 @@ def test_ramp_hold_and_retraction_are_those_of_the_isolated_indenter(
     if base > 1:  # else there is no room in the periodic cell
         periodic = run(loaded("periodic", period, layer, base))
         assert found.transforms.sum() <= 1.1 * periodic.transforms.sum()
+
+
+def test_adhesion_does_not_depend_on_the_cell() -> None:
+    """Of points at equal spacings."""
+    law = {"law": "exponential", "work": 5e-5, "range": 5e-4}
+    body = bonded_layer(0.1, 1.0, poisson=0.4, base=0.3)
+    narrow, wide = (
+        solve(
+            body, Parabola(radius=1.0), depth=0.005, interface=law, period=0.1 * c, points=(12 * c, 12 * c),
+            isolated=True,
+        )
+        for c in (8, 12)
+    )  # fmt: skip
+    assert float(narrow.pressure.min()) < -0.1 * float(narrow.pressure.max())
+    assert float(narrow.force) == pytest.approx(float(wide.force), rel=1e-3)  # the tolerance of the fit
+
+
+class Bed(Solid):
+    """Independent springs of a material."""
+
+    k: float
+
+    @property
+    def mean_stiffness(self) -> float:
+        return self.k
+
+    def stiffness(self, waves: Any, s: Any) -> Any:
+        return self.spectrum(waves).stiffness(s)
+
+    def spectrum(self, waves: Any) -> Spectrum:
+        return Spectrum.of_material(self.k + 0 * np.asarray(waves, dtype=float), Zener(1.0, 10.0, 1.0))
+
+
+def test_an_own_body_of_springs_has_the_force_of_the_overlap() -> None:
+    """F = k pi R depth^2 of the relaxed springs, on a grid of 50 points in a diameter."""
+    body = Bed(k=3.0)
+    found = solve(body, Parabola(radius=1.0), depth=DEPTH, period=0.8, points=(144, 144), isolated=True)
+    assert float(found.force) == pytest.approx(3.0 * math.pi * DEPTH**2, rel=2e-3)  # (1/25)^2
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "exponential"])
+def test_a_run_that_is_resumed_has_the_same_bits(integrator: str) -> None:
+    time = {"step": 0.25, "end": 2.0, "integrator": integrator}
+    changed = {"grid": {"points": [32, 32], "period": 0.5, "boundary": "isolated"}, "time": time}
+    path = {"control": "force", "force": 0.01, "ramp_time": 1.0}
+    config = Config(name="a", **loaded("isolated", 0.5, {}, 5.0) | changed | {"trajectory": path})
+    whole, first, rest, kept = Recording(), Recording(), Recording(), []
+
+    class StopError(Exception):
+        """Ends the first part."""
+
+    def stop(now: float) -> None:
+        if now > 0.9:
+            kept.append({name: np.array(value) for name, value in memory[0].state().items()})
+            raise StopError
+
+    memory: list[CompositeState] = []
+    simulate(Case(config), whole)
+    with pytest.raises(StopError):
+        simulate(Case(config), first, stop, resume=memory.append)
+    simulate(Case(config), rest, resume=lambda everything: everything.restore(kept[0]))
+    assert np.isfinite(kept[0]["reach.support"]).all()
+    assert 0 < len(first.rows) < len(whole.rows)
+    assert [*first.rows, *rest.rows] == whole.rows
 
 
 @pytest.mark.parametrize("points", [64, [64, 64]], ids=["line", "surface"])
