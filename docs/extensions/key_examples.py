@@ -91,7 +91,7 @@ punch: {shape: flat_punch, radius: 0.5}""",
     "RadialProfile": """\
 grid: {geometry: axisymmetric}
 punch: {shape: radial_profile, file: profile.txt}""",
-    "HardWall": "interface: {law: hard_wall}",
+    "HardWall": "interface: {law: hard_wall}\n---\ninterface: {law: hard_wall, hardness: 0.3}",
     "Exponential": "interface: {law: exponential, work: 2.0e-4, range: 1.0e-3}",
     "Dugdale": "interface: {law: dugdale, work: 2.0e-4, stress: 0.2, smoothing: 0.1}",
     "LennardJones": "interface: {law: lennard_jones, work: 2.0e-4, separation: 1.0e-3}",
