@@ -75,7 +75,7 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
     modes = BRANCH_FIELDS * branches + (ISOLATED_FIELDS if config.grid.isolated else 0)
-    fields = (3 + bool(config.interfaces)) * size * snapshots
+    fields = (3 + bool(config.interfaces) + (config.hardness is not None)) * size * snapshots
     return Footprint(
         steps=steps,
         pairs=pairs,

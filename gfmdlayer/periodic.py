@@ -161,6 +161,10 @@ class PeriodicContact(Model):
                     f"{given.file}: holds a negative {given.control}; must be >= 0, there is no adhesion"
                 )
                 yield "trajectory.file", message
+            if (most := config.largest_drive) <= (found := float(values.max())):
+                message = f"{given.file}: holds the {given.control} {found:.6g}; must be below {most:.6g}"
+                message += ", the hardness over the whole cell: more has no equilibrium"
+                yield "trajectory.file", message
             return
         if config.grid.isolated:
             return
@@ -210,6 +214,7 @@ def too_deep(depth: float, mean_height: float, mean_stiffness: float) -> str:
 def smallest_equivalent_case(config: Config) -> Config:
     """Return a case of the same kind: a short ramp and hold, on the smallest grid that has windows."""
     control, step, output = config.trajectory.control, config.time.step, config.output
+    peak = 0.01 if control == "depth" or config.hardness is None else min(0.01, config.hardness / 2)
     ramp_time = 1.0 if isinstance(step, str) else 2 * step
     moves = {"velocity": 1.0} if config.trajectory.moves else {}
     times = {"times": ramp_time} if isinstance(step, str) else {}
@@ -222,7 +227,7 @@ def smallest_equivalent_case(config: Config) -> Config:
             "grid": {"points": 256},
             "punch": {"shape": "parabola"},
             "solver.method": config.contact_solver.method,
-            "trajectory": {"control": control, control: 0.01, "ramp_time": ramp_time, **moves},
+            "trajectory": {"control": control, control: peak, "ramp_time": ramp_time, **moves},
             "time.end": 3 * ramp_time,
             **loose,
             "output": output.model_dump(include={"patches", "histograms"}, exclude_none=True) | times,

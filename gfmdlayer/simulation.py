@@ -18,6 +18,7 @@ from gfmdlayer.body.body import Body, check_body, internal_variables
 from gfmdlayer.body.isolated import Isolated, isolated
 from gfmdlayer.body.materials import PronySeries
 from gfmdlayer.config import Config
+from gfmdlayer.contact.imprint import Imprint
 from gfmdlayer.contact.loading import CONTROLS, Loading, pulled_off
 from gfmdlayer.contact.loss_stiffness import LossStiffnessSolver
 from gfmdlayer.contact.prediction import PREDICTIONS, DisplacementPrediction
@@ -48,7 +49,6 @@ from gfmdlayer.resumable import CompositeState
 from gfmdlayer.time_functions import Constant, Table, Trajectory
 
 if TYPE_CHECKING:
-    from gfmdlayer.contact.loading import Surface
     from gfmdlayer.contact.problem import Problem, Solution
     from gfmdlayer.model import Progress, Resume
 
@@ -205,6 +205,11 @@ class Case:
         )
 
     @cached_property
+    def imprint(self) -> Imprint:
+        """The height that the surfaces have lost."""
+        return Imprint(math.prod(self.grid.shape), self.config.hardness or math.inf)
+
+    @cached_property
     def integrator(self) -> Integrator:
         """The time integrator over the relaxing modes of the body.
 
@@ -301,6 +306,7 @@ class Case:
             guess=self.guess,
             changes=self.changes,
             loading=self.loading,
+            imprint=self.imprint,
             observables=CompositeState(**self.observables),
             **of_isolated,
         )
@@ -310,7 +316,7 @@ class Case:
         loading, history, steps, solver, guess = (
             self.loading, self.history, self.steps, self.solver, self.guess,
         )  # fmt: skip
-        shape, observables = self.grid.shape, tuple(self.observables.values())
+        observables = tuple(self.observables.values())
         keeps_all, ended = self.config.output.snapshots == "every", ""
         if resume is not None:
             resume(self.resumable)
@@ -341,6 +347,7 @@ class Case:
                     at_breakpoint=instant.breakpoint,
                 )
                 self.changes.remember(prescribed, problem, solution)
+                self.imprint.remember(solution)
                 if self.reach is not None:
                     self.reach.remember(solution.pressure)
                 row: dict[str, float | FloatArray] = {}
@@ -351,8 +358,7 @@ class Case:
                     finished = finished or observable.finished
                 recorder.row(**self._recorded(row))
                 if instant.snapshot or finished or keeps_all:
-                    fields = self._fields(problem, solution, surface)
-                    recorder.snapshot(instant.time, *(field.reshape(shape) for field in fields))
+                    self._snapshot(recorder, step)
                 if finished:
                     break
                 del step, row
@@ -364,13 +370,20 @@ class Case:
                 recorder.note(**self._recorded(observable.attributes))
         return [*filter(None, [ended]), *(each.warning for each in observables if each.warning)]
 
-    def _fields(self, problem: Problem, solution: Solution, surface: Surface) -> list[FloatArray]:
-        """Return the fields of a snapshot: displacement, pressure, gap, and traction where there is one."""
-        fields = [surface.displacement, solution.pressure, closed_gap(problem, solution)]
-        fields += [problem.interface.traction(fields[-1])] if self.interface.attracts else []
+    def _snapshot(self, recorder: Recorder, step: AcceptedStep) -> None:
+        """Record the fields of a step; a traction only with attraction, the imprint only with a hardness."""
+        gap, displacement = closed_gap(step.problem, step.solution), step.surface.displacement
+        others: list[FloatArray | None] = []
+        if self.interface.attracts:
+            others.append(step.problem.interface.traction(gap))
+        if self.imprint.yields:
+            others += [None] * (not others) + [self.imprint.depth]
         if self.reach is not None:
-            fields[::2] = map(self.reach.masked, fields[::2])
-        return fields
+            displacement, gap = self.reach.masked(displacement), self.reach.masked(gap)
+        fields = displacement, step.solution.pressure, gap
+        displacement, pressure, gap = (field.reshape(self.grid.shape) for field in fields)
+        given = [each if each is None else each.reshape(self.grid.shape) for each in others]
+        recorder.snapshot(step.time, displacement, pressure, gap, *given)
 
     def _recorded(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return columns or attributes of the observables, those of an isolated contact as totals."""
@@ -379,6 +392,7 @@ class Case:
     def _solved(self, kappa: FloatArray, b: ComplexArray, time: float) -> tuple[Problem, Solution]:
         """Solve the contact problem of a step; ConvergenceError unless solved within reach, or pulled off."""
         problem = self.loading.problem(kappa, b, time, loss_stiffness=self.integrator.loss_stiffness)
+        problem = self.imprint.under(problem)
         before, given = self.solver.state(), self.config.solver
         solution = self.solve(problem, time)
         if not solution.converged and not pulled_off(problem, solution):

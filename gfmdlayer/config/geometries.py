@@ -146,6 +146,11 @@ def _problems_of_revolution(config: Any) -> Iterator[Problem]:
             "(gfmdlayer.indent has a work of adhesion)"
         )
         yield Problem(("interface",), message, _GEOMETRY)
+    elif config.hardness is not None:
+        message = (
+            "its hardness is not available with grid.geometry: axisymmetric; remove it, or take periodic"
+        )
+        yield Problem(("interface",), message, _GEOMETRY)
     if config.trajectory.control == "load":
         message = (
             "got 'load', a mean pressure, which an isolated contact does not have; must be depth or force"

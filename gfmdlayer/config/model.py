@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -43,6 +44,7 @@ from gfmdlayer.validation.problems import (
     InconsistentError,
     Location,
     Problem,
+    dotted,
     dotted_key,
     without_last_places,
 )
@@ -152,6 +154,7 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
     """Yield contradictions between the interface laws of a `Config` and its other sections."""
     if config.interface == ():
         yield Problem(("interface",), "got an empty list; must have at least one {law: ...}")
+    yield from _problems_of_the_hardness(config)
     if not config.interfaces:
         return
     for at, law in sections_in(config):
@@ -161,6 +164,35 @@ def problems_of_the_interface(config: Any) -> Iterator[Problem]:
         able = " or ".join(name for name, declared in SOLVERS.items() if declared.adhesive)
         message = f"got {config.solver.method}, which cannot solve for attraction; must be {able}"
         yield Problem(("solver", "method"), message, ("interface",))
+
+
+def _problems_of_the_hardness(config: Any) -> Iterator[Problem]:
+    """Yield contradictions between a hardness and the other sections of a `Config`."""
+    laws = ((at, law) for at, law in sections_in(config) if isinstance(law, Interface))
+    at = next((at for at, law in laws if getattr(law, "hardness", None) is not None), None)
+    if at is None:
+        return
+    if config.interfaces:
+        message = "needs the hard wall alone: the solver of adhesion keeps points in contact at a gap of zero"
+        yield Problem((*at, "hardness"), f"{message}; remove it, or the laws that attract", ("interface",))
+    if config.trajectory.moves:
+        message = "needs a punch that does not move along the surface, on which it would leave grooves"
+        yield Problem((*at, "hardness"), f"{message}; remove it, or the velocity", ("trajectory",))
+    if config.grid.isolated:
+        message = "not available with grid.boundary: isolated; remove it, or take a periodic boundary"
+        yield Problem((*at, "hardness"), message, ("grid.boundary",))
+    if config.solver.method != AUTO and not SOLVERS[config.solver.method].yields:
+        able = " or ".join(name for name, declared in SOLVERS.items() if declared.yields)
+        message = f"got {config.solver.method}, which cannot solve for a hardness; must be {able}"
+        yield Problem(("solver", "method"), message, (dotted((*at, "hardness")),))
+    control, most = config.trajectory.control, config.largest_drive
+    given = getattr(config.trajectory, control)
+    if given is not None and given >= most:
+        key = dotted((*at, "hardness"))
+        message = (
+            f"got {given!r}; must be below {most:.6g}, the {key} over the whole cell: more has no equilibrium"
+        )
+        yield Problem(("trajectory", control), message, (key, "grid.period"))
 
 
 Name = Annotated[
@@ -326,6 +358,20 @@ class Config(Section):
         return tuple(law for law in every if law.attracts)
 
     @property
+    def hardness(self) -> float | None:
+        """The pressure at which the surfaces yield, the least one given; None where they do not."""
+        every = self.interface if isinstance(self.interface, tuple) else (self.interface,)
+        given = (getattr(law, "hardness", None) for law in every)
+        return min((each for each in given if each is not None), default=None)
+
+    @property
+    def largest_drive(self) -> float:
+        """The load or force under which the whole cell would yield; infinite without a hardness."""
+        if self.hardness is None or self.trajectory.control == "depth":
+            return math.inf
+        return self.hardness * (math.prod(self.grid.period) if self.trajectory.control == "force" else 1.0)
+
+    @property
     def contact_solver(self) -> Choice:
         """The solver for `solver.method`, and the reason."""
         return self.solver_where(bool(self.interfaces))
@@ -333,7 +379,8 @@ class Config(Section):
     def solver_where(self, attracts: bool) -> Choice:
         """The solver where the interface attracts, or does not."""
         axes, rough = len(self.grid.points), self.punch.rough
-        return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts)
+        yields = self.hardness is not None
+        return choose(self.solver.method, axes=axes, rough=rough, attracts=attracts, yields=yields)
 
     @property
     def contrast(self) -> float:
@@ -417,7 +464,7 @@ def stem(config: Config) -> str:
 
 
 def _hash(config: Config, left_out: dict[str, Any]) -> str:
-    if not config.interfaces:  # a given hard wall is the default one
+    if not config.interfaces and config.hardness is None:  # a given hard wall is the default one
         left_out = left_out | {"interface": True}
     if isinstance(config.body, Layers):  # by the keys beside it
         left_out = left_out | {"body": True}

@@ -120,6 +120,8 @@ def _full_contact(problem: Problem, transforms: Transforms) -> Solution | None:
     pressure += problem.applied_pressure
     if not problem.ranks.minimum(float(pressure.min())) >= 0.0:
         return None
+    if not problem.ranks.maximum(float(pressure.max())) <= problem.hardness:
+        return None
     return make_solution(problem, u, pressure, spectrum, spent=(1, 0), within=0.0)
 
 

@@ -13,6 +13,9 @@ The compressive stress of the surface is p = f + lambda, and the pressure of the
 the traction tau of the interface (zero for the hard wall), satisfies p_c >= 0 and p_c = 0 wherever the gap
 g = h - u is open. lambda is the multiplier of the first constraint, the given pressure in the second case and
 zero in the third. The mean pressure is mean(f) + lambda in each.
+
+With a hardness H pressures end there: p <= H, and where p = H the surface may overlap the punch, u > h. The
+overlap is the height that the surfaces lose in the step, see `imprint`.
 """
 
 from __future__ import annotations
@@ -50,6 +53,7 @@ class Problem:
     height: float = 0.0  # range of the punch's heights, beside which depths are rounded; zero where exact
     interface: Interaction = HARD_WALL  # across the gap, beside u <= h
     ranks: Ranks = ALONE  # the processes of whose grid these are the points and modes
+    hardness: float = math.inf  # largest pressure; infinite where the surfaces do not yield
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -92,9 +96,9 @@ class Problem:
 class Solution:
     """What a solver found; fields have one value a point."""
 
-    displacement: FloatArray  # u <= h, with the mean constraint satisfied to rounding
+    displacement: FloatArray  # u <= h + flow, with the mean constraint satisfied to rounding
     pressure: FloatArray  # p = f + lambda, the compressive stress at every point
-    gap: FloatArray  # h - u
+    gap: FloatArray  # h + flow - u
     spectrum: ComplexArray  # unnormalised transform of u, with which the history is carried on
     mean_pressure: float  # pbar, the mean of p
     mean_gap: float
@@ -108,6 +112,7 @@ class Solution:
     # Distance from an instability: the least curvature of the energy, over that without an interface; zero
     # where the branch ends. NaN from solvers that do not know it.
     margin: float = math.nan
+    flow: FloatArray | None = None  # height lost in the step, where the pressure is at the hardness
 
 
 class Solver(Resumable, Protocol):
@@ -186,6 +191,7 @@ def make_solution(
     within: float,
     assessment: tuple[float, float, float, float] | None = None,
     gap: FloatArray | None = None,
+    flow: FloatArray | None = None,
 ) -> Solution:
     """Return a state with its residual and means; it converged if its residual is `within` a bound.
 
@@ -209,6 +215,7 @@ def make_solution(
         transforms=spent[0],
         iterations=spent[1],
         converged=bool(found.residual <= within),
+        flow=flow,
     )
 
 

@@ -3,7 +3,8 @@
     residual = max |min(p_c/P, g/D)|        over the points
 
 with the pressure p_c of the wall, the gap g, and scales P and D of pressure and depth. It is zero exactly at
-the solution of p_c >= 0, g >= 0, p_c g = 0.
+the solution of p_c >= 0, g >= 0, p_c g = 0. Where p_c is at the hardness g is not below zero: the height that
+the surfaces lose is no part of the gap.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ class Declaration:
     adhesive: bool = False  # whether it solves problems whose interface attracts
     nonsymmetric: bool = False  # whether it solves problems with a loss stiffness by itself
     distributed: bool = False  # whether it solves on a grid over ranks; it is then made with the grid too
+    yields: bool = False  # whether it solves problems whose pressures end at a hardness
     # `pairs` and `power` where an option of the solver's section has a value, by (option, value)
     pairs_with: Mapping[tuple[str, object], tuple[float, float]] = field(default_factory=dict)
 
@@ -49,7 +50,13 @@ SOLVERS: Mapping[str, Declaration] = {
         "gfmdlayer.contact.active_set.solver:ActiveSet", "pressure", 2.7, 0.07, fields=30, rough=12
     ),
     "nested_gradient": Declaration(
-        "gfmdlayer.contact.nested.solver:NestedGradient", "pressure", 5, 0.1, fields=30, distributed=True
+        "gfmdlayer.contact.nested.solver:NestedGradient",
+        "pressure",
+        5,
+        0.1,
+        fields=30,
+        distributed=True,
+        yields=True,
     ),
     "conjugate_gradient": Declaration(
         "gfmdlayer.contact.bounded:ConjugateGradient", "pressure", 34, 0.2, fields=22
@@ -90,12 +97,14 @@ class Choice(NamedTuple):
     reason: str
 
 
-def choose(method: str, *, axes: int, rough: bool, attracts: bool) -> Choice:
-    """Return the solver for a surface of one or two axes, with a rough punch or not, attracting or not."""
+def choose(method: str, *, axes: int, rough: bool, attracts: bool, yields: bool = False) -> Choice:
+    """Return the solver for a surface of one or two axes, with a rough punch, attracting, yielding or not."""
     if attracts and (method == AUTO or not SOLVERS[method].adhesive):
         return Choice("newton", "the interface attracts")
     if method != AUTO:
         return Choice(method, "as configured")
+    if yields:
+        return Choice("nested_gradient", "contact pressures end at a hardness")
     if axes == 2 and rough:
         return Choice("nested_gradient", "a rough surface in two directions")
     return Choice("active_set", "a line" if axes == 1 else "a smooth punch, whose contact a window holds")

@@ -52,6 +52,7 @@ PAPER_SYMBOLS = {
     "displacement": "u",
     "pressure": "p",
     "gap": "g",
+    "imprint": "W",
     "x": "x",
     "y": "y",
     "time": "t",

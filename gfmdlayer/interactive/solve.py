@@ -96,7 +96,8 @@ def solve(
     Returns
     -------
     xarray.Dataset
-        pressure, displacement (positive upward), gap and contact along x[, y]; contact_area (part of the
+        pressure, displacement (positive upward), gap, contact and, with a hardness, imprint along x[, y];
+        contact_area (part of the
         cell), contact_area_interpolated (with edges between the points) and the estimate
         contact_area_error of its error, mean_pressure, force, depth,
         residual and FFT pairs, in the units of the arguments. An isolated contact has area,
@@ -172,6 +173,8 @@ def solve(
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
+    if config.hardness is not None and alone:
+        raise ConfigError(["interface: its hardness is not available with isolated=True; remove it"])
     reach, response = None, body
     if alone:
         try:
@@ -189,8 +192,10 @@ def solve(
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
     nothing = np.zeros(kappa.shape, dtype=np.complex128)
-    problem = loading.problem(kappa, nothing, 0.0)
     case = Case(config, grid=grid, body=body, punch=heights, interface=law)
+    problem = case.imprint.under(loading.problem(kappa, nothing, 0.0))
+    if control == "load" and target >= problem.hardness:
+        raise ConfigError([f"mean pressure: got {target!r}; must be below the hardness {problem.hardness!r}"])
     solution = case.solve(problem, 0.0)
     if not solution.converged:
         solver = config.solver
@@ -264,6 +269,7 @@ def _dataset(
     import xarray
 
     touching = in_contact(problem, solution)
+    imprint = {} if solution.flow is None else {"imprint": solution.flow}
     wall = problem.wall_pressure(solution.pressure, solution.gap).reshape(grid.shape)
     area = interpolated_area(touching.reshape(grid.shape), wall, solution.gap.reshape(grid.shape), grid)
     fields = {
@@ -271,6 +277,7 @@ def _dataset(
         "pressure": solution.pressure,
         "gap": closed_gap(problem, solution),
         "contact": touching,
+        **imprint,
     }
     scalars = {
         "contact_area": solution.contact_area,

@@ -1,7 +1,7 @@
 """Hard wall, and adhesion by a work and a range or a stress.
 
-Every law is stated by its work of adhesion w, so that -w is the energy in contact and 0 that far away; tau is
-the traction. See `docs/theory/adhesion.md`.
+Every law but the hard wall is stated by its work of adhesion w, so that -w is the energy in contact and 0
+that far away; tau is the traction. See `docs/theory/adhesion.md`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from gfmdlayer.interface.interface import Interface
-from gfmdlayer.validation.fields import MustBe, Positive, strict
+from gfmdlayer.validation.fields import MustBe, Optional, Positive, strict
 from gfmdlayer.validation.units import Units
 
 if TYPE_CHECKING:
@@ -22,12 +22,17 @@ Smoothing = Annotated[float, strict, Field(ge=0.01, le=1), MustBe("a number from
 
 
 class HardWall(Interface):
-    """The paper's contact: the surface cannot pass through the punch, and there is no attraction."""
+    """The paper's contact: the surface cannot pass through the punch, and there is no attraction.
+
+    With a hardness, pressures end there, and the surfaces keep an imprint.
+    """
 
     attracts: ClassVar[bool] = False
 
     law: Literal["hard_wall"] = "hard_wall"
     """a hard wall without attraction"""
+    hardness: Optional = None
+    """largest contact pressure, at which the surfaces yield: pressure"""
 
     def interaction(self, units: Units | None = None) -> Interaction:  # noqa: ARG002
         """Return no terms."""

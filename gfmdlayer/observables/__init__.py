@@ -12,6 +12,7 @@ from gfmdlayer.observables.contact import (
     Force,
     Resolution,
     Temperature,
+    Yielding,
 )
 from gfmdlayer.observables.effort import Effort, SeriesError, SpectrumError
 from gfmdlayer.observables.energy_balance import EnergyBalance
@@ -47,6 +48,7 @@ OBSERVABLES: dict[str, type[Observable]] = {
     "effort": Effort,
     "friction": Friction,
     "adhesion": Adhesion,
+    "yielding": Yielding,
     "energy": EnergyBalance,
     "instabilities": Instabilities,
     "statistics": ContactStatistics,

@@ -130,6 +130,43 @@ class Resolution(Observable):
         self.warning = f"COARSE: at most {touching} in contact; {advice}" if few else ""
 
 
+class Yielding(Observable):
+    """Work of the pressures that have reached the hardness, and the area at the hardness."""
+
+    COLUMNS = (
+        Column(
+            "plastic_work",
+            "plastic work per area, the hardness times the mean imprint",
+            "pressure length",
+            origin="from the beginning of the run",
+        ),
+        Column("yielded_area", "part of the surface whose pressure is the hardness", origin="over the cell"),
+    )
+
+    @classmethod
+    def columns(cls, config: Config) -> tuple[Column, ...] | None:
+        """Return the columns of a case whose surfaces yield."""
+        return None if config.hardness is None else cls.COLUMNS
+
+    def __init__(self, case: Parts) -> None:
+        self._sums, self._work = case.grid.sums, 0.0
+
+    def measure(self, step: AcceptedStep) -> Mapping[str, float]:
+        """Return both; the work adds up over the steps."""
+        hardness, flow = step.problem.hardness, step.solution.flow
+        self._work += 0.0 if flow is None else hardness * self._sums.mean(flow)
+        at_hardness = (step.solution.pressure >= hardness).astype(float)
+        return {"plastic_work": self._work, "yielded_area": self._sums.mean(at_hardness)}
+
+    def state(self) -> State:
+        """Return the work so far."""
+        return {"work": self._work}
+
+    def restore(self, state: State) -> None:
+        """Continue from there."""
+        self._work = float(state["work"])
+
+
 MEAN_GAP = Column(
     "mean_gap", "mean gap between surface and punch", "length", origin="over the whole cell; 0 in contact"
 )

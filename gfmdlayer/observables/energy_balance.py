@@ -1,4 +1,4 @@
-"""Energy balance: work = stored + dissipated + interface + lost, each per area of the surface.
+"""Energy balance: work = stored + dissipated + interface + plastic + lost, each per area of the surface.
 
 The work is the integral of the mean pressure over the depth and, for a punch that moves along the surface, of
 the mean tangential stress over the position. It does not use the modes, from which stored and dissipated
@@ -55,7 +55,8 @@ class EnergyBalance(Observable):
         Column("dissipated", "energy dissipated per area", _UNITS, origin=_SINCE),
         Column(
             "energy_residual",
-            "work - stored - dissipated - energy of the interface - lost in instabilities, per area",
+            "work - stored - dissipated - energy of the interface - plastic work - lost in instabilities, "
+            "per area",
             _UNITS,
             origin=_SINCE,
         ),
@@ -79,6 +80,7 @@ class EnergyBalance(Observable):
     def measure(self, step: AcceptedStep) -> Mapping[str, float]:
         """Return the balance; position and tangential force are read from the row, if it has them."""
         stored, dissipated, attraction = step.energy.stored, step.energy.dissipated, self._attraction(step)
+        attraction += float(step.row.get("plastic_work", 0.0))  # another part of the energy of the contact
         energies = stored + dissipated + attraction
         now = Row(step.time, step.surface.depth, step.solution.mean_pressure, step.solution.margin)
         tangential = float(step.row.get("position", 0.0)), float(step.row.get("tangential_force", 0.0))

@@ -3,8 +3,8 @@
 An HDF5 file does not survive a killed process; a file of .npy arrays that only grows does. So a run records
 into a journal, and its HDF5 file is written from the journal at the end. The journal is a sequence of blocks:
 
-    (columns, 0), the columns of some rows
-    (0, fields), the time of a snapshot, its fields
+    (columns), the columns of some rows
+    (0, places of the fields in `schema.FIELDS`, from 1), the time of a snapshot, its fields
 
 A block never changes. A checkpoint holds the position behind the last one; a resumed case goes on there, over
 whatever follows.
@@ -54,9 +54,13 @@ class Recorder(Protocol):
         pressure: FloatArray,
         gap: FloatArray,
         traction: FloatArray | None = None,
+        imprint: FloatArray | None = None,
         /,
     ) -> None:
-        """Record the surface at a time, by arrays of the grid's shape; the traction only with attraction."""
+        """Record the surface at a time, by arrays of the grid's shape.
+
+        The traction is given with attraction only, the imprint with a hardness only.
+        """
         ...
 
     def note(self, **attributes: Attribute) -> None:
@@ -98,12 +102,11 @@ class Journal:
 
     def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
         """Record the surface at one of the times of `output.snapshots`."""
-        given = tuple(field for field in fields if field is not None)
         if self._shared is not None:
-            self._gather(self._shared, time, given)
+            self._gather(self._shared, time, fields)
         else:
-            self._snapshots.append((time, given))
-            self._count(sum(field.nbytes for field in given))
+            self._snapshots.append((time, fields))
+            self._count(sum(field.nbytes for field in fields if field is not None))
 
     def note(self, **attributes: Attribute) -> None:
         """Record attributes of the run; they come at its end, after the last checkpoint."""
@@ -159,7 +162,7 @@ class Journal:
 
     def _clear(self) -> None:
         self._rows: list[tuple[float | FloatArray, ...]] = []
-        self._snapshots: list[tuple[float, tuple[FloatArray, ...]]] = []
+        self._snapshots: list[tuple[float, tuple[Any, ...]]] = []  # time and fields, None where not given
         self._size = 0
 
     def _append(self) -> None:
@@ -167,21 +170,22 @@ class Journal:
         arrays = []
         if self._rows:
             columns = [np.array(values) for values in zip(*self._rows, strict=True)]
-            arrays += [np.array([len(columns), 0]), *columns]
+            arrays += [np.array([len(columns)]), *columns]
         for instant, fields in self._snapshots:
-            arrays += [np.array([0, len(fields)]), np.array(instant), *fields]
+            given = [field for field in fields if field is not None]
+            arrays += [_places(fields), np.array(instant), *given]
         if arrays:
             self._write(part for array in arrays for part in (_head(array.dtype, array.shape), array))
             self._clear()
 
-    def _gather(self, grid: Grid, time: float, fields: tuple[FloatArray, ...]) -> None:
+    def _gather(self, grid: Grid, time: float, fields: tuple[FloatArray | None, ...]) -> None:
         """Write a snapshot of which each rank holds a part."""
         rows = max(1, _BLOCK // grid.points[1])
 
         def parts() -> Iterator[Any]:
-            for array in (np.array([0, len(fields)]), np.array(time)):
+            for array in (_places(fields), np.array(time)):
                 yield from (_head(array.dtype, array.shape), array)
-            for field in fields:
+            for field in (each for each in fields if each is not None):
                 yield _head(field.dtype, grid.points)
                 yield from (block for _, block in grid.blocks(field, rows))
 
@@ -221,13 +225,19 @@ class Journal:
         return not left and checksum == self._good.checksum
 
     def _replay_block(self, file: io.FileIO, recorder: Recorder) -> None:
-        columns, fields = npy.read_array(file).tolist()
+        columns, *places = npy.read_array(file).tolist()
         values = [npy.read_array(file) for _ in range(columns)]
         for row in zip(*values, strict=True):
             recorder.row(**dict(zip(self._columns, row, strict=True)))
-        if fields:
-            instant = float(npy.read_array(file))
-            recorder.snapshot(instant, *(_mapped(file) for _ in range(fields)))
+        if places:
+            instant, fields = float(npy.read_array(file)), {place: _mapped(file) for place in places}
+            given: list[Any] = [fields.get(place + 1) for place in range(places[-1])]
+            recorder.snapshot(instant, *given)
+
+
+def _places(fields: Sequence[FloatArray | None]) -> NDArray[np.int64]:
+    """Return what comes before a snapshot: no columns, and the places of the fields that are given."""
+    return np.array([0, *(place for place, field in enumerate(fields, start=1) if field is not None)])
 
 
 def _opened(path: Path, mode: str) -> io.FileIO:
@@ -260,7 +270,7 @@ class Recording:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
-        self.fields: list[tuple[Any, ...]] = []  # time, then some of FIELDS
+        self.fields: list[tuple[Any, ...]] = []  # time, then those of FIELDS, None where one is not given
         self.noted: dict[str, Attribute] = {}
         self._started, self._begun = now(), time.monotonic()
 
@@ -269,8 +279,8 @@ class Recording:
         self.rows.append(values)
 
     def snapshot(self, time: float, /, *fields: FloatArray | None) -> None:
-        """Keep time, displacement, pressure and gap, and the traction if there is attraction."""
-        self.fields.append((time, *(field for field in fields if field is not None)))
+        """Keep time, displacement, pressure and gap, and traction or imprint where there is one."""
+        self.fields.append((time, *fields))
 
     def note(self, **attributes: Attribute) -> None:
         """Keep attributes of the run."""
@@ -319,7 +329,10 @@ class Recording:
         times = np.array([time for time, *_ in self.fields], dtype=np.float64)
         found: dict[str, Any] = {"snapshot": (("snapshot",), times, known["snapshot"].described)}
         for place, name in enumerate(FIELDS, start=1):
-            if place < len(self.fields[0]) if self.fields else place <= 2:  # as in a file
+            given = (
+                self.fields[0][place : place + 1] if self.fields else (place <= 2 or None,)
+            )  # as in a file
+            if given and given[0] is not None:
                 values = np.reshape([fields[place] for fields in self.fields], (-1, *lengths.values()))
                 found[name] = (("snapshot", *lengths), values, known[name].described)
         return found

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -79,18 +79,18 @@ def replay(path: Path, until: float, recorder: Recorder) -> None:
             values = [dataset[start : min(start + _ROWS_READ, rows)] for dataset in columns.values()]
             for row in zip(*values, strict=True):
                 recorder.row(**dict(zip(columns, row, strict=True)))
-        times, *surfaces = fields
-        for i, time in enumerate(times[:].tolist()):
+        last = max((place for place, name in enumerate(FIELDS, start=1) if name in fields), default=0)
+        for i, time in enumerate(fields["snapshot"][:].tolist()):
             if time <= until:
-                recorder.snapshot(time, *(dataset[i] for dataset in surfaces))
+                given: list[Any] = [fields[name][i] if name in fields else None for name in FIELDS[:last]]
+                recorder.snapshot(time, *given)
 
 
-def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], list[h5py.Dataset]]:
-    """Return the columns of rows by name, and the fields of snapshots: time, displacement, pressure, gap."""
+def _growing(h5: h5py.File) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Dataset]]:
+    """Return the columns of rows, and time and fields of the snapshots, by name."""
     columns = {n: d for n, d in h5.items() if isinstance(d, h5py.Dataset) and d.maxshape[:1] == (None,)}
-    fields = [columns.pop(name) for name in ("snapshot", "displacement", "pressure")]
     # Earlier versions wrote no gap, and the hard wall has no traction.
-    fields += [columns.pop(name) for name in ("gap", "traction") if name in columns]
+    fields = {name: columns.pop(name) for name in ("snapshot", *FIELDS) if name in columns}
     return columns, fields
 
 
@@ -98,11 +98,13 @@ def _has_all(h5: h5py.File, intact: bool, most: float) -> bool:
     """Whether the case has all of its rows and snapshots, read where the file is not known to be intact."""
     rows, snapshots = h5.attrs["rows"], h5.attrs["snapshots"]
     columns, fields = _growing(h5)
-    small = {field.name for field in fields if field.size * field.dtype.itemsize <= most}
+    small = {field.name for field in fields.values() if field.size * field.dtype.itemsize <= most}
     return bool(
         h5.attrs["complete"] == 1
         and all(_length(column, read=not intact) == rows for column in columns.values())
-        and all(_length(field, read=not intact and field.name in small) == snapshots for field in fields)
+        and all(
+            _length(field, read=not intact and field.name in small) == snapshots for field in fields.values()
+        )
     )
 
 

@@ -65,10 +65,14 @@ VARIABLES: dict[str, Variable] = {
         "pressure",
         origin="at each point, of the interface",
     ),
+    "imprint": Variable(
+        "height that the surfaces have lost", "length", origin="at each point, from the beginning of the run"
+    ),
     "case": Variable("number of the case and of its file in cases/", "1", "i8", origin="from 0"),
 }
 
-FIELDS = ("displacement", "pressure", "gap", "traction")  # the last where the interface attracts
+# Of snapshots, in their order: the traction where the interface attracts, the imprint with a hardness.
+FIELDS = ("displacement", "pressure", "gap", "traction", "imprint")
 SWEEP_FILE = "sweep.h5"
 SAME_TIME = 1e-9  # relative: times that are reached by different steps differ by rounding
 OVER_TIME = "_over_time"  # end of the name of a column in a sweep over a key of the same name
@@ -93,6 +97,7 @@ SYMBOLS: dict[str, tuple[str, str]] = {
     "interface.stress": ("cohesive stress", "sigma_0"),
     "interface.separation": ("equilibrium separation", "z_0"),
     "interface.voltage": ("voltage", "V"),
+    "interface.hardness": ("hardness", "H"),
     "trajectory.depth": ("depth of the indentation", "h_0"),
     "trajectory.load": ("mean pressure on the punch", "p_0"),
     "trajectory.force": ("force on the punch", "F_0"),

@@ -17,7 +17,16 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from gfmdlayer.verification import adhesion, closed_forms, crosschecks, indentation, orders, stacks, transport
+from gfmdlayer.verification import (
+    adhesion,
+    closed_forms,
+    crosschecks,
+    hardness,
+    indentation,
+    orders,
+    stacks,
+    transport,
+)
 from gfmdlayer.verification.report import write_report
 from gfmdlayer.verification.rows import Check, Outcome, carry_out
 
@@ -78,9 +87,14 @@ _GROUPS = {
         indentation.without_images,
         indentation.peeled_sphere,
     ),
-    "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics),
+    "Hardness": (hardness.yielding,),
+    "Other codes": (crosschecks.tamaas, crosschecks.contact_mechanics, hardness.saturated),
 }
-_PEERS: dict[object, str] = {crosschecks.tamaas: "tamaas", crosschecks.contact_mechanics: "ContactMechanics"}
+_PEERS: dict[object, str] = {
+    crosschecks.tamaas: "tamaas",
+    crosschecks.contact_mechanics: "ContactMechanics",
+    hardness.saturated: "tamaas",
+}
 CHECKS = tuple(Check(group, find, _PEERS.get(find, "")) for group, found in _GROUPS.items() for find in found)
 
 

@@ -102,6 +102,64 @@ def test_an_isolated_contact_has_no_law() -> None:
     assert line.startswith("interface: not available with grid.geometry: axisymmetric")
 
 
+HARD = {"law": "hard_wall", "hardness": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        ({"interface": HARD | {"hardness": 0}}, "interface.hardness: got 0; must be a number > 0"),
+        (
+            {"trajectory": {"control": "load", "load": 0.5}},
+            "trajectory.load: got 0.5; must be below 0.5, the interface.hardness over the whole cell",
+        ),
+        (
+            {"trajectory": {"control": "force", "force": 1.5}, "grid": {"points": 64, "period": 2.0}},
+            "trajectory.force: got 1.5; must be below 1, the interface.hardness over the whole cell",
+        ),
+        (
+            {"interface": [LAW, HARD]},
+            "interface[1].hardness: needs the hard wall alone: the solver of adhesion keeps points",
+        ),
+        ({"trajectory": {"velocity": 1.0}}, "interface.hardness: needs a punch that does not move along"),
+        (
+            {"solver": {"method": "active_set"}},
+            "solver.method: got active_set, which cannot solve for a hardness; must be nested_gradient",
+        ),
+        (
+            {"grid": {"geometry": "axisymmetric"}},
+            "interface: its hardness is not available with grid.geometry: axisymmetric; remove it, or take",
+        ),
+    ],
+)
+def test_a_hardness_that_cannot_be_is_refused(sections: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        Config(name="a", **({"interface": HARD} | sections))
+    (line,) = refused.value.problems
+    assert line.startswith(said)
+
+
+def test_a_hardness_has_a_digest_and_the_solver_that_can() -> None:
+    soft, plain = Config(name="a", interface=HARD), Config(name="a")
+    assert len({digest(plain), digest(soft), digest(soft.with_values({"interface.hardness": 0.4}))}) == 3
+    assert soft.contact_solver.method == "nested_gradient"
+    assert soft.hardness == 0.5
+    assert plain.hardness is None
+
+
+def test_a_table_of_loads_beyond_the_hardness_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "load.txt").write_text("0 0\n1 0.6\n")
+    given = tmp_path / "case.yaml"
+    given.write_text(
+        "name: a\ngrid: {points: 64}\ninterface: {law: hard_wall, hardness: 0.5}\n"
+        "trajectory: {control: load, kind: table, file: load.txt}\n"
+    )
+    with pytest.raises(
+        ConfigError, match=r"case.yaml:4:.*holds the load 0.6; must be below 0.5, the hardness"
+    ):
+        load(given, inspect=input_errors)
+
+
 def test_files_of_voltages_are_found_in_lists_and_sweeps(tmp_path: Path) -> None:
     (tmp_path / "volts.txt").write_text("0 0\n1 10\n")
     (tmp_path / "case.yaml").write_text(

@@ -114,6 +114,7 @@ sweep:
     LINE + "body: {kind: layers}\n",
     LINE + "body: {file: bed.py}\n",
     LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
+    LINE + "interface: {law: hard_wall, hardness: 0.5}\nsweep: {interface.hardness: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
     LINE
     + """\

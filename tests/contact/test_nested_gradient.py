@@ -143,8 +143,8 @@ def test_a_residual_counts_wherever_it_is(place: int) -> None:
     """Also beside a last block of points that is a short one."""
     p, gap, h = np.zeros(530), np.ones(530), np.ones(530)
     p[place], gap[place] = 2.0, 0.5
-    assert passes.extent(0, 530, 0.0, h, p, gap)[1][0] == 2.0
-    assert passes.settle(0, 530, 1.0, 1.0, 0.0, h, p, gap, h.copy())[1][0] == 0.5
+    assert passes.extent(0, 530, 0.0, None, h, p, gap)[1][0] == 2.0
+    assert passes.settle(0, 530, 1.0, 1.0, 0.0, None, h, p, gap, h.copy(), None)[1][0] == 0.5
 
 
 def film() -> tuple[Case, Problem]:

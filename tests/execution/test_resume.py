@@ -63,6 +63,12 @@ BODIES |= {
         }
     },
 }
+BODIES["yielding"] = {
+    "interface": {"law": "hard_wall", "hardness": 0.3},
+    "trajectory": {"control": "load", "kind": "approach_retract", "load": 0.1, "cycles": 2},
+    "time.end": 4.0,
+}
+RUNS += [("yielding", "adaptive", "nested_gradient"), ("yielding", "exponential", "nested_gradient")]
 RUNS += [("adhesive", "adaptive", "newton"), ("adhesive", "exponential", "newton")]
 RUNS += [("pulled off", "adaptive", "newton")]
 
@@ -77,8 +83,8 @@ class Bits:
     def row(self, **values: float) -> None:
         self.rows.append({name: float(value).hex() for name, value in values.items()})
 
-    def snapshot(self, time: float, *fields: NDArray[np.float64]) -> None:
-        self.snapshots.append((time, *(field.tobytes() for field in fields)))
+    def snapshot(self, time: float, *fields: NDArray[np.float64] | None) -> None:
+        self.snapshots.append((time, *(b"" if field is None else field.tobytes() for field in fields)))
 
     def note(self, **attributes: object) -> None:
         self.rows.append({name: str(np.asarray(value).tolist()) for name, value in attributes.items()})

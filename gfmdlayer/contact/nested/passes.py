@@ -7,6 +7,9 @@ precision, their changes in single. Outside of the set C of points that press or
 Sums over a block of points are in the precision of the fields, those over the blocks in double. Largest
 values are kept side by side, and written from one array into another: stores under a condition are slow.
 Both arrays count at the end, as the last block may be a short one.
+
+`cap` is the largest pressure, the hardness, or None without one: kernels are compiled for either, and those
+without a cap have no trace of it.
 """
 
 from __future__ import annotations
@@ -131,18 +134,20 @@ class Move(NamedTuple):
 
 @kernel(reorder=True)
 def advance(
-    first: int, end: int, move: Move, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
-) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    first: int, end: int, move: Move, cap: Any, p: Any, gap: Any, gap0: Any, step: Any, change: Any, r: Any
+) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
     """Take a step, and write r = level - gap on the new C; with a given load gaps then count from the level.
 
-    Returns sums of p, of p gap and, unless the load is given, of p gap0; largest violation by an open gap or
-    tension, and overlap, both in the residual's scales.
+    Returns sums of p, of p gap and, unless the load is given, of p gap0, and of p again; largest violation by
+    an open gap or tension, and overlap, both in the residual's scales. With a cap, the sum of p gap and the
+    last sum are over the pressures below it.
     """
     real = p.dtype.type
     length, gone, none = real(move.length), real(_GONE), real(0.0)
     shift, aim = real(move.level if move.load_given else 0.0), real(0.0 if move.load_given else move.level)
     per_pressure, per_r = np.float32(move.per_pressure), np.float32(-move.per_gap)
-    load, weighted, free = 0.0, 0.0, 0.0
+    most = real(0.0 if cap is None else cap)
+    load, weighted, free, inner = 0.0, 0.0, 0.0, 0.0
     opened, below = np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
     wider, deeper = opened.copy(), below.copy()
     for begin in range(first, end, LANES):
@@ -151,26 +156,35 @@ def advance(
         steps, changes = step[begin:stop], change[begin:stop]
         for i in range(ps.size):
             now = ps[i] + length * steps[i]
+            if cap is not None:
+                now = now if most - now > gone * (most - ps[i]) else most
             ps[i] = now if now > gone * ps[i] else none
             gaps[i] += length * changes[i] - shift
         if not move.load_given:
             free += _scale(real(move.scale), ps, gaps, gap0[begin:stop])
-        total, product = none, none
+        total, product, part = none, none, none
         for i in range(ps.size):
             pull = np.float32(aim - gaps[i])
             inside = pull if pull != _NONE else _MEMBER
             rs[i] = inside if (ps[i] > none) | (pull > _NONE) else _NONE
             total += ps[i]
-            product += ps[i] * gaps[i]
+            if cap is None:
+                product += ps[i] * gaps[i]
+            else:
+                rs[i] = rs[i] if (ps[i] < most) | (pull < _NONE) else _NONE
+                between = ps[i] if ps[i] < most else none
+                part += between
+                product += between * gaps[i]
         load += total
         weighted += product
+        inner += part
         for i in range(ps.size):
             press, apart = np.float32(ps[i]) * per_pressure, rs[i] * per_r
             off = press if press < apart else apart
             wider[i] = off if off > opened[i] else opened[i]
             deeper[i] = rs[i] if rs[i] > below[i] else below[i]
         opened, below, wider, deeper = wider, deeper, opened, below
-    return (load, weighted, free), (
+    return (load, weighted, free, load if cap is None else inner), (
         float(max(opened.max(), wider.max())),
         max(below.max(), deeper.max()) * move.per_gap,
     )
@@ -223,8 +237,8 @@ def precondition(
 
 @kernel(reorder=True)
 def direct(
-    first: int, end: int, excess: float, memory: float, length: float, shift: float, p: Any, r: Any, z: Any,
-    d: Any, step: Any,
+    first: int, end: int, excess: float, memory: float, length: float, shift: float, cap: Any, p: Any, r: Any,
+    z: Any, d: Any, step: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:  # fmt: skip
     """Write the direction d = z - excess + memory d on C, and do what `project` does."""
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
@@ -235,37 +249,46 @@ def direct(
         for i in range(ds.size):
             along = zs[i] - less + part * ds[i]
             ds[i] = along if rs[i] != _NONE else _NONE
-        found = _project(length, shift, p[begin:stop], rs, ds, step[begin:stop])
+        found = _project(length, shift, cap, p[begin:stop], rs, ds, step[begin:stop])
         total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True)
 def project(
-    first: int, end: int, length: float, shift: float, p: Any, r: Any, d: Any, step: Any
+    first: int, end: int, length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
 ) -> tuple[tuple[float, float, float, float], tuple[float]]:
-    """Write the step to max(p + length d - shift, 0) on C, and to 0 outside.
+    """Write the step to max(p + length d - shift, 0) on C, and to 0 outside; with a cap, up to the cap.
 
-    Returns sum and number of the new pressures, sum of r step, and number of pressures that it ends.
+    Returns the sum of the new pressures, the number of those that depend on the shift, the sum of r step, and
+    the number of pressures that it ends at 0 or at the cap.
     """
     total, count, slope, ended = 0.0, 0.0, 0.0, 0.0
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
-        found = _project(length, shift, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
+        found = _project(length, shift, cap, p[begin:stop], r[begin:stop], d[begin:stop], step[begin:stop])
         total, count, slope, ended = total + found[0], count + found[1], slope + found[2], ended + found[3]
     return (total, count, slope, ended), (0.0,)
 
 
 @kernel(reorder=True, inner=True)
-def _project(length: float, shift: float, p: Any, r: Any, d: Any, step: Any) -> tuple[Any, Any, Any, Any]:
+def _project(
+    length: float, shift: float, cap: Any, p: Any, r: Any, d: Any, step: Any
+) -> tuple[Any, Any, Any, Any]:
     real = p.dtype.type
-    some, less, none = real(length), real(shift), real(0.0)
+    some, less, none, most = real(length), real(shift), real(0.0), real(0.0 if cap is None else cap)
     total, count, slope, ended = none, _NONE, _NONE, _NONE
     for i in range(p.size):
         now = p[i] + some * d[i] - less
         now = now if (r[i] != _NONE) & (now > none) else none
+        if cap is None:
+            count += _ONE if now > none else _NONE
+        else:
+            now = now if now < most else most
+            now = most if (r[i] == _NONE) & (p[i] >= most) else now
+            count += _ONE if (now > none) & (now < most) else _NONE
+            ended += _ONE if (now >= most) & (p[i] < most) else _NONE
         total += now
-        count += _ONE if now > none else _NONE
         ended += _ONE if (now <= none) & (p[i] > none) else _NONE
         step[i] = np.float32(now - p[i])
         slope += r[i] * step[i]
@@ -273,9 +296,15 @@ def _project(length: float, shift: float, p: Any, r: Any, d: Any, step: Any) -> 
 
 
 @kernel(reorder=True)
-def respond(first: int, end: int, p: Any, step: Any, change: Any) -> tuple[tuple[float, float], tuple[float]]:
-    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step."""
+def respond(
+    first: int, end: int, cap: Any, p: Any, step: Any, change: Any
+) -> tuple[tuple[float, float], tuple[float]]:
+    """Return the sums of step A step and p A step; the fastest relative fall of a pressure along the step.
+
+    With a cap, a pressure's distance from the cap falls too.
+    """
     none, one = p.dtype.type(0.0), p.dtype.type(1.0)
+    most = p.dtype.type(0.0 if cap is None else cap)
     curvature, across, falls, faster = 0.0, 0.0, np.zeros(LANES, p.dtype), np.zeros(LANES, p.dtype)
     for begin in range(first, end, LANES):
         stop = min(begin + LANES, end)
@@ -285,6 +314,9 @@ def respond(first: int, end: int, p: Any, step: Any, change: Any) -> tuple[tuple
             along += steps[i] * changes[i]
             aside += ps[i] * changes[i]
             fall = -steps[i] / (ps[i] if ps[i] > none else one)
+            if cap is not None:
+                rise = steps[i] / (most - ps[i] if ps[i] < most else one)
+                fall = fall if fall > rise else rise
             faster[i] = fall if fall > falls[i] else falls[i]
         curvature, across = curvature + float(along), across + float(aside)
         falls, faster = faster, falls
@@ -302,11 +334,12 @@ def release(first: int, end: int, length: float, p: Any, r: Any, d: Any) -> tupl
 
 @kernel(reorder=True)
 def extent(
-    first: int, end: int, per_point: float, h: Any, p: Any, gap: Any
+    first: int, end: int, per_point: float, cap: Any, h: Any, p: Any, gap: Any
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Write the gap h - u in the place of an unnormalised u, unless ``per_point`` is zero.
 
-    Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap.
+    Returns the sums of p, of p gap and of u = h - gap; the largest pressure, -u, -gap and gap. With a cap,
+    the first two sums and the largest -gap are over the pressures below it.
     """
     load, weighted, total = 0.0, 0.0, 0.0
     largest, depth, overlap = np.zeros(LANES), np.full(LANES, -np.inf), np.full(LANES, -np.inf)
@@ -319,11 +352,18 @@ def extent(
             for i in range(hs.size):
                 gaps[i] = hs[i] - per_point * gaps[i]
         for i in range(hs.size):
-            load += ps[i]
-            weighted += ps[i] * gaps[i]
+            if cap is None:
+                load += ps[i]
+                weighted += ps[i] * gaps[i]
+            else:
+                between = ps[i] if ps[i] < cap else 0.0
+                load += between
+                weighted += between * gaps[i]
             total += hs[i] - gaps[i]
         for i in range(hs.size):
             press, below, above = ps[i], gaps[i] - hs[i], -gaps[i]
+            if cap is not None:
+                above = above if ps[i] < cap else -np.inf
             larger[i] = press if press > largest[i] else largest[i]
             deeper[i] = below if below > depth[i] else depth[i]
             lower[i] = above if above > overlap[i] else overlap[i]
@@ -406,12 +446,13 @@ def displace(
 
 @kernel(reorder=True)
 def settle(
-    first: int, end: int, per_pressure: float, per_gap: float, shift: float, h: FloatArray, p: FloatArray,
-    gap: FloatArray, u: FloatArray,
+    first: int, end: int, per_pressure: float, per_gap: float, shift: float, cap: Any, h: FloatArray,
+    p: FloatArray, gap: FloatArray, u: FloatArray, flow: Any,
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:  # fmt: skip
     """Shift the gap by -``shift``, cut off overlap, and write u = h - gap.
 
-    Returns number of points in contact, sums of p, gap and u; the residual and the overlap.
+    With a cap, overlap at the cap is no error: `flow` gets it, and u has it. Returns number of points in
+    contact, sums of p, gap and u; the residual and the overlap.
     """
     touching, load, gaps, mean = 0.0, 0.0, 0.0, 0.0
     worst, overlap = np.zeros(LANES), np.zeros(LANES)
@@ -421,10 +462,15 @@ def settle(
         hs, ps, apart, us = h[begin:stop], p[begin:stop], gap[begin:stop], u[begin:stop]
         for i in range(ps.size):
             opening = apart[i] - shift
+            if cap is not None:
+                flow[begin + i] = -opening if (ps[i] >= cap) & (opening < 0.0) else 0.0
+                opening += flow[begin + i]
             deeper[i] = -opening if -opening > overlap[i] else overlap[i]
             apart[i] = 0.0 if opening < 0.0 else opening  # NaN stays
         for i in range(ps.size):
             us[i] = hs[i] - apart[i]
+            if cap is not None:
+                us[i] += flow[begin + i]
             gaps += apart[i]
             mean += us[i]
             load += ps[i]

@@ -11,7 +11,9 @@ Precision
     double precision, to which corrections in single are added, whose errors shrink with them.
 Hand-over
     Where the residual falls no more, as for a stiff film on a soft base, the active set takes the problem
-    from the last pressure. After two of these steps in a row it keeps the run.
+    from the last pressure. After two of these steps in a row it keeps the run. It knows no hardness: the
+    points at the hardness are then taken out of the contact, under their known pressure, and the set of these
+    points is corrected until it stays.
 
 All sums, rows beside those of this process and transforms go through the grid, which ranks may share.
 """
@@ -29,6 +31,7 @@ from gfmdlayer.contact.nested import passes
 from gfmdlayer.contact.nested.iteration import Extent, Fields, Level, Search
 from gfmdlayer.contact.pressure_form import CLAMPED, CLOSE, HEIGHT_ROUNDING, trivial_solution
 from gfmdlayer.contact.problem import Problem, Solution, make_solution
+from gfmdlayer.contact.residual import assess, scales_over
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
 from gfmdlayer.kernels import kernel
@@ -175,6 +178,7 @@ def nest(fine: Level, transforms: Transforms, problem: Problem, at: Fields) -> f
     for grid in reversed(fine.grid.nested[1:]):
         level, state = _coarse(fine, grid, transforms, problem, (surface, free))
         state.load = None if at.load is None else at.load * grid.size / fine.grid.size
+        state.cap = at.cap
         if not _prolonged(last, level, state):
             _press(level, state)
         level.add_response(state)
@@ -232,6 +236,8 @@ _FAILURES = 2  # steps in a row after which the active set keeps the run
 # Tolerance, and scale of depth as part of the largest gap, below which pressure and gap are in double
 # precision while it iterates.
 _SINGLE, _SHALLOW = 1e-7, 1e-2
+_EXTRAPOLATED = 1e-12  # rounding, relative, of a guess from pressures at the hardness
+_CORRECTIONS = 30  # of the set of points at the hardness
 _AIM = 0.5 * CLOSE  # part of the tolerance that is aimed at as a gap where the punch cannot be shifted
 
 
@@ -278,6 +284,8 @@ class NestedGradient:
             iterations += search.run(CLOSE * tolerance, left)
             if search.at is not at:
                 fine.parallel.only(passes.lowered, 0.0, search.at.p, at.p)
+                if at.cap is not None:  # exactly, as it was in single precision
+                    at.p[search.at.p >= np.float32(at.cap)] = at.cap
             spectrum, extent = self._evaluate(problem, fine, at)
             solution = self._solution(problem, fine, at, spectrum, extent, tolerance)
             if solution.converged or left <= 0 or not solution.residual < _PROGRESS * last:
@@ -291,6 +299,8 @@ class NestedGradient:
         if solution.converged or not self._grid.is_whole:
             self._failures, self._part = (0, part) if solution.converged else (self._failures, self._part)
             return solution
+        if at.cap is not None:
+            return self._by_sets(problem, solution, tolerance, limit)
         found = self._by_active_set(problem, at.p, (int(pairs), iterations), tolerance, limit)
         self._failures += found.converged
         return found
@@ -313,7 +323,7 @@ class NestedGradient:
         ActiveSet(self._transforms).compile()
         single = np.zeros(1, np.float32)
         for p in (single, np.zeros(1)):
-            passes.project(0, 1, 1.0, 0.0, p, single, single, single)
+            passes.project(0, 1, 1.0, 0.0, None, p, single, single, single)
             passes.release(0, 1, 1.0, p, single, single)
 
     def _level_of(self, problem: Problem) -> Level:
@@ -330,9 +340,12 @@ class NestedGradient:
         """The problem with the first guess, not negative; NaN counts as zero."""
         p, gap = self._transforms.empty_field(), self._transforms.empty_field()
         np.fmax(start, 0.0, out=p)
+        cap = problem.hardness if problem.hardness < np.inf else None
+        if cap is not None:
+            p[p >= (1.0 - _EXTRAPOLATED) * cap] = cap
         if problem.mean_pressure is not None:
-            return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size)
-        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, _AIM * tolerance)
+            return Fields(problem.obstacle, gap, p, gap, problem.mean_pressure * self._grid.size, cap)
+        at = Fields(problem.obstacle, self._transforms.empty_field(), p, gap, None, cap, _AIM * tolerance)
         nothing = np.zeros_like(self._work)
         fine.displace(problem, nothing, self._work)
         self._transforms.transform_back(self._work, at.gap0)
@@ -361,7 +374,7 @@ class NestedGradient:
             fine.parallel.only(passes.lowered, less, field, narrowed)
         p, gap = self._narrow[:2]
         gap0 = gap if given else self._narrow[2]
-        now = Fields(at.h, gap0, p, gap, at.load, at.aim, at.scales, at.level - shift)
+        now = Fields(at.h, gap0, p, gap, at.load, at.cap, at.aim, at.scales, at.level - shift)
         return Search(fine, now)
 
     def _evaluate(self, problem: Problem, fine: Level, at: Fields) -> tuple[ComplexArray, Extent]:
@@ -389,8 +402,9 @@ class NestedGradient:
         at.scales = pressure, depth = fine.scales(extent, shift)
         at.level -= shift
         u = self._transforms.empty_field()
+        flow = None if at.cap is None else np.empty_like(u)
         (touching, load, gaps, total), (residual, overlap) = fine.parallel(
-            passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.h, at.p, at.gap, u
+            passes.settle, 1.0 / pressure, 1.0 / depth, shift, at.cap, at.h, at.p, at.gap, u, flow
         )
         if given and self._grid.first_row == 0:
             spectrum[0] = total
@@ -399,8 +413,39 @@ class NestedGradient:
         finite = np.isfinite(load) and np.isfinite(gaps)
         return make_solution(
             problem, u, at.p, spectrum, spent=(0, 0), within=tolerance if clear else -1.0, gap=at.gap,
-            assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
+            flow=flow, assessment=(residual if finite else np.nan, touching / size, load / size, gaps / size),
         )  # fmt: skip
+
+    def _by_sets(self, problem: Problem, last: Solution, tolerance: float, limit: int) -> Solution:
+        """Leave the problem to the active set, for the points below the hardness."""
+        h, start = problem.obstacle, last.pressure
+        spent, capped = (last.transforms, last.iterations), start >= problem.hardness
+        away = h + 4.0 * (float(h.max()) - float(h.min()) + abs(float(h.min())))
+        for _ in range(_CORRECTIONS):
+            held = np.where(capped, problem.hardness, 0.0)
+            load = problem.mean_pressure
+            rest = replace(
+                problem,
+                obstacle=np.where(capped, away, h),
+                intercept=problem.intercept - self._transforms.forward(held),
+                mean_pressure=None if load is None else max(load - float(held.mean()), 0.0),
+                hardness=np.inf,
+            )
+            found = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
+            spent, u = (found.transforms, found.iterations), found.displacement
+            start, flow = found.pressure + held, np.where(capped, np.maximum(u - h, 0.0), 0.0)
+            depth = scales_over(problem.ranks, start, u, problem.residual_floor)[1]
+            now = np.where(capped, h - u <= 0.5 * tolerance * depth, start > problem.hardness)
+            if not found.converged or spent[1] >= limit:
+                break
+            if np.array_equal(now, capped):
+                over = assess(start, u, h + flow, problem.residual_floor)
+                return make_solution(
+                    problem, u, start, found.spectrum, spent=spent, within=tolerance, assessment=over,
+                    gap=np.maximum(h - u, 0.0), flow=flow,
+                )  # fmt: skip
+            capped = now
+        return replace(last, transforms=spent[0], iterations=spent[1])
 
     def _by_active_set(
         self, problem: Problem, start: FloatArray, spent: tuple[int, int], tolerance: float, limit: int

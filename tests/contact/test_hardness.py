@@ -1,0 +1,237 @@
+"""Contact pressures that end at a hardness, and the imprint that they leave."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import circulant
+from scipy.optimize import lsq_linear
+
+import gfmdlayer
+from gfmdlayer.config import Config
+from gfmdlayer.contact.nested.solver import NestedGradient
+from gfmdlayer.contact.problem import Problem
+from gfmdlayer.contact.residual import residual_scales
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.results.journal import Recording
+from gfmdlayer.simulation import Case
+
+# A halfspace of E* = 2 G/(1 - nu) = 1, and a rough surface of slope 0.1: elastic pressures reach 0.1 E*.
+HALFSPACE = {"layer": {"thickness": 0.0}, "halfspace": {"shear_modulus": 0.25, "poisson": 0.5}}
+ROUGH = {
+    "shape": "self_affine",
+    "hurst": 0.8,
+    "roll_off": 0.25,
+    "short_cutoff": 0.05,
+    "rms_slope": 0.1,
+    "seed": 1,
+}
+TOLERANCE = 1e-9
+
+
+def config(hardness: float | None, **sections: Any) -> Config:
+    """The rough halfspace on 64 x 64 points, under a load of 0.004 in 1, unless said otherwise."""
+    wall = {"law": "hard_wall"} if hardness is None else {"law": "hard_wall", "hardness": hardness}
+    given: dict[str, Any] = {
+        "grid": {"points": [64, 64]},
+        **HALFSPACE,
+        "punch": ROUGH,
+        "interface": wall,
+        "trajectory": {"control": "load", "load": 0.004},
+        "time": {"step": 0.25, "end": 1.0},
+        "solver": {"tolerance": TOLERANCE, "method": "nested_gradient"},
+    }
+    return Config(name="hardness", **(given | sections))
+
+
+def run(given: Config, **parts: Any) -> Recording:
+    recording = Recording()
+    Case(given, **parts).run(recording)
+    return recording
+
+
+def column(recording: Recording, name: str) -> Any:
+    return np.array([row[name] for row in recording.rows])
+
+
+CYCLES = {"control": "load", "kind": "approach_retract", "load": 0.004, "approach_speed": 0.004, "cycles": 2}
+
+
+def test_pressure_gap_and_imprint_satisfy_the_conditions_of_plasticity() -> None:
+    """Residuals by their definition: over tolerance times the largest pressure, or times the depth."""
+    case = Case(config(0.02))
+    (kappa, b), hardness = case.history.terms(0.25), 0.02
+    problem = case.imprint.under(case.loading.problem(kappa, b, 1.0))
+    found = case.solver.solve(problem, np.zeros(64 * 64), TOLERANCE, 1000)
+    assert found.converged
+    assert found.flow is not None
+    p, u = found.pressure, found.displacement
+    scale, depth = residual_scales(p, u, problem.residual_floor)
+    overlap = u - problem.obstacle
+    assert p.min() >= 0
+    assert p.max() == hardness
+    assert abs(p.mean() - 0.004) <= 1e-13 * 0.004  # rounding of a sum
+    assert overlap[p < hardness].max() <= 1e-12 * depth  # rounding: the surface was lifted clear
+    assert np.minimum(p / scale, -overlap / depth).max() <= TOLERANCE
+    np.testing.assert_allclose(found.flow, np.where(p == hardness, np.maximum(overlap, 0), 0), atol=1e-15)
+    # The pressure is the force of the displacement: one transform back and forth, of pressures up to H.
+    waves = case.transforms.forward(u)
+    force = case.transforms.backward((problem.intercept - problem.stiffness * waves) / u.size) + p.mean()
+    np.testing.assert_allclose(force, p, atol=1e-12)
+    assert found.flow.max() > 0.01 * depth
+    # Under the same load again there is nothing left to flow.
+    case.imprint.remember(found)
+    problem = case.imprint.under(case.loading.problem(kappa, b, 1.0))
+    again = case.solver.solve(problem, p, TOLERANCE, 1000)
+    assert again.flow is not None
+    assert again.flow.max() <= TOLERANCE * depth
+
+
+def test_pressures_below_the_hardness_are_elastic() -> None:
+    """The same solution within the tolerance of either, whose effect on the area is a point or two."""
+    elastic, yielding = run(config(None)), run(config(10.0))
+    assert (column(yielding, "plastic_work") == 0).all()
+    assert (column(yielding, "yielded_area") == 0).all()
+    np.testing.assert_allclose(column(yielding, "depth"), column(elastic, "depth"), rtol=1e-6)
+    np.testing.assert_allclose(
+        column(yielding, "contact_area"), column(elastic, "contact_area"), atol=2 / 64**2
+    )
+
+
+def test_a_dense_bounded_problem_has_the_same_pressures() -> None:
+    """On a line with springs: min |B p - d|^2/2 over 0 <= p <= H with A = B'B, by SciPy's active sets.
+
+    No value of A is below 1/max(kappa), so that pressures differ by max(kappa) D tolerance a point at most,
+    times the square root of the points that press (test_nested_gradient derives it).
+    """
+    n, hardness = 64, 0.1
+    x = np.arange(n) / n - 0.5
+    kappa = 5.0 + np.arange(n // 2 + 1, dtype=float)
+    h = 0.2 * x**2 + 0.004 * np.cos(40 * x) - 0.03
+    root = circulant(np.fft.irfft(1 / np.sqrt(kappa), n))
+    dense = lsq_linear(root, -np.linalg.solve(root.T, h), (0, hardness), method="bvls", tol=1e-15)
+    problem = Problem(
+        kappa, np.zeros(n // 2 + 1, dtype=complex), h, height=float(np.ptp(h)), hardness=hardness
+    )
+    found = NestedGradient(Transforms((n,))).solve(problem, np.zeros(n), TOLERANCE)
+    assert found.converged
+    assert 0 < np.count_nonzero(found.pressure == hardness) < np.count_nonzero(found.pressure > 0) < n
+    depth = residual_scales(found.pressure, found.displacement, problem.residual_floor)[1]
+    np.testing.assert_allclose(found.pressure, dense.x, atol=kappa.max() * depth * TOLERANCE * n**0.5)
+
+
+def test_a_sphere_yields_at_the_load_of_hertz() -> None:
+    """F = pi^3 R^2 H^3/(6 E*^2); images of a contact of 1/16 of the cell change it by less than a tenth."""
+    sphere = {"shape": "parabola", "radius": 1.0}
+    first = math.pi**3 * 0.04**3 / 6
+    for load, yields in ((0.9, False), (1.1, True)):
+        trajectory = {"control": "load", "load": load * first}
+        found = run(config(0.04, punch=sphere, trajectory=trajectory, grid={"points": [128, 128]}))
+        assert (column(found, "yielded_area")[-1] > 0) == yields
+
+
+def test_soft_asperities_carry_the_hardness_over_their_area() -> None:
+    """F = H A but for the elastic rim, whose part falls with H/E*: 0.6 of H/(slope E*) here, 1/20."""
+    for hardness, elastic in ((0.005, 0.03), (5e-4, 0.003)):
+        load = {"control": "load", "load": 0.5 * hardness}
+        found = run(config(hardness, trajectory=load))
+        ratio = column(found, "mean_stress")[-1] / (hardness * column(found, "contact_area")[-1])
+        assert 1 - elastic <= ratio <= 1
+
+
+def test_the_imprint_does_not_depend_on_the_steps_and_cycles_close_after_the_first() -> None:
+    """While no point leaves the hardness; by the tolerance, times its effect on the depth of some ten."""
+    flows = []
+    for steps in (2, 8):
+        found = run(config(0.02, trajectory=CYCLES, time={"step": 1 / steps}))
+        depth, work = column(found, "depth"), column(found, "plastic_work")
+        up, down, again, last = (depth[i * steps : (i + 1) * steps + 1] for i in range(4))
+        assert work[steps] > 0
+        assert work[-1] - work[steps] <= 1e-7 * work[steps]
+        np.testing.assert_allclose(again, down[::-1], rtol=1e-7, atol=1e-7 * depth.max())
+        np.testing.assert_allclose(last, down, rtol=1e-7, atol=1e-7 * depth.max())
+        assert depth[2 * steps] > 0.05 * depth.max()  # of the punch that just touches its imprint
+        assert up[1] < down[-2]
+        flows.append(work[steps])
+    assert flows[0] == pytest.approx(flows[1], rel=1e-7)
+
+
+def test_the_balance_of_energy_closes_with_the_steps() -> None:
+    """Of a viscoelastic body whose asperities yield: at least of first order, a fourth for a quarter."""
+    rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
+    residuals = []
+    for step in (0.125, 0.03125):
+        recording = run(
+            config(
+                0.05,
+                layer=rubber,
+                trajectory={"control": "load", "kind": "approach_retract", "load": 0.004, "dwell": 1.0},
+                time={"step": step},
+            )
+        )
+        work = column(recording, "work")[-1]
+        assert column(recording, "plastic_work")[-1] > 0.1 * work
+        residuals.append(abs(column(recording, "energy_residual")[-1]) / work)
+    assert residuals[1] <= residuals[0] / 4
+    assert residuals[1] < 0.05
+
+
+@pytest.mark.parametrize("step", [0.25, "adaptive"])
+def test_the_plastic_work_is_the_hardness_times_the_imprint(step: Any) -> None:
+    """To rounding, also where adaptive steps are rejected: their flow is not kept."""
+    rubber = {"thickness": math.inf, "material": {"model": "zener", "G0": 0.25, "Ginf": 2.5}}
+    time = {"step": step, "end": 2.0} | ({"tolerance": 1e-3} if step == "adaptive" else {})
+    found = run(config(0.05, layer=rubber, time=time, output={"snapshots": [1.0, 2.0]}))
+    times = column(found, "time")
+    for at, *_, traction, imprint in found.fields:
+        assert traction is None
+        assert imprint.min() >= 0
+        work = column(found, "plastic_work")[np.searchsorted(times, at - 1e-12)]
+        assert work == pytest.approx(0.05 * imprint.mean(), rel=1e-12)
+        assert work > 0
+    assert (np.diff(column(found, "plastic_work")) >= 0).all()
+
+
+def test_the_depth_of_a_new_touch_is_deeper_by_the_imprint() -> None:
+    """The depth counts from the new punch: it touches where heights and imprint are least together."""
+    given = config(0.02, trajectory=CYCLES | {"cycles": 1}, time={"step": 0.25})
+    case, found = Case(given), Recording()
+    case.run(found)
+    touch = float((case.punch + case.imprint.depth).min())
+    assert touch > 0
+    assert column(found, "depth")[-1] == pytest.approx(touch, rel=1e-6)
+
+
+def test_a_stiff_film_on_a_soft_base_yields() -> None:
+    """Where projected gradients make no progress, the set of the points at the hardness is corrected."""
+    film = {"thickness": 0.02, "material": {"model": "zener", "G0": 0.25, "Ginf": 250.0}}
+    trajectory = {"control": "load", "kind": "approach_retract", "load": 0.05}
+    for shape, radius in (("parabola", 1.0), ("parabola", 0.2)):
+        found = run(
+            config(
+                0.3,
+                grid={"points": 256},
+                layer=film,
+                punch={"shape": shape, "radius": radius},
+                trajectory=trajectory,
+                time={"step": 0.1},
+            )
+        )
+        assert (column(found, "residual") <= TOLERANCE).all()
+        assert column(found, "plastic_work")[-1] > 0
+
+
+def test_solve_gives_the_imprint_and_refuses_a_load_beyond_the_hardness() -> None:
+    body, wall = gfmdlayer.halfspace(1.0), {"law": "hard_wall", "hardness": 0.1}
+    found = gfmdlayer.solve(
+        body, gfmdlayer.Parabola(radius=1.0), mean_pressure=0.05, interface=wall, points=256
+    )
+    assert float(found.pressure.max()) == 0.1
+    assert ((found.imprint > 0) <= (found.pressure == 0.1)).all()
+    with pytest.raises(
+        gfmdlayer.ConfigError, match=r"mean pressure: got 0.2; must be below the hardness 0.1"
+    ):
+        gfmdlayer.solve(body, gfmdlayer.Parabola(radius=1.0), mean_pressure=0.2, interface=wall, points=256)
