@@ -40,7 +40,7 @@ TOTALS: dict[str, Column | None] = {
     "dissipated": Column("dissipated", "energy dissipated", _ENERGY, origin=_SINCE),
     "energy_residual": Column(
         "energy_residual",
-        "work - stored - dissipated - energy of the interface - lost in instabilities",
+        "work - stored - dissipated - energy of the interface - plastic work - lost",
         _ENERGY,
         origin=_SINCE,
     ),
@@ -57,6 +57,10 @@ TOTALS: dict[str, Column | None] = {
         "length^2",
         origin=_WHOLE,
     ),
+    "plastic_work": Column(
+        "plastic_work", "plastic work, the hardness times the volume of the imprint", _ENERGY, origin=_SINCE
+    ),
+    "yielded_area": Column("yielded_area", "area whose pressure is the hardness", "length^2", origin=_WHOLE),
     "pull_off_stress": None,
     "work_of_separation": Column(
         "total_work_of_separation",
