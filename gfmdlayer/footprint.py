@@ -47,6 +47,7 @@ SETTLING = 3
 THIN, THINNEST = 0.05, 1 / 9
 STEP_SECONDS = 3e-4  # of a step beside its pairs, measured at 2^8 points
 REAL = 8  # bytes
+ISOLATED_FIELDS = 9  # of the modes of an isolated contact, while they are made; measured at 1024 x 1024
 BRANCH_FIELDS = 5  # real fields of a branch of the material; measured as those of the solvers
 ROWS = 512  # in a block of the file
 HEADER = 10e3  # bytes of the file beside its arrays: attributes, names
@@ -73,12 +74,13 @@ def estimate(programme: Programme, width: int, observed: tuple[float, float] = (
     branches = len(config.solid.roughly(config.time.end)[0][1])
     rows, output = math.ceil((steps + 1) / ROWS) * ROWS, config.output
     snapshots = steps + 1 if output.snapshots == "every" else len(output.snapshots)
+    modes = BRANCH_FIELDS * branches + (ISOLATED_FIELDS if config.grid.isolated else 0)
     fields = (3 + bool(config.interfaces) + (config.hardness is not None)) * size * snapshots
     return Footprint(
         steps=steps,
         pairs=pairs,
         work=size * pairs,
-        memory=PROGRAM + (solver.fields + BRANCH_FIELDS * branches) * REAL * size + observed[1],
+        memory=PROGRAM + (solver.fields + modes) * REAL * size + observed[1],
         storage=HEADER + REAL * (width * rows + sum(config.grid.points) + fields),
         seconds=STEP_SECONDS * steps,
     )

@@ -40,7 +40,7 @@ PROGRAM = 230e6  # bytes of a process with its libraries and compiled kernels
 
 
 class ConvergenceError(RuntimeError):
-    """A contact problem was not solved to the solver's tolerance.
+    """A contact problem was not solved to the solver's tolerance, or an isolated contact is too wide.
 
     Attributes
     ----------

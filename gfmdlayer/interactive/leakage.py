@@ -160,6 +160,8 @@ def _grid(data: xarray.Dataset, along: str, given: Mapping[str, float | None]) -
         wrong.append("data: has no gap along x; set output.snapshots and run the configuration again")
     elif data.sizes.get("snapshot", 1) == 0:
         wrong.append("data: has no snapshot; set output.snapshots and run the configuration again")
+    elif "reach" in data.attrs or ("config" in data.attrs and "L" not in data.attrs):
+        wrong.append("data: an isolated contact has no cell to leak through; must have a periodic grid")
     if along not in ("x", "y"):
         wrong.append(f"along: got {shown(along)}; must be x or y")
     for name, value in given.items():

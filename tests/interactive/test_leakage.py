@@ -165,3 +165,10 @@ def test_data_without_gaps_are_refused() -> None:
         gfmdlayer.leakage(seal().drop_vars("gap"))
     with pytest.raises(ConfigError, match="has no snapshot"):
         gfmdlayer.leakage(seal().isel(snapshot=[]))
+
+
+def test_an_isolated_contact_is_refused() -> None:
+    tip = {"grid": {"geometry": "axisymmetric"}, "punch": {"shape": "sphere", "radius": 8.0}}
+    data = gfmdlayer.run({**tip, "time": {"end": 1.0, "step": 0.5}, "output": {"snapshots": [1.0]}})
+    with pytest.raises(ConfigError, match="an isolated contact has no cell"):
+        gfmdlayer.leakage(data)

@@ -237,14 +237,16 @@ def test_no_column_is_a_mean_over_the_cell(points: Any) -> None:
         name="a",
         grid={"points": points, "boundary": "isolated"},
         halfspace={"shear_modulus": math.inf},
-        interface={"law": "exponential", "work": 0.01, "range": 0.01},
         trajectory={"control": "force", "force": 0.01},
         output={"patches": True},
+        interface={"law": "exponential", "work": 0.01, "range": 0.01},
     )
     found = {each.name: each for each in columns(config)}
-    assert not [
-        each for each in found.values() if "over the cell" in each.origin or "per area" in each.long_name
-    ]
+    assert {"force", "area", "work"} < set(found)
+    for each in found.values():
+        assert "over the cell" not in each.origin
+        assert "per area" not in each.long_name
+        assert not each.long_name.startswith("part of the surface")
     assert config.unit(found["area"].units) == ("length" if points == 64 else "length^2")
 
 
