@@ -424,11 +424,13 @@ class NestedGradient:
         for _ in range(_CORRECTIONS):
             held = np.where(capped, problem.hardness, 0.0)
             load = problem.mean_pressure
+            if load is not None and not held.mean() <= load:
+                break
             rest = replace(
                 problem,
                 obstacle=np.where(capped, away, h),
                 intercept=problem.intercept - self._transforms.forward(held),
-                mean_pressure=None if load is None else max(load - float(held.mean()), 0.0),
+                mean_pressure=None if load is None else load - float(held.mean()),
                 hardness=np.inf,
             )
             found = self._by_active_set(rest, np.where(capped, 0.0, start), spent, tolerance, limit)
