@@ -147,11 +147,12 @@ def _coarse_steps(configs: Sequence[Config]) -> Iterator[str]:
             continue
         seen.add(parts)
         ramps = {t - t0 for (t0, v0), (t, v) in pairwise(drive.corners) if v != v0 and t0 < time.end}
-        (error, tau), ramp, material = max(
+        found = [
             (_error_of_steps(time.step, ramp, material), ramp, material)
             for ramp in ramps
             for material in config.solid.roughly(time.end)
-        )
+        ]
+        (error, tau), ramp, material = max(found, default=((0.0, 0.0), 0.0, (0.0, ())))
         if error <= _COARSE:
             continue
         shorter = (m * 10.0**k for k in range(math.floor(math.log10(time.step)), -31, -1) for m in (5, 2, 1))

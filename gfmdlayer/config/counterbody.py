@@ -43,7 +43,7 @@ class Counterbody(Section):
     def problems(self) -> Iterator[Problem]:
         """Yield contradictions between the keys; a halfspace needs no layer, and may be rigid."""
         bare = self.layers is None and self.layer is None
-        if bare and self.halfspace is not None and self.body is None:
+        if bare and self.halfspace is not None and layered({"body": self.body}):
             if self.halfspace.shear_modulus == 0:
                 message = "got 0 without a layer: the counterbody carries no load; must be > 0"
                 yield Problem(("halfspace", "shear_modulus"), message, ("layer", "layers"))

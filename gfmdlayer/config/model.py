@@ -245,7 +245,7 @@ class Config(Section):
     )
     """the base under the layers"""
     counterbody: Annotated[Counterbody | None, given] = None
-    """a second deformable body, with the shape of the punch; without it the punch is rigid"""
+    """the punch deforms too: its layers and halfspace; default: rigid"""
     temperature: Annotated[Temperature | None, given] = None
     """temperature of the body over time, for materials with a shift"""
     punch: Annotated[Shape, OneOf(SHAPES)] = Field(default_factory=Parabola)

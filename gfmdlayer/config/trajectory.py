@@ -75,11 +75,11 @@ class Trajectory(Section):
     start: Annotated[Finite | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: value at the start, default 0: drive"""
     approach_speed: Optional = _of_approach(_speed_to_the_peak)
-    """approach_retract: speed of the approach, by default to the peak within a time of 1: drive/time"""
+    """approach_retract: speed inwards, by default to the peak in 1: drive/time"""
     dwell: Annotated[NotNegative | None, given] = _of_approach(lambda _: 0.0)
     """approach_retract: dwell at the peak, default 0: time"""
     retract_speed: Optional = _of_approach(lambda keys: keys.get("approach_speed"))
-    """approach_retract: speed of the retraction, default approach_speed: drive/time"""
+    """approach_retract: speed outwards, default approach_speed: drive/time"""
     final: Annotated[Finite | None, given] = _of_approach(lambda keys: keys.get("start"))
     """approach_retract: value at the end, default start: drive"""
     cycles: Annotated[Cycles | None, given] = _of_approach(lambda _: 1)

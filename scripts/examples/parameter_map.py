@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 import gfmdlayer
+from gfmdlayer.figures.labels import Quantity
 from gfmdlayer.figures.map_plots import draw_quantity
 from gfmdlayer.figures.plot_style import new_figure, save, styled
 
@@ -32,6 +33,6 @@ print(overshoot.to_series().rename("overshoot").to_string())
 # %% One colour for each pair of values.
 with styled():
     figure = new_figure(1, 70.0)
-    draw_quantity(figure.subplots(), overshoot, r"$\tilde{p}_\mathrm{max} / \tilde{p}_\mathrm{end}$")
+    draw_quantity(figure.subplots(), overshoot, Quantity(r"$\tilde{p}_\mathrm{max} / \tilde{p}_\mathrm{end}$"))
 save(figure, picture)
 print(picture)

@@ -232,7 +232,7 @@ def test_the_figure_shows_stiffness_and_relaxation(points: Any) -> None:
     body = "body: {file: orthotropic.py, a: 4, b: 1, material: {}}\n"
     figure = body_figure(configured(text + body, **{"grid.points": points}))
     stiffness, relaxation = figure.axes
-    assert [stiffness.get_xlabel(), stiffness.get_ylabel()] == ["$q$ (1/m)", "$K$ (Pa/m)"]
+    assert [stiffness.get_xlabel(), stiffness.get_ylabel()] == ["$q$ (1/m)", "$K$ (kPa/m)"]
     relaxed, sudden = (np.asarray(line.get_ydata(), dtype=float) for line in stiffness.lines[:2])
     np.testing.assert_allclose(sudden, 10 * relaxed)
     kept = np.asarray(relaxation.lines[0].get_ydata(), dtype=float)

@@ -344,7 +344,7 @@ def test_overrides_replace_and_add(tmp_path: Path) -> None:
         ("grid.points=4", "--set: grid.points: got 4; must be a whole number >= 8"),
         (
             "grid.point=4",
-            "--set: grid.point: unknown key; allowed: geometry, points, period, extent; "
+            "--set: grid.point: unknown key; allowed: geometry, points, period, boundary, datum, extent; "
             "did you mean 'points'?",
         ),
         ("grid.points.x=4", "--set: grid.points.x: grid.points is not a mapping"),

@@ -113,6 +113,18 @@ sweep:
     LINE + "layer: {material: {file: fitted.yaml}}\n",
     LINE + "body: {kind: layers}\n",
     LINE + "body: {file: bed.py}\n",
+    LINE
+    + "counterbody: {layer: {thickness: 0.1, poisson: 0.4, material: {}}, halfspace: {shear_modulus: 3}}\n",
+    LINE + "counterbody: {body: {file: bed.py}}\n",
+    LINE + "counterbody: {body: {kind: layers}}\n",
+    LINE
+    + """\
+counterbody:
+  layers: [{thickness: 0.1, poisson: 0.4, material: {Ginf: 3}}]
+  halfspace: {poisson: 0.3, material: {model: zener}}
+sweep: {counterbody.layers.0.thickness: [0.1, 0.2]}
+""",
+    "name: one\ngrid: {points: 64, boundary: isolated, datum: 2.0}\n",
     LINE + "interface: {law: exponential, work: 0.1, range: 0.01}\nsweep: {interface.work: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall, hardness: 0.5}\nsweep: {interface.hardness: [0.1, 0.2]}\n",
     LINE + "interface: {law: hard_wall}\nsweep: {interface: [{work: 1, range: 1}, {law: hard_wall}]}\n",
@@ -263,6 +275,9 @@ def test_the_sound_ones_have_every_key_and_every_key_says_what_it_is() -> None:
         for place in places(plain(content))
     }
     used |= {key.replace("layer.", "halfspace.", 1) for key in used if key.startswith("layer.material.")}
+    used |= {
+        f"counterbody.{key}" for key in used if key.startswith(("layer.material.", "halfspace.material."))
+    }
     swept = {key for key in SCHEMA["$defs"]["Sweep"]["properties"] if "." in key}
     known = SCHEMA["properties"].keys() | swept
     assert known <= used

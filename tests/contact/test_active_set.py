@@ -293,8 +293,8 @@ def test_a_cell_that_the_punch_fills_is_in_full_contact(method: Method) -> None:
 
 
 @each_method
-def test_a_punch_that_displaces_more_than_the_cell_holds_is_refused(method: Method) -> None:
-    with pytest.raises(ValueError, match="more than the cell holds"):
+def test_a_punch_below_the_mean_height_of_a_body_of_fixed_mean_is_refused(method: Method) -> None:
+    with pytest.raises(ValueError, match="the punch is too deep"):
         solve(method, elastic(PAPER, parabola(64, 1.0)))
 
 

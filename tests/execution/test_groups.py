@@ -183,12 +183,12 @@ def test_an_interrupt_of_the_first_rank_ends_the_job(capsys: pytest.CaptureFixtu
 
     class Control:
         def send(self, message: object, rank: int) -> None:
-            assert (message, rank) == ((interrupted, (5,)), 1)
+            assert (message, rank) == ((interrupted, (5,), {}), 1)
 
         def Abort(self, status: int) -> None:
             raise SystemExit(status)
 
-    def interrupted(ranks: Any, number: int) -> None:
+    def interrupted(number: int, ranks: Any) -> None:
         with ending_together(ranks):
             assert number == 5
             raise KeyboardInterrupt
