@@ -33,6 +33,8 @@ print(overshoot.to_series().rename("overshoot").to_string())
 # %% One colour for each pair of values.
 with styled():
     figure = new_figure(1, 70.0)
-    draw_quantity(figure.subplots(), overshoot, Quantity(r"$\tilde{p}_\mathrm{max} / \tilde{p}_\mathrm{end}$"))
+    draw_quantity(
+        figure.subplots(), overshoot, Quantity(r"$\tilde{p}_\mathrm{max} / \tilde{p}_\mathrm{end}$")
+    )
 save(figure, picture)
 print(picture)
