@@ -274,8 +274,9 @@ def make_body(config: Config, series: Sequence[PronySeries]) -> Body:
 
 def fault_of_the_body(model: Model, grid: Grid) -> str:
     """Compute a body that is not made of layers at some waves; return why it cannot be used."""
-    body = model.config.body
-    if body is None or isinstance(body, Layers):
+    second = model.config.counterbody
+    both = model.config.body, None if second is None else second.body
+    if not (own := [body for body in both if not isinstance(body, Layers | None)]):
         return ""
     import numpy as np
 
@@ -291,7 +292,7 @@ def fault_of_the_body(model: Model, grid: Grid) -> str:
     except TableError:
         return ""  # reported for the file that it is in
     except Exception as error:
-        return f"{place_of(error, str(getattr(body, 'file', '')))}; must be computed without an error"
+        return f"{place_of(error, str(getattr(own[0], 'file', '')))}; must be computed without an error"
 
 
 def compile_by(run: Callable[[], object]) -> None:

@@ -58,6 +58,14 @@ def test_springs_press_in_proportion_to_the_overlap(recorder: Any) -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_two_beds_of_springs_face_to_face_are_one_of_half_the_stiffness() -> None:
+    pair = gfmdlayer.run(configured(BED + "counterbody: {body: {file: winkler.py, k: 2.0}}\n"))
+    one = gfmdlayer.run(configured(BED.replace("k: 2.0", "k: 1.0")))
+    np.testing.assert_allclose(pair["mean_pressure"], one["mean_pressure"], rtol=1e-5)  # to 1e-6 each
+    np.testing.assert_array_equal(pair["contact_area"], one["contact_area"])
+
+
+@pytest.mark.usefixtures("here")
 def test_body_and_punch_turned_by_a_right_angle_turn_the_pressure(recorder: Any) -> None:
     found = []
     for points, period, radius, a, b in (
