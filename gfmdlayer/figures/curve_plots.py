@@ -197,7 +197,7 @@ def _draw_against_key(
 def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:
     """Draw legend and colour bar; return a note on entries for which there is no room."""
     if drawn.bar is not None:
-        drawn.bar.draw(figure, panels)
+        drawn.bar.draw(figure, figure.axes)  # without the panels that were removed
     kept = spread(len(drawn.legend), LABELLED)
     entries = legend_entries([drawn.legend[i] for i in kept])
     letters = max((len(str(entry.get_label())) for entry in entries), default=0)

@@ -31,7 +31,10 @@ def texts(figure: Figure) -> list[Text]:
     """The texts that are seen in a drawn figure."""
     found = [text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible()]
     ticks = {
-        label for axis in axes_of(figure) for label in (*axis.get_ticklabels(), *axis.get_ticklabels(True))
+        label
+        for axis in axes_of(figure)
+        for tick in (*axis.majorTicks, *axis.minorTicks)  # also those out of view, which are not drawn
+        for label in (tick.label1, tick.label2)
     }
     seen = {label for axis in axes_of(figure) for label in labels(axis)}
     offs = {text for axes in figure.axes if not axes.axison for text in (axes.xaxis.label, axes.yaxis.label)}
@@ -46,13 +49,14 @@ def axes_of(figure: Figure) -> Iterator[Any]:
 
 def labels(axis: Any) -> list[Text]:
     """The labels of the ticks that are within the view of an axis."""
-    low, high = sorted(axis.get_view_interval())
+    place = axis.get_transform().transform  # the logarithm, or as it is
+    low, high = sorted(place(np.asarray(axis.get_view_interval(), float)))
     room = 1e-9 * (high - low)
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
     every = [
         tick.label1
         for tick in ticks
-        if low - room <= tick.get_loc() <= high + room and tick.label1.get_visible()
+        if low - room <= place(np.array([tick.get_loc()]))[0] <= high + room and tick.label1.get_visible()
     ]
     return [label for label in every if label.get_text() and axis.axes.axison]
 
