@@ -128,7 +128,7 @@ def curves_figure(
                 axes.set_xlabel("")
             if inset is not None:
                 inset.mark(axes, drawn.sweep[name])
-        more = _draw_legend(figure, panels, drawn, columns, style)
+        more = _draw_legend(figure, drawn, columns, style)
         if inset is not None:
             inset.draw(panels[0, 0])
         finish(figure, [*when, *notes(drawn.sweep, names), *drawn.notes, *more])
@@ -194,7 +194,7 @@ def _draw_against_key(
     return [when, *left_out] if when else left_out
 
 
-def _draw_legend(figure: Figure, panels: Any, drawn: Family, columns: Columns, style: Style) -> list[str]:
+def _draw_legend(figure: Figure, drawn: Family, columns: Columns, style: Style) -> list[str]:
     """Draw legend and colour bar; return a note on entries for which there is no room."""
     if drawn.bar is not None:
         drawn.bar.draw(figure, figure.axes)  # without the panels that were removed
