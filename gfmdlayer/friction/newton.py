@@ -137,7 +137,14 @@ class LinearSystem:
     """The equations of one Newton step, scaled by p_s and W_s."""
 
     def __init__(
-        self, problem: Problem, sets: Sets, at: State, damping: float, C: Operator, K: Operator, kept: Ones | None
+        self,
+        problem: Problem,
+        sets: Sets,
+        at: State,
+        damping: float,
+        C: Operator,
+        K: Operator,
+        kept: Ones | None,
     ) -> None:
         self.sets, self.C, self.K = sets, C, K
         self.unit = at.W_s / at.p_s
@@ -321,7 +328,11 @@ class Newton:
         if chosen.size:
             W = W + C.among(chosen, change[:, chosen], points) * (at.p_s / at.W_s)
         gap = (problem.gap_at_rest[points] - at.depth) / at.W_s + W[0]
-        slip = (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:] if sets.axes else W[1:]
+        slip = (
+            (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:]
+            if sets.axes
+            else W[1:]
+        )
         sets_double = base
         sets.to_single()
         system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
@@ -401,7 +412,14 @@ class _Way:
                 break
             new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
         if new.drift > 0.1 * new.residual:
-            again = assess(problem, new.x, newton.displacements(problem, new.x), 0.0, new.path if path is not None else None, balance_only=self._balance_only)
+            again = assess(
+                problem,
+                new.x,
+                newton.displacements(problem, new.x),
+                0.0,
+                new.path if path is not None else None,
+                balance_only=self._balance_only,
+            )
             new = again
         return new
 

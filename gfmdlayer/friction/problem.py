@@ -207,7 +207,11 @@ def balanced_depth(y: FloatArray, total: float) -> float:
 
 def balanced_path(y: FloatArray, radii: FloatArray, total: FloatArray, start: FloatArray) -> FloatArray:
     """Return D of sum P(y + D) = total, with disks of given radii: the gradient of a convex function of D."""
-    return _on_line(y[0], radii, float(total[0]), float(start[0])) if len(y) == 1 else _in_plane(y, radii, total, start)
+    return (
+        _on_line(y[0], radii, float(total[0]), float(start[0]))
+        if len(y) == 1
+        else _in_plane(y, radii, total, start)
+    )
 
 
 def _on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatArray:
@@ -369,7 +373,11 @@ class _View:
         self.on = self.p > 0
         self.count = max(int(np.count_nonzero(self.on)), 1)
         self._p_s, self._W_s = p_s, W_s
-        self.slip = (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s if problem.has_shear else np.zeros_like(self.t)
+        self.slip = (
+            (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s
+            if problem.has_shear
+            else np.zeros_like(self.t)
+        )
         law = problem.law.at(near)
         self.bound = law.bound(np.maximum(self.p, 0) * p_s) / p_s
         self.scale = min(float(self.bound.max(initial=0.0)), 1.0) or 1.0

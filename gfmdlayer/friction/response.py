@@ -91,7 +91,10 @@ class Operator:
         self._double = self._parts(grid)
         weights = np.ravel(grid.parseval_weights) * grid.size
         # displacement of a point under a load on it alone
-        self.point = (float(weights @ np.ravel(response.normal)), float(weights @ self._double[2 if self.axes == 1 else 3]) * grid.size)
+        self.point = (
+            float(weights @ np.ravel(response.normal)),
+            float(weights @ self._double[2 if self.axes == 1 else 3]) * grid.size,
+        )
 
     def _parts(self, grid: Grid) -> tuple[FloatArray, ...]:
         """Real factors of the components over the number of points: C_pp, coupling along the axes, C_tt."""
@@ -135,7 +138,9 @@ class Operator:
             field[:] = values
         return np.array(self._respond(len(x), [bool(values.any()) for values in x], single), dtype=np.float64)
 
-    def among(self, points: NDArray[Any], x: NDArray[Any], wanted: NDArray[Any] | None = None) -> NDArray[Any]:
+    def among(
+        self, points: NDArray[Any], x: NDArray[Any], wanted: NDArray[Any] | None = None
+    ) -> NDArray[Any]:
         """Return the response at points to fields at points, in single precision."""
         fields, _ = self._work[True]
         for field, values in zip(fields, x, strict=False):

@@ -18,6 +18,9 @@ from gfmdlayer.grid.transforms import Transforms
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
 _LIMIT = 60  # Newton steps
+_FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
+# Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
+_FEWEST, _APART = 64, 64
 
 
 class FrictionSolver:
@@ -37,34 +40,77 @@ class FrictionSolver:
             self._levels.append(coarser)
 
     def solve(
-        self, problem: Problem, start: FloatArray | None = None, *, tolerance: float = 1e-7, limit: int = _LIMIT
+        self,
+        problem: Problem,
+        start: FloatArray | None = None,
+        *,
+        tolerance: float = 1e-7,
+        limit: int = _LIMIT,
     ) -> Solution:
         """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
         spent = Spent()
         if reason := problem.why_not_solvable():
             raise ValueError(reason)
-        newton = self._levels[0].newton(problem.response, spent, 1.0)
-        if start is None:
-            at, steps = self._from_nothing(problem, 0, tolerance, spent, limit)
-        else:
-            at, steps = newton.solve(problem, start, tolerance, limit)
+        last = len(self._levels) - 1
+        if start is not None:
+            deepest = _levels_of(start, self._levels[0].grid)
+            at, steps = self._solve(problem, start, 0, deepest, tolerance, spent, limit)
+        if start is None or not at.residual < tolerance:
+            at, steps = self._solve(problem, None, 0, last, tolerance, spent, limit)
+        if not at.residual < tolerance and problem.has_shear and not problem.law.sticks:
+            at, steps = self._gradually(problem, at, tolerance, spent, limit)
         return _solution(problem, at, steps, spent, tolerance)
 
-    def _from_nothing(
-        self, problem: Problem, number: int, tolerance: float, spent: Spent, limit: int
+    def _gradually(
+        self, problem: Problem, failed: State, tolerance: float, spent: Spent, limit: int
     ) -> tuple[State, int]:
-        """Solve on a grid, with a guess from the next coarser one."""
+        """Raise friction and force from zero, in steps that are halved where one fails."""
+        x, part, step, steps = None, 0.0, 0.0, 0
+        while part < 1 or x is None:
+            aim = min(1.0, part + step)
+            force = None if problem.force is None else aim * problem.force
+            some = replace(problem, law=problem.law.scaled(aim), force=force)
+            enough = tolerance if aim == 1 else _COARSE_TOLERANCE
+            deepest = len(self._levels) - 1 if x is None else 0
+            at, more = self._solve(some, x, 0, deepest, enough, spent, limit)
+            steps += more
+            if at.residual < enough:
+                x, part, step = at.x, aim, 2 * step or _FIRST_PART
+            elif x is None or step <= _LEAST_PART:
+                return failed, steps
+            else:
+                step /= 2
+        return at, steps
+
+    def _solve(
+        self,
+        problem: Problem,
+        start: FloatArray | None,
+        number: int,
+        deepest: int,
+        tolerance: float,
+        spent: Spent,
+        limit: int,
+    ) -> tuple[State, int]:
+        """Solve on a grid, with a guess from the next coarser one down to the `deepest`."""
         level = self._levels[number]
         newton = level.newton(problem.response, spent, level.grid.size / self._levels[0].grid.size)
-        if number + 1 == len(self._levels):
-            return newton.solve(problem, _rough_guess(problem), tolerance, limit)
-        coarser = self._levels[number + 1]
-        below, steps = self._from_nothing(
-            _coarser(problem, level, coarser), number + 1, _COARSE_TOLERANCE, spent, limit
-        )
-        guess = _finer(below.x, coarser.grid.points, level.grid.points)
-        at, more = newton.solve(problem, guess, tolerance, limit)
-        return at, more
+        if number == deepest:
+            guess = _rough_guess(problem) if start is None else start
+        else:
+            coarser = self._levels[number + 1]
+            shapes = level.grid.points, coarser.grid.points
+            below, _ = self._solve(
+                _coarser(problem, level, coarser),
+                None if start is None else _halved(start, *shapes),
+                number + 1,
+                deepest,
+                _COARSE_TOLERANCE,
+                spent,
+                limit,
+            )
+            guess = _finer(below.x, *shapes[::-1])
+        return newton.solve(problem, guess, tolerance, limit)
 
 
 class _Level:
@@ -93,13 +139,27 @@ class _Level:
         return _Level(replace(self.grid, points=points), self.transforms.of_shape(points))
 
 
+def _levels_of(start: FloatArray, grid: Grid) -> int:
+    """Return the number of coarser grids that improve a guess: edges far apart move by many points a step."""
+    if len(grid.points) > 1:
+        return 0
+    pressed = start[0] > 0
+    edges = max(int(np.count_nonzero(pressed[1:] != pressed[:-1])), 1)
+    points, levels = grid.points[0], 0
+    while points % 2 == 0 and points > _FEWEST and np.count_nonzero(pressed) > _APART * edges * 2**levels:
+        points, levels = points // 2, levels + 1
+    return levels
+
+
 def _rough_guess(problem: Problem) -> FloatArray:
     """Return a pressure in proportion to the overlap with the lowest third, and shear in proportion to it."""
     h = problem.gap_at_rest
     p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
     axes = problem.response.normal.ndim
     softest = float(problem.response.normal.max())
-    p *= (problem.load if problem.load is not None else 1e-3 * max(problem.depth - h.min(), 0) / softest) / p.mean()
+    p *= (
+        problem.load if problem.load is not None else 1e-3 * max(problem.depth - h.min(), 0) / softest
+    ) / p.mean()
     x = np.zeros((1 + axes, h.size))
     x[0] = p
     if problem.force_is_given and problem.load:
@@ -158,7 +218,11 @@ def _solution(problem: Problem, at: State, steps: int, spent: Spent, tolerance: 
     traction = at.x[1:]
     stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
     converged = at.residual < tolerance
-    reason = "" if converged else f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
+    reason = (
+        ""
+        if converged
+        else f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
+    )
     return Solution(
         pressure=at.x[0],
         traction=traction,
