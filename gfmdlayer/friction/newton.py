@@ -110,7 +110,7 @@ class Sets:
     def compressed(self, fields: NDArray[Any]) -> NDArray[Any]:
         """Equations that apply, of fields of displacements: the transpose of `expanded`."""
         if not self.axes:
-            return fields[0]
+            return np.asarray(fields[0])
         parts = [fields[0], fields[1:, self.stick].ravel()]
         if self.axes == 2:
             parts.append((self.across * fields[1:, self.slip]).sum(axis=0))
@@ -128,7 +128,7 @@ class Sets:
 class Ones:
     """Response of the stiffness to ones on the free unknowns, from one step to the next."""
 
-    fields: dict[int, FloatArray]  # multiplier: fields at all points
+    fields: dict[int, NDArray[Any]]  # multiplier: fields at all points
     touching: BoolArray
     sticking: BoolArray
 
@@ -177,7 +177,7 @@ class LinearSystem:
             changed |= np.count_nonzero(kept.sticking ^ sticking) > 0.2 * sets.stick.size
             if not changed and all(i in kept.fields for i in self.which):
                 return kept
-        fields: dict[int, FloatArray] = {}
+        fields: dict[int, NDArray[Any]] = {}
         for i in self.which:
             ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
             ones[i] = 1.0
@@ -195,12 +195,12 @@ class LinearSystem:
         """Return the preconditioner without multipliers: S K S on the free unknowns."""
         sets = self.sets
         fields = self.K.among(sets.points, self.share * sets.expanded(v))
-        return sets.compressed(self.share * fields) * np.float32(self.unit)
+        return np.asarray(sets.compressed(self.share * fields) * np.float32(self.unit))
 
     def precondition(self, v: NDArray[Any]) -> NDArray[Any]:
         """Return tractions, and multipliers from the sums of forces, for the right side v."""
         free, count = self.sets.free, len(self.which)
-        z = self.softened(v[:free])
+        z: NDArray[Any] = self.softened(v[:free])
         if not count:
             return z
         root = math.sqrt(self.sets.size)
@@ -214,7 +214,7 @@ class LinearSystem:
         """Return the left side: displacements less the multipliers, and the sums of forces."""
         sets, free = self.sets, self.sets.free
         v = z[:free]
-        found = sets.compressed(self.C.among(sets.points, sets.moved(sets.expanded(v))))
+        found: NDArray[Any] = sets.compressed(self.C.among(sets.points, sets.moved(sets.expanded(v))))
         found = found * np.float32(1 / self.unit) + self.shift * v
         if not self.which:
             return found
@@ -254,7 +254,8 @@ def gmres(
     V[0] = b / size
     aim = np.zeros(most + 1)
     aim[0] = 1.0
-    y, k = np.zeros(0), 0
+    y: NDArray[Any] = np.zeros(0)
+    k = 0
     for k in range(most):
         Z[k] = precondition(V[k])
         w = apply(Z[k])
@@ -333,11 +334,10 @@ class Newton:
             if sets.axes
             else W[1:]
         )
-        sets_double = base
         sets.to_single()
         system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
         self._ones = system.kept
-        b = system.right_side(gap, slip, sets_double)
+        b = system.right_side(gap, slip, base)
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), _LEAST_INEXACT))
         found, _ = gmres(system.apply, system.precondition, b, inexact, _INNER)

@@ -43,7 +43,7 @@ class Law:
     strength: float = math.inf  # tau_0 >= 0, pressure
 
     def __post_init__(self) -> None:
-        lowest = np.min(self.coefficient)
+        lowest = float(np.min(self.coefficient))
         if not lowest >= 0:
             raise ValueError(f"coefficient of friction: got {lowest!r}; must be >= 0")
         if not self.strength >= 0:
@@ -80,7 +80,9 @@ class Law:
 
     def scaled(self, part: float) -> Law:
         """Law of the same shape with a part of the bound."""
-        return Law(self.coefficient * part, self.strength * part)
+        return Law(
+            self.coefficient * part, self.strength * part if math.isfinite(self.strength) else math.inf
+        )
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,8 @@ class Problem:
             most = min(float(self.law.coefficient) * self.load, self.law.strength)
             if size < most:
                 return ""
-            return f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}: the punch slides away"
+            found = f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}"
+            return f"{found}: the punch slides away"
         if not self.has_shear and size > 0:
             return "a tangential force without friction: the punch slides away"
         return ""
@@ -170,16 +173,16 @@ class Solution:
 
 def norms(vectors: FloatArray) -> FloatArray:
     """Lengths of vectors, of shape (components, points)."""
-    return np.abs(vectors[0]) if len(vectors) == 1 else np.sqrt((vectors**2).sum(axis=0))
+    return np.asarray(np.abs(vectors[0]) if len(vectors) == 1 else np.sqrt((vectors**2).sum(axis=0)))
 
 
 def in_disks(vectors: FloatArray, radii: FloatArray) -> FloatArray:
     """Return the nearest vectors within the radii."""
     if len(vectors) == 1:
-        return np.clip(vectors, -radii, radii)
+        return np.asarray(np.clip(vectors, -radii, radii))
     length = norms(vectors)
     outside = length > radii
-    return vectors * np.where(outside, radii / np.where(outside, length, 1.0), 1.0)
+    return np.asarray(vectors * np.where(outside, radii / np.where(outside, length, 1.0), 1.0))
 
 
 def admissible(problem: Problem, x: FloatArray) -> FloatArray:
@@ -347,10 +350,10 @@ def assess(
             off, worst = off + lack**2, max(worst, lack)
     else:
         slip = view.slip - path[:, np.newaxis] / W_s
-    worst = worst if math.isfinite(off) else math.inf
-    return State(
-        x, Cx, drift, p_s, W_s, depth, path, near, view.p, gap, view.t, slip, worst, math.sqrt(off) if math.isfinite(off) else math.inf
-    )  # fmt: skip
+    if not math.isfinite(off):
+        worst = off = math.inf
+    parts = view.p, gap, view.t, slip
+    return State(x, Cx, drift, p_s, W_s, depth, path, near, *parts, worst, math.sqrt(off))
 
 
 def _scales(problem: Problem, p: FloatArray, W: FloatArray) -> tuple[float, float]:

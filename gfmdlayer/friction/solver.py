@@ -163,7 +163,7 @@ def _rough_guess(problem: Problem) -> FloatArray:
     x = np.zeros((1 + axes, h.size))
     x[0] = p
     if problem.force_is_given and problem.load:
-        x[1:] = (problem.force / problem.load)[:, np.newaxis] * p  # type: ignore[operator]
+        x[1:] = (problem.force / problem.load)[:, np.newaxis] * p  # type: ignore[operator,index]
     return x
 
 
