@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,32 +53,27 @@ class Network:
 
     free: FloatArray  # (nq,): stiffness of only the uppermost layer, for a unit modulus
     force: FloatArray  # g, (nq, redundant)
-    coupling: FloatArray  # B, (nq, redundant, internal)
+    projection: FloatArray  # P, (nq, redundant, springs): L^-1 (-M, 1), of the springs that relax
+    spring: IntArray  # (internal,): the spring that has this Kelvin element; those of a spring stand together
+    roots: FloatArray  # c_j = sqrt(Ginf J_j), (internal,): the columns of B are those of P times c
     times: FloatArray  # (internal,): retardation times theta_j of the materials
     layer: IntArray  # (internal,): the layer whose material has this time, counted from the surface
+
+    @cached_property
+    def coupling(self) -> FloatArray:
+        """B, (nq, redundant, internal)."""
+        return self.projection[:, :, self.spring] * self.roots
 
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
         amplitudes, slowness = _amplitudes(self.force[i], self.coupling[i], self.times)
         return amplitudes**2 / slowness**2, 1 / slowness**2
 
-    def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return times and axes of the modes at one wavenumber, fastest first, for other theta_j.
-
-        The axes are the orthonormal columns U, (internal + redundant, internal): the left singular vectors of
-        (1; B) theta^(-1/2). The springs (-xi; g u - B xi) hold their energy in the modes by
-        Y = U^T (-xi; g u - B xi).
-        """
-        order = np.argsort(times)
-        system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
-        slowness, vectors = singular_values(system[:, order], left=True)
-        return 1 / slowness**2, vectors
-
 
 class InternalVariables(NamedTuple):
     """The internal variables of a body whose layers may have reduced times of their own, at wavenumbers q."""
 
-    uppermost: Spectrum  # relaxed stiffness; modes of the uppermost layer, parallel to the network
+    uppermost: Spectrum  # the uppermost layer, parallel to the network; the body where that is negligible
     network: Network  # the other internal variables, at different wavenumbers where they are not negligible
     number: IntArray  # (nq,): place of each q in the network; -1 where the network is negligible
     laws: tuple[int, ...]  # for each layer of the network the number of its law, counted from the surface
@@ -114,18 +110,17 @@ def _amplitudes(
     return (adjoint @ scaled) @ vectors, slowness
 
 
-def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
-    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations.
+def singular_values(system: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Singular values, from the largest, and right singular vectors, by Jacobi rotations.
 
     They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
     """
     from scipy.linalg.lapack import dgejsv
 
-    wanted = {"joba": 0, "jobu": 0, "jobv": 3} if left else {"joba": 2, "jobu": 3, "jobv": 0}
-    values, u, v, scale, *_, info = dgejsv(system, **wanted)
+    values, _, v, scale, *_, info = dgejsv(system, joba=2, jobu=3, jobv=0)
     if info:
         raise ArithmeticError(f"no convergence to the relaxing modes of a stack (dgejsv: {info})")
-    return values * (scale[0] / scale[1]), u if left else v
+    return values * (scale[0] / scale[1]), v
 
 
 class Member(NamedTuple):
@@ -144,8 +139,8 @@ def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displac
     unit modulus. There is one displacement of the surface, and two of each interface that moves.
     """
     if not members:
-        none = np.zeros((q.size, 0))
-        return Network(free, none, none[:, :, np.newaxis], none[0], np.empty(0, dtype=np.intp))
+        none, index = np.zeros((q.size, 0)), np.empty(0, dtype=np.intp)
+        return Network(free, none, none[:, :, np.newaxis], index, none[0], none[0], index)
     owner = np.repeat(np.arange(len(members)), [member.springs.stiffness.shape[1] for member in members])
     strains = np.zeros((q.size, owner.size, displacements))
     for i, member in enumerate(members):
@@ -165,13 +160,16 @@ def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displac
         for i, compliance in zip(one_each, confined, strict=True):
             projection[mean, 0, i] = np.sqrt(whole * compliance / glassy[i])
     known = [_kelvin(member.material) for member in members]
-    columns = [projection[:, :, i, np.newaxis] * known[layer][0] for i, layer in enumerate(owner)]
+    elements = np.array([known[layer][0].size for layer in owner])
+    relaxing = np.flatnonzero(elements)
     return Network(
         free,
         force,
-        np.concatenate(columns, axis=2),
+        np.ascontiguousarray(projection[:, :, relaxing]),
+        np.repeat(np.arange(relaxing.size), elements[relaxing]),
+        np.concatenate([known[layer][0] for layer in owner]),
         np.concatenate([known[layer][1] for layer in owner]),
-        np.repeat(owner, [known[layer][1].size for layer in owner]),
+        np.repeat(owner, elements),
     )
 
 
