@@ -23,7 +23,7 @@ the strain of the spring that resists it most, and the other springs' strains ar
 these. Weighted with the roots of the stiffnesses, N -> M, n -> m, the entries of M are of order one and of
 full relative accuracy, for stiffnesses that differ by any factor; with L L^T = 1 + M M^T, g = L^-1 m, and B
 has the columns of L^-1 (-M, 1) times sqrt(Ginf J_j). Nothing is subtracted: 1/theta' is found as the squared
-singular values of theta^(-1/2) above B theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
+singular values of (1; B) theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
 accuracy over any range of times.
 """
 
@@ -66,8 +66,8 @@ class Network:
 
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
-        amplitudes, slowness = _amplitudes(self.force[i], self.coupling[i], self.times)
-        return amplitudes**2 / slowness**2, 1 / slowness**2
+        levers, times = _levers(self.force[i], self.coupling[i], self.times)
+        return levers**2, times
 
 
 class InternalVariables(NamedTuple):
@@ -88,39 +88,40 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
     """
     softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
     relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
-    found = [_amplitudes(*each, times) for each in zip(force, coupling, strict=True)]
-    vectors = np.stack([(amplitudes / slowness).T for amplitudes, slowness in found], axis=1)
-    return VectorSpectrum(relaxed, vectors, np.stack([1 / slowness**2 for _, slowness in found], axis=1))
+    found = [_levers(*each, times) for each in zip(force, coupling, strict=True)]
+    return VectorSpectrum(
+        relaxed,
+        np.stack([levers.T for levers, _ in found], axis=1),
+        np.stack([times_of_modes for _, times_of_modes in found], axis=1),
+    )
 
 
-def _amplitudes(
-    force: NDArray[Any], coupling: FloatArray, times: FloatArray
-) -> tuple[NDArray[Any], FloatArray]:
-    """Return amplitudes a_j, (modes,) or (n, modes), and slownesses: v_j = a_j/slowness_j, fastest first.
+def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tuple[NDArray[Any], FloatArray]:
+    """Return the roots v_j of the weights, (modes,) or (n, modes), and the times of the modes, fastest first.
 
-    `force` has the shape (redundant,) or (redundant, n); the times of the modes are 1/slowness^2.
+    `force` has the shape (redundant,) or (redundant, n). The modes are the left singular vectors of
+    (1; B) theta^(-1/2): the right ones, over columns of lengths that differ by decades, would lose digits.
     """
-    order = np.argsort(times)
-    roots = np.sqrt(times[order])
-    if not roots.size or not len(force):
+    order, size = np.argsort(times), times.size
+    if not size or not len(force):
         return np.zeros((*force.shape[1:], 0)), np.zeros(0)
-    scaled = coupling[:, order] / roots
-    slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), scaled)))
-    adjoint = force.conj().T if np.iscomplexobj(force) else force.T
-    return (adjoint @ scaled) @ vectors, slowness
+    system = np.vstack((np.eye(size), coupling)) / np.sqrt(times)
+    slowness, vectors = singular_values(system[:, order], left=True)
+    return force.conj().T @ vectors[size:], 1 / slowness**2
 
 
-def singular_values(system: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Singular values, from the largest, and right singular vectors, by Jacobi rotations.
+def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Singular values, from the largest, and right singular vectors or left ones, by Jacobi rotations.
 
     They are of high relative accuracy for a matrix of columns of any lengths, well conditioned but for those.
     """
     from scipy.linalg.lapack import dgejsv
 
-    values, _, v, scale, *_, info = dgejsv(system, joba=2, jobu=3, jobv=0)
+    wanted = {"joba": 0, "jobu": 0, "jobv": 3} if left else {"joba": 2, "jobu": 3, "jobv": 0}
+    values, u, v, scale, *_, info = dgejsv(system, **wanted)
     if info:
         raise ArithmeticError(f"no convergence to the relaxing modes of a stack (dgejsv: {info})")
-    return values * (scale[0] / scale[1]), v
+    return values * (scale[0] / scale[1]), u if left else v
 
 
 class Member(NamedTuple):
