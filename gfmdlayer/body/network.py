@@ -23,7 +23,7 @@ the strain of the spring that resists it most, and the other springs' strains ar
 these. Weighted with the roots of the stiffnesses, N -> M, n -> m, the entries of M are of order one and of
 full relative accuracy, for stiffnesses that differ by any factor; with L L^T = 1 + M M^T, g = L^-1 m, and B
 has the columns of L^-1 (-M, 1) times sqrt(Ginf J_j). Nothing is subtracted: 1/theta' is found as the squared
-singular values of theta^(-1/2) above B theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
+singular values of (1; B) theta^(-1/2), by Jacobi rotations (LAPACK's dgejsv), to high relative
 accuracy over any range of times.
 """
 
@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,32 +53,27 @@ class Network:
 
     free: FloatArray  # (nq,): stiffness of only the uppermost layer, for a unit modulus
     force: FloatArray  # g, (nq, redundant)
-    coupling: FloatArray  # B, (nq, redundant, internal)
+    projection: FloatArray  # P, (nq, redundant, springs): L^-1 (-M, 1), of the springs that relax
+    spring: IntArray  # (internal,): the spring that has this Kelvin element; those of a spring stand together
+    roots: FloatArray  # c_j = sqrt(Ginf J_j), (internal,): the columns of B are those of P times c
     times: FloatArray  # (internal,): retardation times theta_j of the materials
     layer: IntArray  # (internal,): the layer whose material has this time, counted from the surface
 
+    @cached_property
+    def coupling(self) -> FloatArray:
+        """B, (nq, redundant, internal)."""
+        return self.projection[:, :, self.spring] * self.roots
+
     def modes(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return weights w_j >= 0 and times of the modes besides `free` at one wavenumber, fastest first."""
-        amplitudes, slowness = _amplitudes(self.force[i], self.coupling[i], self.times)
-        return amplitudes**2 / slowness**2, 1 / slowness**2
-
-    def axes(self, i: int, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return times and axes of the modes at one wavenumber, fastest first, for other theta_j.
-
-        The axes are the orthonormal columns U, (internal + redundant, internal): the left singular vectors of
-        (1; B) theta^(-1/2). The springs (-xi; g u - B xi) hold their energy in the modes by
-        Y = U^T (-xi; g u - B xi).
-        """
-        order = np.argsort(times)
-        system = np.vstack((np.eye(times.size), self.coupling[i])) / np.sqrt(times)
-        slowness, vectors = singular_values(system[:, order], left=True)
-        return 1 / slowness**2, vectors
+        levers, times = _levers(self.force[i], self.coupling[i], self.times)
+        return levers**2, times
 
 
 class InternalVariables(NamedTuple):
     """The internal variables of a body whose layers may have reduced times of their own, at wavenumbers q."""
 
-    uppermost: Spectrum  # relaxed stiffness; modes of the uppermost layer, parallel to the network
+    uppermost: Spectrum  # the uppermost layer, parallel to the network; the body where that is negligible
     network: Network  # the other internal variables, at different wavenumbers where they are not negligible
     number: IntArray  # (nq,): place of each q in the network; -1 where the network is negligible
     laws: tuple[int, ...]  # for each layer of the network the number of its law, counted from the surface
@@ -92,26 +88,26 @@ def vector_spectrum(force: NDArray[Any], coupling: FloatArray, times: FloatArray
     """
     softened = np.eye(force.shape[1]) + coupling @ np.swapaxes(coupling, 1, 2)
     relaxed = np.swapaxes(force, 1, 2).conj() @ np.linalg.solve(softened, force)
-    found = [_amplitudes(*each, times) for each in zip(force, coupling, strict=True)]
-    vectors = np.stack([(amplitudes / slowness).T for amplitudes, slowness in found], axis=1)
-    return VectorSpectrum(relaxed, vectors, np.stack([1 / slowness**2 for _, slowness in found], axis=1))
+    found = [_levers(*each, times) for each in zip(force, coupling, strict=True)]
+    return VectorSpectrum(
+        relaxed,
+        np.stack([levers.T for levers, _ in found], axis=1),
+        np.stack([times_of_modes for _, times_of_modes in found], axis=1),
+    )
 
 
-def _amplitudes(
-    force: NDArray[Any], coupling: FloatArray, times: FloatArray
-) -> tuple[NDArray[Any], FloatArray]:
-    """Return amplitudes a_j, (modes,) or (n, modes), and slownesses: v_j = a_j/slowness_j, fastest first.
+def _levers(force: NDArray[Any], coupling: FloatArray, times: FloatArray) -> tuple[NDArray[Any], FloatArray]:
+    """Return the roots v_j of the weights, (modes,) or (n, modes), and the times of the modes, fastest first.
 
-    `force` has the shape (redundant,) or (redundant, n); the times of the modes are 1/slowness^2.
+    `force` has the shape (redundant,) or (redundant, n). The modes are the left singular vectors of
+    (1; B) theta^(-1/2): the right ones, over columns of lengths that differ by decades, would lose digits.
     """
-    order = np.argsort(times)
-    roots = np.sqrt(times[order])
-    if not roots.size or not len(force):
+    order, size = np.argsort(times), times.size
+    if not size or not len(force):
         return np.zeros((*force.shape[1:], 0)), np.zeros(0)
-    scaled = coupling[:, order] / roots
-    slowness, vectors = singular_values(np.vstack((np.diag(1 / roots), scaled)))
-    adjoint = force.conj().T if np.iscomplexobj(force) else force.T
-    return (adjoint @ scaled) @ vectors, slowness
+    system = np.vstack((np.eye(size), coupling)) / np.sqrt(times)
+    slowness, vectors = singular_values(system[:, order], left=True)
+    return force.conj().T @ vectors[size:], 1 / slowness**2
 
 
 def singular_values(system: FloatArray, *, left: bool = False) -> tuple[FloatArray, FloatArray]:
@@ -144,8 +140,8 @@ def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displac
     unit modulus. There is one displacement of the surface, and two of each interface that moves.
     """
     if not members:
-        none = np.zeros((q.size, 0))
-        return Network(free, none, none[:, :, np.newaxis], none[0], np.empty(0, dtype=np.intp))
+        none, index = np.zeros((q.size, 0)), np.empty(0, dtype=np.intp)
+        return Network(free, none, none[:, :, np.newaxis], index, none[0], none[0], index)
     owner = np.repeat(np.arange(len(members)), [member.springs.stiffness.shape[1] for member in members])
     strains = np.zeros((q.size, owner.size, displacements))
     for i, member in enumerate(members):
@@ -165,13 +161,16 @@ def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displac
         for i, compliance in zip(one_each, confined, strict=True):
             projection[mean, 0, i] = np.sqrt(whole * compliance / glassy[i])
     known = [_kelvin(member.material) for member in members]
-    columns = [projection[:, :, i, np.newaxis] * known[layer][0] for i, layer in enumerate(owner)]
+    elements = np.array([known[layer][0].size for layer in owner])
+    relaxing = np.flatnonzero(elements)
     return Network(
         free,
         force,
-        np.concatenate(columns, axis=2),
+        np.ascontiguousarray(projection[:, :, relaxing]),
+        np.repeat(np.arange(relaxing.size), elements[relaxing]),
+        np.concatenate([known[layer][0] for layer in owner]),
         np.concatenate([known[layer][1] for layer in owner]),
-        np.repeat(owner, [known[layer][1].size for layer in owner]),
+        np.repeat(owner, elements),
     )
 
 

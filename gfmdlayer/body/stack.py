@@ -45,8 +45,10 @@ from gfmdlayer.body.wavevectors import Wavevectors
 def merged(weights: FloatArray, times: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, float]:
     """Return fewer modes of the same relaxed stiffness, and the bound on the change of K that they reach.
 
-    `bound` is the largest change allowed at any s of Re s >= 0.
+    `bound` is the largest change allowed at any s of Re s >= 0; with 0 no mode changes.
     """
+    if not bound:  # eigenvalues that rounding makes negative would pass
+        return weights, times, 0.0
     strengths = np.sqrt(weights * times)
     gramian = np.multiply.outer(strengths, strengths) / np.add.outer(times, times)
     values, vectors = np.linalg.eigh(gramian)  # ascending
@@ -194,9 +196,11 @@ class LayerStack:
         moduli, times = distinct_branches(self.present[0].material)
         _, free = self._members(np.where(q > 0, q, 1.0))
         each = np.repeat(times[:, np.newaxis], q.size, axis=1)
-        uppermost = Spectrum(self.stiffness(q, 0.0), np.multiply.outer(moduli, free * q), each)
         different, where = np.unique(q, return_inverse=True)
         network, number = self._coupled(different)
+        own = self.present[0].material.relaxed * free * q
+        relaxed = np.where(number[where] >= 0, own, self.stiffness(q, 0.0))
+        uppermost = Spectrum(relaxed, np.multiply.outer(moduli, free * q), each)
         laws = tuple(i for i, layer in enumerate(self.layers) if layer.thickness)
         return InternalVariables(uppermost, network, number[where], laws)
 
@@ -210,9 +214,11 @@ class LayerStack:
             more = int(np.count_nonzero(felt))
             numbers[start : start + _CHUNK][felt] = count + np.arange(more)
             count += more
-            parts.append((network.free[felt], network.force[felt], network.coupling[felt]))
-        free, force, coupling = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return Network(free, force, coupling, network.times, network.layer), numbers
+            parts.append((network.free[felt], network.force[felt], network.projection[felt]))
+        free, force, projection = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return Network(
+            free, force, projection, network.spring, network.roots, network.times, network.layer
+        ), numbers
 
     def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
         """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""

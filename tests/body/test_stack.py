@@ -122,6 +122,22 @@ HARD = Prony(300.0, [(2000.0, 1e-3), (100.0, 1.0), (5.0, 80.0)])
 BASE = Layer(math.inf, 0.3, Prony(20.0, [(7.0, 2.0)]))
 
 
+def test_modes_over_twelve_decades_of_times_keep_all_digits() -> None:
+    """The bound is ten roundings of 2^-53 for each of the 144 internal variables, and what is negligible."""
+    law = Prony(1.0, [(1.0, 10.0**k) for k in range(-9, 3)])
+    other = Prony(2.0, [(0.5, 3 * 10.0**k) for k in range(-9, 3)])
+    layers = (
+        Layer(0.02, 0.4, law),
+        Layer(0.05, 0.45, other),
+        Layer(0.1, 0.3, law),
+        Layer(math.inf, 0.3, other),
+    )
+    stack, q = LayerStack(layers), np.array([0.3, 3.0, 30.0])
+    found = stack.spectrum(q)
+    for s in np.logspace(-5, 11, 17):
+        np.testing.assert_allclose(found.stiffness(s), stack.stiffness(q, s), rtol=1e-12)
+
+
 @pytest.mark.parametrize("x", [1e-6, 1e-3, 1.0, 30.0, 1e6])
 @pytest.mark.parametrize("bottom", ["rigid", "free", "halfspace"])
 def test_thin_and_thick_layers_keep_their_digits(bottom: str, x: float) -> None:

@@ -20,7 +20,7 @@ from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.grid.sums import Sums
 from gfmdlayer.history.modes import SCHEMES, Modes
 from gfmdlayer.history.reduced_time import ReducedTime
-from gfmdlayer.history.stack_modes import StackModes
+from gfmdlayer.history.stack_modes import EXPONENTIAL, StackModes
 from gfmdlayer.model import simulate
 from gfmdlayer.resumable import CompositeState
 from gfmdlayer.simulation import Case
@@ -69,10 +69,12 @@ def reduced_times(temperature: Constant | Table, stack: LayerStack = STACK) -> l
     return [ReducedTime(shift, temperature) for shift in SHIFTS[: len(stack.layers)]]
 
 
-def assert_same_history(found: Any, expected: Any, steps: list[tuple[float, float]]) -> None:
+def assert_same_history(
+    found: Any, expected: Any, steps: list[tuple[float, float]], stack: LayerStack = STACK
+) -> None:
     """Advance both with the same random displacements, over the steps of each."""
     rng = np.random.default_rng(1)
-    scale = STACK.stiffness(Q, 1e9).real + 1.0
+    scale = stack.stiffness(Q, 1e9).real + 1.0
     for step, other in steps:
         u = rng.random(Q.size) + 1j * rng.random(Q.size)
         for one, two in zip(found.terms(step), expected.terms(other), strict=True):
@@ -89,7 +91,7 @@ def test_constant_temperature_gives_the_stack_of_shifted_times(stack: LayerStack
     found = stack_modes(stack, reduced_times(Constant(26.0), stack), scheme)
     factors = tuple(shift.factor(26.0) for shift in SHIFTS)
     expected = Modes(shifted(stack, factors).spectrum(Q), SCHEMES[scheme], SUMS)
-    assert_same_history(found, expected, [(dt, dt) for dt in (0.0, 0.1, 0.1, 3.0, 1e-4, 100.0)])
+    assert_same_history(found, expected, [(dt, dt) for dt in (0.0, 0.1, 0.1, 3.0, 1e-4, 100.0)], stack)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -99,6 +101,46 @@ def test_equal_shifts_give_the_modes_in_reduced_time(scheme: str) -> None:
     times = np.array([0.0, 0.0, 0.2, 0.7, 1.0, 1.4, 3.0])
     steps = [(b - a, reduced.step(a, b - a)) for a, b in itertools.pairwise(times)]
     assert_same_history(found, Modes(STACK.spectrum(Q), SCHEMES[scheme], SUMS), steps)
+
+
+def test_the_poles_give_the_exponential_step_of_a_mode_for_any_length() -> None:
+    """The bound is the largest error over all x, 3e-12; that heat is not negative is checked at each x."""
+    rule, x = EXPONENTIAL, np.append(0.0, np.logspace(-9, 9, 4001))
+    gain = (rule.residues / (x[:, np.newaxis] + rule.poles)).real.sum(axis=1)
+    exact = np.append(1.0, -np.expm1(-x[1:]) / x[1:])
+    assert np.abs(gain - exact).max() < 3e-12
+    assert np.abs(1 - x * gain - np.exp(-x)).max() < 3e-12
+    for power, expected in enumerate((1.0, 1.0, 0.5)):
+        assert (rule.residues / rule.poles**power).real.sum() == pytest.approx(expected, abs=1e-14)
+    remaining = (1 - gain[1:]) / x[1:]
+    assert (remaining * (2 - x * gain)[1:] > gain[1:] ** 2 * (1 - 1e-9))[x[1:] > 1e-3].all()
+
+
+def test_a_jump_of_temperature_within_a_step_costs_no_energy_and_gives_off_heat() -> None:
+    """20 degrees within a thousandth of the step, over times of six decades; displacements at random."""
+    law = Prony(1.0, [(1.0, 10.0**k) for k in range(-3, 3)])
+    stack = LayerStack(tuple(Layer(d, 0.4, law) for d in (0.02, 0.1, math.inf)))
+    jump = Table(np.array([0.0, 0.5, 0.501, 3.0]), np.array([15.0, 15.0, 35.0, 35.0]))
+    q, rng = np.array([0.5, 5.0, 50.0]), np.random.default_rng(3)
+    found = StackModes(
+        stack.internal_variables(q),
+        SCHEMES["exponential"],
+        Sums(np.ones(q.size)),
+        reduced_times=reduced_times(jump),
+    )
+    for step in (0.0, 0.2, 1.0, 1.0, 0.5):
+        u, heat = rng.random(q.size) + 1j * rng.random(q.size), found.dissipated
+        kappa, _ = found.terms(step)
+        assert (kappa > stack.stiffness(q, 0.0).real).all()
+        found.advance(u)
+        assert found.dissipated >= heat
+    work = found.stored + found.dissipated
+    for _ in range(40):  # at rest the body relaxes, and no work is done
+        kappa, b = found.terms(1e3)
+        found.advance(u)
+    assert found.stored + found.dissipated == pytest.approx(work, rel=1e-12)
+    np.testing.assert_allclose(kappa * u - b, stack.stiffness(q, 0.0).real * u, rtol=1e-9)
+    assert found.stored == pytest.approx((stack.stiffness(q, 0.0).real * np.abs(u) ** 2).sum() / 2, rel=1e-9)
 
 
 HEATING = Table(np.array([0.0, 1.0, 2.0]), np.array([15.0, 30.0, 22.0]))
