@@ -47,6 +47,22 @@ class Response:
             unit = np.where(q > 0, 1 / (modulus * q), 0.0)
         return cls((1 - poisson) * unit, 0.5 * (1 - 2 * poisson) * unit, (1 - poisson) * unit, unit)
 
+    @classmethod
+    def of_stiffness(cls, in_plane: FloatArray, across: FloatArray) -> Response:
+        """Response of a stiffness K over (W, U), shape (*modes, 2, 2), and of that over V.
+
+        Where K is zero, at q = 0, the mean displacement is fixed; the mean of W and that of u do not couple.
+        """
+        normal, coupling, along = in_plane[..., 0, 0], in_plane[..., 0, 1], in_plane[..., 1, 1]
+        mean = np.zeros(normal.shape, dtype=bool)
+        mean.flat[0] = True
+        coupling = np.where(mean, 0.0, coupling)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            whole = normal * along - coupling**2
+            found = along / whole, -coupling / whole, normal / whole, 1 / across
+            alone = 1 / normal, np.zeros(normal.shape), 1 / along, 1 / across
+        return cls(*(_finite(np.where(mean, one, other)) for one, other in zip(alone, found, strict=True)))
+
     @property
     def couples(self) -> bool:
         """Whether shear moves the surface up and down."""
@@ -69,6 +85,10 @@ class Response:
         if len(grid.points) > 1:  # the mean has no direction
             found[1].flat[0] = 2 / (1 / found[1].flat[0] + 1 / found[2].flat[0])
         return Response(found[0], np.zeros_like(found[0]), found[1], found[2])
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, 0.0)
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gfmdlayer.arrays import FloatArray
-from gfmdlayer.body.body import Body, ViscoelasticLayer
+from gfmdlayer.body.body import Body
 from gfmdlayer.friction.problem import Law, Problem, Solution
 from gfmdlayer.friction.response import Response
 from gfmdlayer.friction.solver import FrictionSolver
@@ -79,11 +79,16 @@ def with_friction(
 
 
 def _response(body: Body, grid: Grid, glassy: bool) -> Response:
-    """Return the response of a body in all directions: of a halfspace, so far."""
-    if isinstance(body, ViscoelasticLayer) and math.isinf(body.layer.thickness):
-        modulus = body.material.glassy if glassy else body.material.relaxed
-        return Response.of_halfspace(grid, modulus, body.layer.poisson)
-    raise ConfigError(["body: has layers; with friction it must be a halfspace"])
+    """Return the response of a body in all directions, relaxed or to a sudden load."""
+    offered = getattr(body, "traction_spectrum", None)
+    if offered is None:
+        needed = "must be a halfspace or layers, with the method traction_spectrum"
+        raise ConfigError([f"body: {type(body).__name__} has no response to shear; {needed}"])
+    spectrum = offered(grid.waves)
+    plane, across = spectrum.in_plane, spectrum.across
+    if glassy:
+        return Response.of_stiffness(plane.glassy, across.glassy)
+    return Response.of_stiffness(plane.relaxed, across.relaxed)
 
 
 def _law(friction: float | Mapping[str, float]) -> Law:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gfmdlayer import ConfigError, Exponential, Parabola, bonded_layer, halfspace, solve
+from gfmdlayer import ConfigError, Exponential, Pair, Parabola, Zener, bonded_layer, halfspace, solve
 
 PRESS: dict[str, Any] = {"punch": Parabola(radius=0.25), "force": 0.002, "points": 256, "friction": 0.4}
 
@@ -77,9 +77,42 @@ def test_bad_input_is_named(given: dict[str, Any], message: str) -> None:
         solve(halfspace(1.0), **(PRESS | given))
 
 
-def test_friction_needs_its_coefficient_and_a_halfspace() -> None:
+def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
+    """The two responses are equal to 1e-11, so the solutions differ by the residual 1e-7 times the points."""
+    given = PRESS | {"tangential_force": 0.0006}
+    for poisson in (0.5, 0.3):
+        bare = solve(halfspace(1.0, poisson=poisson), **given)
+        layered = solve(bonded_layer(0.05, 1.0, poisson=poisson, base=1.0, base_poisson=poisson), **given)
+        for name in ("pressure", "shear_x", "displacement", "displacement_x"):
+            np.testing.assert_allclose(layered[name], bare[name], atol=2e-5 * float(abs(bare[name]).max()))
+
+
+def test_a_thin_layer_that_sticks_is_sheared_evenly() -> None:
+    """Q = G D 2a/d; the edges add a length of the order of d to the contact, here less than 2 d to 80 d."""
+    G, d, D = 2.0, 0.005, 1e-4
+    body = bonded_layer(d, Zener(G0=G, Ginf=10 * G, tau=1.0), poisson=0.4)
+    given: dict[str, Any] = {"friction": np.inf, "tangential_displacement": D, "points": 2048}
+
+    def flat(x: Any) -> Any:
+        return np.where(np.abs(x) < 0.2, 0.0, -1.0)
+
+    found = solve(body, flat, depth=1e-4, **given)
+    width = float(found.contact.mean())
+    assert width == pytest.approx(0.4, abs=1 / 1024)
+    assert float(found.tangential_force_x) == pytest.approx(G * D * width / d, rel=2 * d / width)
+    middle = abs(found.x) < 0.1
+    mean = float(found.shear_x.where(middle).mean())  # points alternate by 2e-3, because of the edges
+    assert mean == pytest.approx(G * D / d, rel=1e-4)
+    sudden = solve(body, flat, depth=1e-4, instantaneous=True, **given)
+    assert float(sudden.tangential_force_x) == pytest.approx(10 * float(found.tangential_force_x), rel=1e-5)
+
+
+def test_friction_needs_its_coefficient_and_a_body_that_responds_to_shear() -> None:
     alone = {name: value for name, value in PRESS.items() if name != "friction"}
     with pytest.raises(ConfigError, match="tangential_force: only with friction"):
         solve(halfspace(1.0), **alone, tangential_force=0.1)
-    with pytest.raises(ConfigError, match="with friction it must be a halfspace"):
-        solve(bonded_layer(0.1, 1.0), **PRESS)
+    pair = Pair(halfspace(1.0), halfspace(2.0))
+    with pytest.raises(
+        ConfigError, match="body: Pair has no response to shear; must be a halfspace or layers"
+    ):
+        solve(pair, **PRESS)
