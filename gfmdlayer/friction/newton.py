@@ -21,7 +21,8 @@ from gfmdlayer.arrays import BoolArray, FloatArray
 from gfmdlayer.friction.problem import Problem, State, admissible, assess, in_disks, norms
 from gfmdlayer.friction.response import Operator
 
-_LEAST_INEXACT, _INEXACT = 0.03, 0.3  # part of its right side that a linear system may leave
+# Part of its right side that a linear system may leave: least on a line and on a surface, and most.
+_LEAST_INEXACT, _INEXACT = (0.03, 0.06), 0.3
 _INNER = 20  # iterations of GMRES, at most
 _FAILURES = 3  # full steps that may fail before damping
 _AWAY = 10  # steps away from the best state
@@ -339,7 +340,8 @@ class Newton:
         self._ones = system.kept
         b = system.right_side(gap, slip, base)
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
-        inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), _LEAST_INEXACT))
+        least = _LEAST_INEXACT[len(at.t) - 1]
+        inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
         found, _ = gmres(system.apply, system.precondition, b, inexact, _INNER)
         moved = base + sets.moved(sets.expanded(found[: sets.free]))
         if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
@@ -368,10 +370,14 @@ class _Way:
         self.best: State
         self._damping, self._failures, self._away = 0.0, 0, 0
         self._balance_only = False
+        self._first = True
 
     def next(self, at: State, tolerance: float) -> State:
         """Return the state after a step."""
-        enough = (0.9 if self._damping == 0 else 0.95) * self.best.merit
+        # A guess that was interpolated has no points on the wrong side of its edges: no state that
+        # follows is as good, until the edges are right on the finer grid.
+        enough = math.inf if self._first else (0.9 if self._damping == 0 else 0.95) * self.best.merit
+        self._first = False
         new = self._tried(at, tolerance, enough)
         if new is not None and (new.merit < enough or new.residual < tolerance):
             self.best, self._failures, self._away = new, 0, 0
