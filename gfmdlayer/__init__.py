@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gfmdlayer.fitting.indentation.curve import ForceCurve
     from gfmdlayer.fitting.indentation.fit import fit_indentation
     from gfmdlayer.indentation.indent import indent
+    from gfmdlayer.interactive.inside import inside
     from gfmdlayer.interactive.leakage import leakage
     from gfmdlayer.interactive.run import run
     from gfmdlayer.interactive.solve import solve
@@ -53,8 +54,8 @@ __all__ = [
     "LennardJones", "Pair", "Parabola", "PowerLaw", "Prony", "Pyramid", "RadialProfile", "SelfAffine",
     "Sinusoid",
     "Solid", "Spectrum", "Sphere", "ViscoelasticLayer", "Wavevectors", "Wedge", "Zener", "bonded_layer",
-    "fit_indentation", "halfspace", "indent", "leakage", "load", "open_case", "open_results",
-    "relaxation_spectrum", "run", "simulate", "solve",
+    "fit_indentation", "halfspace", "indent", "inside", "leakage", "load", "open_case",
+    "open_results", "relaxation_spectrum", "run", "simulate", "solve",
 ]  # fmt: skip
 
 _MODULES = {
@@ -63,6 +64,7 @@ _MODULES = {
     "gfmdlayer.fitting.indentation.fit": ("fit_indentation",),
     "gfmdlayer.indentation.indent": ("indent",),
     "gfmdlayer.results.reader": ("open_case", "open_results"),
+    "gfmdlayer.interactive.inside": ("inside",),
     "gfmdlayer.interactive.leakage": ("leakage",),
     "gfmdlayer.interactive.run": ("run",),
     "gfmdlayer.model": ("ConvergenceError", "simulate"),

@@ -168,7 +168,7 @@ def assemble(
         for i in range(interface)
     ]
     weights = np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None])
-    force, projection = _redundants(strains, weights, from_below)
+    force, projection = redundants(strains, weights, from_below)
     mean = q == 0
     force[mean], projection[mean] = 0.0, 0.0
     one_each = np.searchsorted(owner, np.arange(len(members)))
@@ -201,7 +201,7 @@ def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
     return np.sqrt(material.glassy * compliances[:, 0]), thetas[:, 0]
 
 
-def _redundants(
+def redundants(
     strains: FloatArray, weights: FloatArray, from_below: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
     """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the springs' stiffnesses.
