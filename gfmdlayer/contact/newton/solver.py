@@ -41,6 +41,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.contact.newton.cycle import cycle_of, no_cycle
 from gfmdlayer.contact.newton.passes import (
     AdhesiveState,
     AdhesiveSystem,
@@ -49,6 +50,7 @@ from gfmdlayer.contact.newton.passes import (
     balance,
     begin,
     compare,
+    lifted,
     lost,
     minimise,
     move,
@@ -261,10 +263,10 @@ def _find_step(
     for k in range(step.kappa.size):
         step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
     step.point[0] *= stiff
-    turns, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
+    spent, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
     for i in range(d.size):
         d[i] *= unit / stiff
-    return pairs + 2 * turns, least * stiff
+    return pairs + spent, least * stiff
 
 
 @kernel(inner=True)
@@ -337,7 +339,7 @@ def find_margin(
     x, before, d, Kd = lowest
     begin(single, system, curvature, step, 0.0, 0.0)  # the preconditioner
     d[:], Kd[:] = 0.0, 0.0
-    _admit(system, free, x)
+    _admit(system, free, x, step.moves)
     apply(single, step.kappa, x, step.work, Kx)
     pairs, margin, last, across = 1, np.inf, np.inf, 1.0
     for turn in range(_MOST + 1):
@@ -353,11 +355,10 @@ def find_margin(
         for i in range(n):
             before[i] = slope[i]
             slope[i] = free[i] * ((1.0 - margin) * Kx[i] + (curvature[i] - margin * half) * x[i])
-        _admit(system, free, slope)
-        precondition(single, step, slope, w)
-        _admit(system, free, w)
+        _admit(system, free, slope, step.moves)
+        pairs += 1 + precondition(single, step, slope, w)
+        _admit(system, free, w, lifted(step))
         apply(single, step.kappa, w, step.work, Kw)
-        pairs += 2
         previous, across, change = across, 0.0, 0.0
         for i in range(n):
             across += slope[i] * w[i]
@@ -398,16 +399,16 @@ def _lowest(xHx: float, xHd: float, dHd: float, xBx: float, xBd: float, dBd: flo
 
 
 @kernel(reorder=True, inner=True)
-def _admit(system: AdhesiveSystem, free: FloatArray, x: Any) -> None:
-    """Remove motions that the constraints do not allow."""
-    total, count = 0.0, 0.0
+def _admit(system: AdhesiveSystem, free: FloatArray, x: Any, one: Any) -> None:
+    """Remove motions that the constraints do not allow; a mean by a part of `one`."""
+    total, whole = 0.0, 0.0
     for i in range(x.size):
         x[i] *= free[i]
         total += x[i]
-        count += free[i]
-    mean = total / count if system.mean_is_fixed and count > 0.0 else 0.0
+        whole += free[i] * one[i]
+    mean = total / whole if system.mean_is_fixed and whole > 0.0 else 0.0
     for i in range(x.size):
-        x[i] -= mean * free[i]
+        x[i] -= mean * free[i] * one[i]
 
 
 @kernel(reorder=True)
@@ -457,6 +458,7 @@ class Newton:
     def __init__(self, transforms: Transforms) -> None:
         self._transforms = transforms
         self._mode = _any_deformation(transforms.size)
+        self._stiffness: FloatArray = np.empty(0)  # of the cycle
         self._margin, self._part = math.nan, 0.0  # of a pair that is counted with the next step
 
     @cached_property
@@ -473,7 +475,7 @@ class Newton:
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
         step = Step(
             field(), field(), field(), spectrum(),
-            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work,
+            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work, no_cycle(),
         )  # fmt: skip
         return NewtonFields(at, to, field(), step, spectrum())
 
@@ -487,7 +489,7 @@ class Newton:
         """Solve from the gap of the last step; infinite where there is none, and the surface at rest."""
         if trivial := trivial_solution(problem, self._transforms):
             return trivial
-        system, fields = _system(problem), self._fields
+        system, fields = _system(problem), self._prepared(problem)
         plans, single = self._transforms.plans, self._single.plans
         progress, u = self._begin(system, start), fields.at.u
         chunk, converged = max(4, _CHUNK // u.size), False
@@ -514,6 +516,15 @@ class Newton:
             within=np.inf if converged else -1.0,
         )
         return replace(solution, released_energy=released / u.size, margin=self._margin)
+
+    def _prepared(self, problem: Problem) -> NewtonFields:
+        """The work arrays, with the cycle for the stiffness of the step."""
+        fields, stiffness = self._fields, problem.stiffness
+        if not np.array_equal(self._stiffness, stiffness):
+            cycle = cycle_of(self._transforms.shape, stiffness, problem.residual_floor.stiffness)
+            self._stiffness = stiffness.copy()
+            self._fields = fields._replace(step=fields.step._replace(cycle=cycle))
+        return self._fields
 
     def _check(self, system: AdhesiveSystem, progress: Progress, tolerance: float) -> tuple[Progress, bool]:
         """Leave a state in balance that is no minimum; return whether it is one."""
@@ -550,7 +561,7 @@ class Newton:
         fields, size = self._fields, self._mode.size
         stiffness = np.ones(fields.spectrum.size)
         system = _system(Problem(stiffness, np.zeros_like(fields.spectrum), np.ones(size)))
-        for array in (*fields.at, *fields.to, *fields.step, self._lowest.x):
+        for array in (*fields.at, *fields.to, *fields.step[:-1], self._lowest.x):
             array[:] = 0.0
         leave(self._transforms.plans, system, fields.at, fields.to, fields.step, self._lowest.x)
 
