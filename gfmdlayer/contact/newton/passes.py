@@ -20,6 +20,7 @@ from gfmdlayer.kernels import LANES, kernel
 _NO_CURVATURE = 1e-6  # part of the elastic stiffness along a direction below which its curvature is rounding
 _STIFF = 0.3  # curvature, over the stiffness of a point, from which on it outweighs the body's
 _ROUNDING = 1e-15
+_OF_SINGLE = 2e-7  # likewise in single precision
 
 
 class AdhesiveSystem(NamedTuple):
@@ -67,6 +68,7 @@ class Step(NamedTuple):
     kappa: Any
     softening: Any  # preconditioner, one value a mode
     work: Any  # spectrum
+    response: Any  # K d
     cycle: Cycle
 
 
@@ -178,27 +180,21 @@ def begin(
     single: Plans, system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float, lack: float
 ) -> int:
     """Begin with no step, or with one that lifts all free points by the lack; return the FFT pairs."""
-    n, d, force, total, stiffest = step.d.size, step.d, step.force, 0.0, curvature.max()
-    for k in range(step.softening.size):
-        # The factor n^2 turns the stiffness per point into that for a backward transform.
-        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
-        step.kappa[k], step.softening[k] = system.kappa[k], softening
-        total += softening
-    step.point[0] = n * total / (_STIFF * step.softening.size)
+    n, d, force, free, pressure = step.d.size, step.d, step.force, step.free, step.pressure
+    moves, stiffness, response, direction = step.moves, step.stiffness, step.response, step.direction
     for i in range(n):
-        d[i], force[i] = 0.0, step.free[i] * step.pressure[i]
-        step.moves[i], step.stiffness[i], step.share[i] = step.free[i], curvature[i] + damping, 1.0
-    cycles = step.cycle.grids.size > 0
-    if cycles:
-        set_cycle(step.cycle, step.moves, step.stiffness, 1.0)
-    elif stiffest > 0.0:
-        for i in range(n):
-            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
+        d[i], force[i], response[i] = 0.0, free[i] * pressure[i], 0.0
+        moves[i], stiffness[i] = free[i], curvature[i] + damping
+    step.kappa[:] = system.kappa
+    if step.cycle.grids.size > 0:
+        set_cycle(step.cycle, moves, stiffness, 1.0)
+    else:
+        _set_softening(system, curvature, step, damping)
     if lack == 0.0:
         return 0
     for i in range(n):
-        step.direction[i] = step.free[i]
-    pairs = 1 + precondition(single, step, step.direction, step.z)
+        direction[i] = free[i]
+    pairs = 1 + precondition(single, step, direction, step.z)
     total = 0.0
     for i in range(n):
         d[i] = step.free[i] * step.z[i]
@@ -208,9 +204,26 @@ def begin(
         step.direction[i] = d[i]
     apply(single, step.kappa, step.direction, step.work, step.applied)
     for i in range(n):
+        step.response[i] = step.applied[i]
         off = step.applied[i] + (curvature[i] + damping) * d[i]
         force[i] = step.free[i] * (step.pressure[i] - off)
     return pairs
+
+
+@kernel(reorder=True, inner=True)
+def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, damping: float) -> None:
+    """Set the preconditioner that takes a transform."""
+    n, total, stiffest = step.d.size, 0.0, curvature.max()
+    for k in range(step.softening.size):
+        # The factor n^2 turns the stiffness per point into that for a backward transform.
+        softening = 1.0 / (n * (n * system.kappa[k] + damping + 0.5 * system.kappa_1))
+        step.softening[k] = softening
+        total += softening
+    step.point[0] = n * total / (_STIFF * step.softening.size)
+    step.share[:] = 1.0
+    if stiffest > 0.0:
+        for i in range(n):
+            step.share[i] = 1.0 / np.sqrt(1.0 + step.point[0] * max(curvature[i], 0.0))
 
 
 @kernel(reorder=True, inner=True)
@@ -344,9 +357,10 @@ def _advance(way: float, mean: Any, step: Step) -> float:
             step.moves[first:end],
             step.direction[first:end],
         )
-        Ks, hs = step.applied[first:end], step.stiffness[first:end]
+        Ks, hs, Kds = step.applied[first:end], step.stiffness[first:end], step.response[first:end]
         for i in range(ds.size):
             ds[i] += part * ss[i]
+            Kds[i] += part * Ks[i]
             left = fs[i] - part * frees[i] * (Ks[i] + hs[i] * ss[i] - mean)
             fs[i] = left
             largest[i] = abs(left) if abs(left) > largest[i] else largest[i]
@@ -388,6 +402,27 @@ def move(system: AdhesiveSystem, at: AdhesiveState, step: Step, mean: float, to:
                 break
             for i in range(v.size):
                 v[i] = min(v[i] + lack / free, h[i]) if v[i] < h[i] else h[i]
+
+
+@kernel(reorder=True, inner=True)
+def set_stress_after(single: Plans, at: AdhesiveState, step: Step, stiff: float, to: AdhesiveState) -> int:
+    """Write the stress after a step from K d, in single precision; return the FFT pairs.
+
+    What the wall has cut off, or the mean has shifted, takes a pair. `step.kappa` is over `stiff`.
+    """
+    d, cut, largest, farthest = step.d, step.direction, 0.0, 0.0
+    for i in range(d.size):
+        off = to.u[i] - at.u[i] - d[i]
+        cut[i] = stiff * off
+        largest, farthest = max(largest, abs(off)), max(farthest, abs(d[i]))
+    for i in range(d.size):
+        to.stress[i] = at.stress[i] - step.response[i]
+    if largest <= _OF_SINGLE * farthest:
+        return 0
+    apply(single, step.kappa, cut, step.work, step.applied)
+    for i in range(d.size):
+        to.stress[i] -= step.applied[i]
+    return 1
 
 
 @kernel(reorder=True, inner=True)

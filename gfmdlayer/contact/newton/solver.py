@@ -57,6 +57,7 @@ from gfmdlayer.contact.newton.passes import (
     precondition,
     set_interaction,
     set_stress,
+    set_stress_after,
     shorten,
 )
 from gfmdlayer.contact.pressure_form import trivial_solution
@@ -77,10 +78,12 @@ _SETTLED = 0.1  # error of the traction in a step without damping at which the d
 _OVERSHOT = 0.3  # slope of the energy at the end of a step, over that at its beginning, that shortens it
 _HOPELESS = 1e6  # damping, over the largest stiffness of a point, at which only rounding is left to descend
 _NOTHING = 0.03  # energy lost, over the work of adhesion of a point, that is no instability
+_WORTH_CYCLE = 1 << 12  # points
 _FAR = 1e300  # range of the hard wall
 _LIFTED = 1e-6  # lack of the mean, over its change in the step, that the punch has yet to make up
 _OF_SUMS = 1e-12  # likewise over the largest displacement: what rounding leaves of a mean
 _ROUNDING = 1e-13  # of energies, over their parts
+_OF_SINGLE = 1e-6  # likewise of states in single precision, over the elastic part
 IN_SINGLE = 0.5  # a pair of transforms in single precision counts as this part of one
 
 
@@ -108,6 +111,7 @@ class Progress(NamedTuple):
     multiplier: float
     residual: float
     energy: float  # of the interface, sum over the points; NaN where the state has to be evaluated anew
+    exact: bool  # whether the stress of the state is in double precision
     pairs: float
     iterations: int
 
@@ -140,13 +144,14 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
     at, to, swapped = fields.at, fields.to, False
     (
         done, mean0, damping, descends, unstable, drop, released, pulled_off, multiplier, residual, energy,
-        pairs, _,
+        exact, pairs, _,
     ) = given  # fmt: skip
     iterations, settled, evaluated = 0, False, np.isnan(energy)
     if evaluated:
         set_stress(plans, system, at, fields.spectrum, step.spectrum)
         energy = set_interaction(system, at)
-        pairs += 1.0
+        pairs, exact = pairs + 1.0, True
+    stiff, in_single = _unit(system), _in_single(step)
     while True:
         target = done if descends else 1.0
         residual, multiplier, largest = balance(system, at, held, 1.0 - target, step)
@@ -171,9 +176,15 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             damping = max(2.0 * damping, damping - 2.0 * least, largest / min(system.range, _FAR))
             continue
         move(system, at, step, mean, to)
-        set_stress(plans, system, to, fields.spectrum, step.spectrum)
+        # In double precision once the step aims at the tolerance.
+        now = not in_single or (done == 1.0 and inexact * largest <= _WELL_WITHIN * aim)
+        if now:
+            set_stress(plans, system, to, fields.spectrum, step.spectrum)
+            pairs += 1.0
+        else:
+            pairs += IN_SINGLE * set_stress_after(single, at, step, stiff, to)
         after = set_interaction(system, to)
-        pairs, evaluated = pairs + 1.0, False
+        evaluated = False
         first, last, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         most, way = (_RESOLVED if descends else _CHANGE), 1.0
         if error > most:
@@ -188,7 +199,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             after = set_interaction(system, to)
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         change = elastic + after - energy
-        uphill = not first < 0.0 or change > _ROUNDING * (abs(energy) + abs(elastic))
+        rounding = _ROUNDING * (abs(energy) + abs(elastic)) + (0.0 if now and exact else _OF_SINGLE * abs(elastic))
+        uphill = not first < 0.0 or change > rounding
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
             descends, settled = True, False
@@ -196,7 +208,8 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             if damping > _HOPELESS * (system.kappa_1 + max(at.curvature.max(), -at.curvature.min())):
                 break
             continue
-        at, to, swapped, energy, evaluated = to, at, not swapped, after, way == 1.0
+        at, to, swapped, energy = to, at, not swapped, after
+        evaluated, exact = now and way == 1.0, now and (exact or way == 1.0)
         if not descends:
             done += way * (target - done)
             continue
@@ -225,6 +238,7 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
         multiplier,
         residual,
         energy if evaluated or residual > tolerance else np.nan,
+        exact,
         pairs,
         iterations,
     )
@@ -255,18 +269,32 @@ def _find_step(
     """Solve for a step; return the FFT pairs and the least curvature, as `minimise`."""
     pairs = begin(single, system, at.curvature, step, damping, lack)
     # Stresses and stiffnesses of order one: in SI units squares would underflow in single precision.
-    unit, d, force = max(np.abs(step.force).max(), 1e-30), step.d, step.force
-    stiff = 2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300)))  # to which no digit is lost
+    unit, d, force, response = max(np.abs(step.force).max(), 1e-30), step.d, step.force, step.response
+    stiff, stiffness = _unit(system), step.stiffness
     for i in range(d.size):
-        d[i], force[i] = d[i] * (stiff / unit), force[i] / unit
-        step.stiffness[i] /= stiff
+        d[i], force[i], response[i] = d[i] * (stiff / unit), force[i] / unit, response[i] / unit
+        stiffness[i] /= stiff
     for k in range(step.kappa.size):
-        step.kappa[k], step.softening[k] = step.kappa[k] / stiff, step.softening[k] * stiff
+        step.kappa[k] /= stiff
+        step.softening[k] *= stiff
     step.point[0] *= stiff
     spent, least = minimise(single, system, system.kappa_1 / stiff, step, floor / unit, inexact)
     for i in range(d.size):
         d[i] *= unit / stiff
+        response[i] *= unit
     return pairs + spent, least * stiff
+
+
+@kernel(inner=True)
+def _in_single(step: Step) -> bool:
+    """Whether states on the way are in single precision."""
+    return bool(step.cycle.grids.size > 0)
+
+
+@kernel(inner=True)
+def _unit(system: AdhesiveSystem) -> float:
+    """Return a power of two near kappa_1, to which no digit is lost."""
+    return float(2.0 ** np.floor(np.log2(max(system.kappa_1, 1e-300))))
 
 
 @kernel(inner=True)
@@ -470,12 +498,15 @@ class Newton:
     def _fields(self) -> NewtonFields:
         field, spectrum, small = self._transforms.empty_field, self._transforms.empty_spectrum, self._single
         at, to = (AdhesiveState(field(), field(), field(), field()) for _ in range(2))
-        force, direction, applied, z, share, moves, stiffness = (small.empty_field() for _ in range(7))
+        force, direction, applied, z, share, moves, stiffness, response = (
+            small.empty_field() for _ in range(8)
+        )
         work = small.empty_spectrum()
         kappa, softening, point = (np.empty(size, np.float32) for size in (work.size, work.size, 1))
         step = Step(
             field(), field(), field(), spectrum(),
-            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work, no_cycle(),
+            force, direction, applied, z, share, point, moves, stiffness, kappa, softening, work, response,
+            no_cycle(),
         )  # fmt: skip
         return NewtonFields(at, to, field(), step, spectrum())
 
@@ -520,7 +551,7 @@ class Newton:
     def _prepared(self, problem: Problem) -> NewtonFields:
         """The work arrays, with the cycle for the stiffness of the step."""
         fields, stiffness = self._fields, problem.stiffness
-        if not np.array_equal(self._stiffness, stiffness):
+        if self._transforms.size >= _WORTH_CYCLE and not np.array_equal(self._stiffness, stiffness):
             cycle = cycle_of(self._transforms.shape, stiffness, problem.residual_floor.stiffness)
             self._stiffness = stiffness.copy()
             self._fields = fields._replace(step=fields.step._replace(cycle=cycle))
@@ -587,7 +618,7 @@ class Newton:
             project(u, system.h, system.mean_is_fixed)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=0.0, residual=np.inf, energy=energy, pairs=float(done == 0.0), iterations=0,
+            multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0), iterations=0,
         )  # fmt: skip
 
 
