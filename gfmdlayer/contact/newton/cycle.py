@@ -1,4 +1,4 @@
-"""A V-cycle of stencils: M close to the inverse of K + D on the free points of a surface, without a transform.
+"""A V-cycle of stencils: M, close to the inverse of K + D on the free points, without a transform.
 
 D = w'' + damping is a stiffness of each point by itself. Each grid has about half of the points per axis of
 the one above it, the 13 taps of kappa truncated to its modes (`stencil`), and its own D. A point of a grid
@@ -30,9 +30,8 @@ from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import truncated
 from gfmdlayer.kernels import kernel
 
-_LAST = 16  # points of the last grid at most
-_FEWEST = 4  # points of an axis at least
-_SAME = 0.7  # stiffness of the shortest wave along an axis, over that along the other, at which both are halved
+_FEWEST = 4  # points of an axis at least: the last grid has 4 to 7 along each
+_SAME = 0.7  # stiffness of the shortest wave along an axis, over the other's, at which both are halved
 _SMOOTHING, _POSITIVE = 0.75, 1.4  # B s_0, and bound on B times the largest symbol
 _SOFT = -0.5  # c D at least
 _MISFIT = 0.5  # of a stencil, relative, from which on there is no cycle
@@ -92,11 +91,11 @@ def cycle_of(shape: tuple[int, ...], stiffness: FloatArray, kappa_1: float) -> C
         )
         kappa = truncated(kappa, points, below)
     cycle = _cycle(shapes, unit, weights, constants, _LOWEST * kappa_1 / unit)
-    rows, columns = shapes[-1]
+    height, width = shapes[-1]
     kappa = np.where(kappa > 0, kappa, 0.5 * kappa_1 / unit)
-    response = np.fft.irfft2(kappa.reshape(rows, -1), (rows, columns))
-    i, j = np.divmod(np.arange(rows * columns), columns)
-    cycle.matrix[:] = response[(i[:, np.newaxis] - i) % rows, (j[:, np.newaxis] - j) % columns]
+    response = np.fft.irfft2(kappa.reshape(height, -1), (height, width))
+    i, j = np.divmod(np.arange(height * width), width)
+    cycle.matrix[:] = response[(i[:, np.newaxis] - i) % height, (j[:, np.newaxis] - j) % width]
     return cycle
 
 
@@ -106,18 +105,16 @@ def _shapes(shape: tuple[int, ...], stiffness: FloatArray) -> list[tuple[int, ..
     if len(shape) < 2 or min(shape) < _FEWEST:
         return shapes
     kappa = stiffness
-    while np.prod(shape) > _LAST:
+    while max(shape) >= 2 * _FEWEST:
         modes = kappa.reshape(shape[0], -1)
         stiffest = [
             k if n >= 2 * _FEWEST else 0.0
             for n, k in zip(shape, (modes[shape[0] // 2, 0], modes[0, -1]), strict=True)
         ]
         below = tuple(
-            (n + 1) // 2 if k > 0.0 and k >= _SAME * max(stiffest) else n
+            (n + 1) // 2 if n >= 2 * _FEWEST and k >= _SAME * max(stiffest) else n
             for n, k in zip(shape, stiffest, strict=True)
         )
-        if below == shape:
-            return shapes[:1]
         kappa, shape = truncated(kappa, shape, below), below
         shapes.append(shape)
     return shapes
@@ -130,20 +127,18 @@ def _cycle(
     constants: list[tuple[float, float]],
     lowest: float,
 ) -> Cycle:
-    points = np.array([rows * columns for rows, columns in shapes], dtype=np.int64)
-    first = np.cumsum(points) - points
-    grids = np.array(
-        [(*shape, start) for shape, start in zip(shapes, first, strict=True)], dtype=np.int64
-    ).reshape(-1, 3)
+    points = np.array([np.prod(shape) for shape in shapes], dtype=np.int64)
+    grids = np.array(shapes, dtype=np.int64).reshape(-1, 2)
+    grids = np.column_stack((grids, np.cumsum(points) - points))
     size, last = int(points.sum()), int(points[-1]) if shapes else 0
     finest = int(points[0]) if shapes else 0
-    fields = [np.zeros(size, np.float32) for _ in range(4)]
-    below = [np.zeros(size - finest, np.float32) for _ in range(2)]
+    D, share, B, x = (np.zeros(size, np.float32) for _ in range(4))
+    r, result = (np.zeros(size - finest, np.float32) for _ in range(2))
     point, smoothing = np.array(constants).reshape(-1, 2).T.copy()
     return Cycle(
         grids, unit, np.array(weights, np.float32).reshape(-1, 6), point, smoothing, lowest,
         np.zeros((last, last)), np.zeros((last, last), np.float32),
-        *fields[:3], below[0], fields[3], below[1], np.zeros(finest, np.float32),
+        D, share, B, r, x, result, np.zeros(finest, np.float32),
     )  # fmt: skip
 
 
@@ -236,7 +231,7 @@ def run_cycle(cycle: Cycle, force: Any, target: Any) -> None:
 
 @nb.njit(inline="always")
 def _residual(weights: Any, i: int, r: Any, x: Any, D: Any, row: Any, beside: Any, along: Any) -> None:
-    """Write row i of r - (S + D) x of periodic fields; `beside` and `along` are space for a row and 4 points."""
+    """Write row i of r - (S + D) x, periodic; `beside` and `along` are space for a row and 4 points."""
     rows, columns = x.shape
     here, rs, Ds = x[i], r[i], D[i]
     up, top = x[i - 1 if i > 0 else rows - 1], x[i - 2 if i > 1 else rows + i - 2]
@@ -291,6 +286,7 @@ def _shares(fine: int, coarse: int) -> tuple[Any, Any]:
     begin, shares = np.empty(coarse, np.int64), np.zeros((4, coarse), np.float32)
     for k in range(coarse):
         start = (k - 1) * fine // coarse + 1
+        start = min(start, fine - 2)  # as where both axes have the same points
         begin[k] = start + 2
         for step in range(4):
             away = abs((start + step) * coarse - k * fine)
@@ -337,7 +333,7 @@ def _restrict(cycle: Cycle, level: int, field: Any, target: Any) -> None:
 def _add_row(
     i: int, left: Any, part: Any, row: Any, here: Any, after: Any, begin: Any, shares: Any, found: Any
 ) -> None:
-    """Add row i to those of the next grid on either side, `here` and `after`; write the first when it is full.
+    """Add row i to those of the next grid on either side, `here` and `after`; write the first when full.
 
     Both have two more points on either side. The first row of the next grid is the last to be full.
     """

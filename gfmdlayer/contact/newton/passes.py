@@ -230,9 +230,9 @@ def _set_softening(system: AdhesiveSystem, curvature: FloatArray, step: Step, da
 def precondition(single: Plans, step: Step, r: Any, z: Any) -> int:
     """Write z = M r, M close to the inverse of K + w'' + damping; return the FFT pairs.
 
-    It is the cycle if there is one. Else M = S C S + (1 - S^2)/(k + w'') with C = 1/(K + damping + kappa_1/2), the stiffness k of the body at a
-    point by itself, and S^2 = k/(k + w''), 1 where w'' < 0: points that the interface holds more stiffly than
-    only the body answer.
+    It is the cycle if there is one. Else M = S C S + (1 - S^2)/(k + w'') with C the inverse of
+    K + damping + kappa_1/2, the stiffness k of the body at a point by itself, and S^2 = k/(k + w''), 1 where
+    w'' < 0: points that the interface holds more stiffly than only the body answer.
     """
     if step.cycle.grids.size > 0:
         run_cycle(step.cycle, r, z)
@@ -283,7 +283,7 @@ def minimise(
         # Forces are zero where points are pressed, and in the mean where that is fixed.
         total, across, lift = _sums(z, moves, force, one)
         mean = np.float32(total / whole if centred else 0.0)
-        across -= mean * lift
+        across -= float(mean) * lift
         beta = np.float32(across / last)
         beta, last = beta if iteration > 0 else np.float32(0.0), across
         for i in range(n):

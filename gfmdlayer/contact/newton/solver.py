@@ -23,12 +23,15 @@ on the way of a step at most. `Solution.released_energy` is the energy that a de
 has lost, at a fixed s: exact for the state from which it started, which lies past the end of the branch by a
 part of the step, so that its error is of first order in the step. Elsewhere it is zero.
 
-Linear systems are solved on the free points by conjugate gradients in single precision: what they correct is
-evaluated in double. The preconditioner is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than
-the body (`passes.precondition`); an iteration takes two FFT pairs. A direction of negative curvature ends
-them and begins a descent. Points that a step drives through the wall are put onto it; if that turns the step
-uphill, a shorter one of the descent takes its place. In balance `find_margin` looks for a deformation of
-negative curvature, which no symmetry hides.
+Linear systems are solved on the free points by conjugate gradients in single precision. On surfaces the
+preconditioner is a V-cycle of stencils (`cycle`), and an iteration takes one FFT pair, in single precision;
+states on the way are in single precision too, by K d of the linear system, and those near balance are
+evaluated in double. On lines, on less than 64^2 points, and where stencils do not describe the stiffness, it
+is 1/(K + c + kappa_1/2), scaled where the interface is stiffer than the body (`passes.precondition`); an
+iteration takes two pairs, and all states are evaluated in double. The stiffness decides which. A direction
+of negative curvature ends them and begins a descent. Points that a step drives through the wall are put onto
+it; if that turns the step uphill, a shorter one of the descent takes its place. In balance `find_margin`
+looks for a deformation of negative curvature, which no symmetry hides.
 """
 
 from __future__ import annotations
@@ -199,7 +202,9 @@ def iterate(  # noqa: C901  # compiled as one, for its many results
             after = set_interaction(system, to)
             _, _, elastic, error = compare(system, at, step.pressure, held, 1.0 - target, multiplier, to)
         change = elastic + after - energy
-        rounding = _ROUNDING * (abs(energy) + abs(elastic)) + (0.0 if now and exact else _OF_SINGLE * abs(elastic))
+        rounding = _ROUNDING * (abs(energy) + abs(elastic)) + (
+            0.0 if now and exact else _OF_SINGLE * abs(elastic)
+        )
         uphill = not first < 0.0 or change > rounding
         if done == target and lack == 0.0 and (uphill or way < _TOO_FAR):
             # Uphill, where the wall has bent the step or the energy is far from a parabola, or too far.
@@ -335,8 +340,9 @@ def hold(plans: Plans, system: AdhesiveSystem, fields: NewtonFields) -> float:
 # falls to zero as the square root of the distance to that point. A state in balance may be no minimum: an
 # even film stays flat, and a symmetric contact symmetric, without a force that tells. So x is found by
 # itself, by preconditioned conjugate gradients on this ratio (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517),
-# and kept from step to step, so that one turn of two FFT pairs follows it. Single precision knows the ratio
-# to 1e-6.
+# and kept from step to step, so that one turn of one or two FFT pairs follows it. Single precision knows the
+# ratio to 1e-6. With the preconditioner by transforms a law much stiffer than the body, as Lennard-Jones'
+# repulsion, leaves the margin far above the least; the cycle finds it.
 
 _MOST = 30  # turns
 _STEADY = 0.02, 0.003  # fall of the margin in a turn, over itself and in all, at which it is known
@@ -618,7 +624,8 @@ class Newton:
             project(u, system.h, system.mean_is_fixed)
         return Progress(
             done, mean, damping=0.0, descends=False, unstable=False, drop=0.0, released=0.0, pulled_off=False,
-            multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0), iterations=0,
+            multiplier=0.0, residual=np.inf, energy=energy, exact=True, pairs=float(done == 0.0),
+            iterations=0,
         )  # fmt: skip
 
 
