@@ -273,9 +273,7 @@ def _ablations(courses: list[_Course]) -> Table:
             for course in courses:
                 key = f"{course.name}, {course.law.range:g}"
                 try:
-                    count = sum(
-                        _follow(ablation.solver(Transforms(course.grid.shape), _RESIDUAL), course).pairs
-                    )
+                    count = sum(_follow(ablation.solver(Transforms(course.grid.shape)), course).pairs)
                 except RuntimeError:
                     row[key] = "fails"
                 else:
