@@ -280,7 +280,7 @@ class Newton:
 
     def __init__(self, C: Operator, K: Operator) -> None:
         self._C, self._K = C, K
-        self._ones: Ones | None = None
+        self.ones: Ones | None = None
 
     def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
@@ -336,8 +336,8 @@ class Newton:
             else W[1:]
         )
         sets.to_single()
-        system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
-        self._ones = system.kept
+        system = LinearSystem(problem, sets, at, damping, C, self._K, self.ones)
+        self.ones = system.kept
         b = system.right_side(gap, slip, base)
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]
