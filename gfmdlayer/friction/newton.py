@@ -276,14 +276,15 @@ def gmres(
 
 
 class Newton:
-    """The method for problems on one grid, with what it keeps from one to the next."""
+    """The method for problems with one response on one grid."""
 
     def __init__(self, C: Operator, K: Operator) -> None:
         self._C, self._K = C, K
-        self.ones: Ones | None = None
+        self._ones: Ones | None = None
 
     def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
         """Return the state that was reached from a guess of the tractions, and the steps."""
+        self._ones = None
         way = _Way(self, problem)
         at = self.state(problem, admissible(problem, x))
         way.best = at
@@ -336,8 +337,8 @@ class Newton:
             else W[1:]
         )
         sets.to_single()
-        system = LinearSystem(problem, sets, at, damping, C, self._K, self.ones)
-        self.ones = system.kept
+        system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
+        self._ones = system.kept
         b = system.right_side(gap, slip, base)
         size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
         least = _LEAST_INEXACT[len(at.t) - 1]

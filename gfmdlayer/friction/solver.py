@@ -14,6 +14,7 @@ from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
 from gfmdlayer.friction.response import Operator, Response, Spent
 from gfmdlayer.grid.grid import Grid
 from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import Stateless
 
 _COARSEST = 16  # points of an axis
 _COARSE_TOLERANCE = 1e-4
@@ -23,8 +24,8 @@ _FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where
 _FEWEST, _APART = 64, 64
 
 
-class FrictionSolver:
-    """Frictional contact of the steps of a run on one grid; keeps plans and what the last step left.
+class FrictionSolver(Stateless):
+    """Frictional contact of the steps of a run on one grid.
 
     Parameters
     ----------
@@ -122,15 +123,13 @@ class _Level:
         self._newton: Newton | None = None
 
     def newton(self, response: Response) -> Newton:
-        """Return Newton's method for a response, with what it kept of the last one."""
+        """Return Newton's method for a response."""
         if self._newton is None or response is not self._response:
             C, K = (
                 Operator(self.grid, each, self._plans, self._spent, self._share)
                 for each in (response, response.inverse(self.grid))
             )
-            ones = None if self._newton is None else self._newton.ones
             self._response, self._newton = response, Newton(C, K)
-            self._newton.ones = ones
         return self._newton
 
     def restricted(self, response: Response, finer: _Level) -> Response:
