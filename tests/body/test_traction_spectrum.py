@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -141,3 +142,58 @@ def test_the_layer_of_the_paper_is_a_stack(base: float, thickness: float) -> Non
     K = body.traction_spectrum(Q).in_plane.stiffness(0.5)
     normal = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]
     np.testing.assert_allclose(normal, body.stiffness(Q, 0.5), rtol=ROUNDING)
+
+
+def random_stack(random: np.random.Generator) -> LayerStack:
+    """Return one to five layers whose moduli, times and thicknesses differ by orders of magnitude."""
+
+    def layer(thickness: float) -> Layer:
+        branches = [tuple(10 ** random.uniform(-3, 3, 2)) for _ in range(random.integers(3))]
+        poisson = random.choice([0.5, 0.4999, random.uniform(-0.5, 0.5)])
+        return Layer(thickness, float(poisson), Prony(10 ** random.uniform(-3, 3), branches))
+
+    layers = [layer(10 ** random.uniform(-2.5, 0.5)) for _ in range(random.integers(1, 6))]
+    base = random.integers(3)
+    return LayerStack((*layers, layer(math.inf)) if base == 0 else tuple(layers), rigid=bool(base == 1))
+
+
+def exact(stack: LayerStack, q: float, s: complex) -> NDArray[Any]:
+    """Return K over (W, U) to 60 digits: series of the matrix exponentials of the equations of elasticity."""
+    q, s, layers = mp.mpf(q), mp.mpmathify(s), list(stack.layers)
+    states = mp.matrix([[0, 0], [0, 0], [1, 0], [0, 1]] if stack.rigid else [[1, 0], [0, 1], [0, 0], [0, 0]])
+
+    def modulus(material: Prony) -> Any:
+        branches = zip(material.branch_moduli, material.branch_times, strict=True)
+        return mp.mpf(material.relaxed) + sum(mp.mpf(g) * s * t / (1 + s * t) for g, t in branches)
+
+    if math.isinf(layers[-1].thickness):
+        base = layers.pop()
+        nu, G = mp.mpf(base.poisson), modulus(base.material)
+        C = mp.matrix([[2 - 2 * nu, 1 - 2 * nu], [1 - 2 * nu, 2 - 2 * nu]]) / (2 * G * q)
+        states[2:, :] = -(C**-1)
+    for layer in reversed(layers):
+        nu, G = mp.mpf(layer.poisson), modulus(layer.material)
+        ratio, give = nu / (1 - nu), (1 - 2 * nu) / (2 * G * (1 - nu))  # give is 0 where incompressible
+        equations = [
+            [0, ratio * q, give, 0],
+            [-q, 0, 0, 1 / G],
+            [0, 0, 0, q],
+            [0, 2 * G / (1 - nu) * q**2, -ratio * q, 0],
+        ]
+        states = mp.expm(-mp.mpf(layer.thickness) * mp.matrix(equations), method="taylor") * states
+    return np.array((-states[2:, :] * states[:2, :] ** -1).tolist()).astype(complex)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_stacks_obey_the_equations_of_elasticity(seed: int) -> None:
+    """Incompressible layers and complex frequencies too, at any ratio of moduli."""
+    random = np.random.default_rng(seed)
+    stack = random_stack(random)
+    depth = sum(layer.thickness for layer in stack.layers if math.isfinite(layer.thickness))
+    q = np.array([0.02, 0.5, 10.0]) / depth
+    with mp.workdps(60):
+        for s in (0.0, 10 ** random.uniform(-3, 3) * 1j):
+            found = stack.traction_spectrum(q).in_plane.stiffness(s)
+            for K, one in zip(found, q, strict=True):
+                expected = exact(stack, one, s)
+                np.testing.assert_allclose(K, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
