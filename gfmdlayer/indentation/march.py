@@ -788,6 +788,7 @@ def _begin(body: Compliance, profile: Revolution, nodes: Nodes, drive: Drive) ->
     for i in range(size):
         points.x[i] = i * nodes.spacing
         points.obstacle[i] = abel_transform(profile, points.x[i])
+    points.bent[0] = True  # under a cone
     state = State(
         points, np.zeros(places), np.zeros((nb, places)),
         np.zeros(nq), np.zeros((nm, nq)), np.full(_MARKS, np.inf),
