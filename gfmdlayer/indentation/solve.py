@@ -287,7 +287,7 @@ _FIRST_SPREAD = 45.0
 # Part of the largest radius below which the error of its square counts.
 _SMALL = 0.1
 
-_MOST_MESHES, _MOST_STEPS, _MOST_SPACES, _GROWTH = 8, 10_000, 12, 1.3
+_MOST_MESHES, _MOST_STEPS, _MOST_SPACES, _GROWTH = 16, 10_000, 12, 1.3
 
 
 class Indentation(NamedTuple):
@@ -455,7 +455,9 @@ def _remaining_error(rough: Indentation, fine: Indentation) -> float:
     extrapolation interpolates its gain: a quarter of the change of the gain is uncertain.
     """
     # Where contact is lost the radius falls like a root of time: then the error of its square counts.
-    share = np.minimum(1.0, np.minimum(rough.radius, fine.radius[::2]) / (_SMALL * fine.radius.max() + 1e-300))
+    share = np.minimum(
+        1.0, np.minimum(rough.radius, fine.radius[::2]) / (_SMALL * fine.radius.max() + 1e-300)
+    )
     largest = 0.0
     for name in ("force", "depth", "radius"):
         found = getattr(fine, name)
