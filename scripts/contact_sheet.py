@@ -123,8 +123,9 @@ def pictures(path: Path) -> Iterator[Picture]:
 
 
 def _of(results: Dataset, cases: dict[str, Dataset], prefix: str) -> Iterator[Picture]:
-    along = {"time", *case_dimensions(results)}
-    columns = [str(name) for name, each in results.data_vars.items() if {"time"} <= {*each.dims} <= along]
+    along = {"time", "row", *case_dimensions(results)}
+    over_time = [name for name, each in results.data_vars.items() if {"time", "row"} & {*each.dims}]
+    columns = [str(name) for name in over_time if {*results[name].dims} <= along]
     numbers = [name for name in columns if np.isfinite(results[name]).any()]
     for i in range(0, len(numbers), PANELS):
         part = numbers[i : i + PANELS]

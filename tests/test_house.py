@@ -13,9 +13,9 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # Bottom first: a room, or a module beside the rooms, imports only what stands before it.
 ORDER = (
     "arrays", "resumable", "files", "kernels", "validation", "body", "grid", "punch", "time_functions",
-    "interface", "contact", "history", "transport", "config", "programme", "notes", "observables", "results",
-    "figures", "model", "footprint", "indentation", "simulation", "periodic", "execution", "fitting",
-    "interactive", "verification", "cli", "__main__", "__init__",
+    "interface", "contact", "friction", "history", "transport", "config", "programme", "notes", "observables",
+    "results", "figures", "model", "footprint", "indentation", "simulation", "periodic", "execution",
+    "fitting", "interactive", "verification", "cli", "__main__", "__init__",
 )  # fmt: skip
 
 

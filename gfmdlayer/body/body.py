@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from gfmdlayer.body.layer import LayeredHalfspace
 from gfmdlayer.body.materials import Elastic, Law, Material
-from gfmdlayer.body.relaxation import Spectrum, relaxation_spectrum
+from gfmdlayer.body.relaxation import Spectrum, TractionSpectrum, relaxation_spectrum
 from gfmdlayer.body.stack import Layer, LayerStack
 from gfmdlayer.body.wavevectors import Wavevectors
 from gfmdlayer.validation.problems import ConfigError
@@ -114,6 +114,15 @@ class ViscoelasticLayer:
     def spectrum(self, waves: Wavevectors | ArrayLike) -> Spectrum:
         """Return the relaxing modes: `relaxed`, `glassy`, `times` and `weights`."""
         return relaxation_spectrum(self.layer, self.material, waves)
+
+    def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
+        """Return the relaxing modes under tractions in all directions, see `LayerStack.traction_spectrum`."""
+        of = self.layer
+        stack = [Layer(of.thickness, of.poisson, self.material)]
+        if 0 < of.bulk_modulus < math.inf and math.isfinite(of.thickness):
+            stack.append(Layer(math.inf, of.bulk_poisson, Elastic(of.bulk_modulus)))
+        rigid = math.isinf(of.bulk_modulus) and math.isfinite(of.thickness)
+        return LayerStack(tuple(stack), rigid=rigid).traction_spectrum(waves)
 
 
 def bonded_layer(

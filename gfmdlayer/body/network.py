@@ -52,7 +52,7 @@ class Network:
     """
 
     free: FloatArray  # (nq,): stiffness of only the uppermost layer, for a unit modulus
-    force: FloatArray  # g, (nq, redundant)
+    force: FloatArray  # g, (nq, redundant), or (nq, redundant, n) for n displacements of the surface
     projection: FloatArray  # P, (nq, redundant, springs): L^-1 (-M, 1), of the springs that relax
     spring: IntArray  # (internal,): the spring that has this Kelvin element; those of a spring stand together
     roots: FloatArray  # c_j = sqrt(Ginf J_j), (internal,): the columns of B are those of P times c
@@ -130,14 +130,26 @@ class Member(NamedTuple):
     springs: Springs  # for a unit modulus
     material: Material
     first: int  # the first of the displacements that strain them
-    confined: float  # compression per pressure of a layer that cannot widen, for a unit modulus; 0: ignored
+    # of each displacement of the surface at q = 0: that of the layer alone per traction, for a unit modulus;
+    # 0: ignored
+    uniform: tuple[float, ...]
 
 
-def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displacements: int) -> Network:
+def assemble(
+    members: Sequence[Member],
+    free: FloatArray,
+    q: FloatArray,
+    displacements: int,
+    *,
+    surface: int = 1,
+    interface: int = 2,
+) -> Network:
     """Eliminate the displacements of the interfaces, and give each spring the elements of its material.
 
     `members` stand from the surface down, `free` (nq,) is the stiffness of the uppermost layer alone for a
-    unit modulus. There is one displacement of the surface, and two of each interface that moves.
+    unit modulus. Of the displacements, `surface` ones are of the surface, and `interface` of each interface
+    that moves. The network has one force g for each of the surface: (nq, redundant, surface), or (nq,
+    redundant) for a single one.
     """
     if not members:
         none, index = np.zeros((q.size, 0)), np.empty(0, dtype=np.intp)
@@ -150,22 +162,28 @@ def assemble(members: Sequence[Member], free: FloatArray, q: FloatArray, displac
         strains[:, owner == i, first : first + inside] = of[:, :, :inside]
     glassy = np.array([member.material.glassy for member in members])[owner]
     stiffness = np.concatenate([member.springs.stiffness for member in members], axis=1)
-    force, projection = _redundants(strains, np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None]))
+    from_below = [
+        first + i
+        for first in range(displacements - interface, surface - 1, -interface)
+        for i in range(interface)
+    ]
+    weights = np.sqrt(stiffness * glassy * np.where(q > 0, q, 1)[:, None])
+    force, projection = _redundants(strains, weights, from_below)
     mean = q == 0
     force[mean], projection[mean] = 0.0, 0.0
-    confined = np.array([member.confined for member in members])
-    if mean.any() and confined.any():
-        one_each = np.searchsorted(owner, np.arange(len(members)))
-        whole = 1 / (confined / glassy[one_each]).sum()
-        force[mean, 0] = np.sqrt(whole)
-        for i, compliance in zip(one_each, confined, strict=True):
-            projection[mean, 0, i] = np.sqrt(whole * compliance / glassy[i])
+    one_each = np.searchsorted(owner, np.arange(len(members)))
+    for way, uniform in enumerate(np.array([member.uniform for member in members]).T):
+        if mean.any() and uniform.any():  # springs in series, of each layer another one for each way
+            whole = 1 / (uniform / glassy[one_each]).sum()
+            force[mean, way, way] = np.sqrt(whole)
+            for i, compliance in zip(one_each, uniform, strict=True):
+                projection[mean, way, i + way] = np.sqrt(whole * compliance / glassy[i])
     known = [_kelvin(member.material) for member in members]
     elements = np.array([known[layer][0].size for layer in owner])
     relaxing = np.flatnonzero(elements)
     return Network(
         free,
-        force,
+        force[:, :, 0] if surface == 1 else force,
         np.ascontiguousarray(projection[:, :, relaxing]),
         np.repeat(np.arange(relaxing.size), elements[relaxing]),
         np.concatenate([known[layer][0] for layer in owner]),
@@ -183,13 +201,18 @@ def _kelvin(material: Material) -> tuple[FloatArray, FloatArray]:
     return np.sqrt(material.glassy * compliances[:, 0]), thetas[:, 0]
 
 
-def _redundants(strains: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return g and L^-1 (-M, 1) for strains over (u, interfaces) and roots of the springs' stiffnesses."""
+def _redundants(
+    strains: FloatArray, weights: FloatArray, from_below: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return g and L^-1 (-M, 1) for strains over (surface, interfaces) and roots of the springs' stiffnesses.
+
+    `from_below` are the displacements to be eliminated, in this order; those of the surface come first.
+    """
     table, (count, springs, columns) = strains.copy(), strains.shape
     each = np.arange(count)
     free = np.ones((count, springs), dtype=bool)
-    basis = np.empty((count, columns - 1), dtype=np.intp)
-    from_below = [j for normal in range(columns - 2, 0, -2) for j in (normal, normal + 1)]
+    surface = columns - len(from_below)
+    basis = np.empty((count, columns - surface), dtype=np.intp)
     for j in from_below:
         pivot = np.argmax(np.where(free, np.abs(table[:, :, j]) * weights, -1.0), axis=1)
         row = table[each, pivot] / table[each, pivot, j, np.newaxis]
@@ -197,14 +220,16 @@ def _redundants(strains: FloatArray, weights: FloatArray) -> tuple[FloatArray, F
         factor = table[:, :, j].copy()
         table[:, :, j] = 0.0
         table -= factor[:, :, np.newaxis] * row[:, np.newaxis]
-        free[each, pivot], basis[:, j - 1] = False, pivot
-    rest = np.argsort(~free, axis=1, kind="stable")[:, : springs - columns + 1]
+        free[each, pivot], basis[:, j - surface] = False, pivot
+    rest = np.argsort(~free, axis=1, kind="stable")[:, : springs - columns + surface]
     at = each[:, np.newaxis]
     combined = table[at, rest] * weights[at, rest][:, :, np.newaxis]
-    ratios = combined[:, :, 1:] / weights[at, basis][:, np.newaxis]
+    ratios = combined[:, :, surface:] / weights[at, basis][:, np.newaxis]
     identity = np.broadcast_to(np.eye(rest.shape[1]), (count, rest.shape[1], rest.shape[1]))
     lower = np.linalg.cholesky(identity + ratios @ np.swapaxes(ratios, 1, 2))
-    reduced = np.linalg.solve(lower, np.concatenate((combined[:, :, :1], -ratios, identity), axis=2))
+    reduced = np.linalg.solve(lower, np.concatenate((combined[:, :, :surface], -ratios, identity), axis=2))
     projection = np.zeros((count, rest.shape[1], springs))
-    np.put_along_axis(projection, np.concatenate((basis, rest), axis=1)[:, np.newaxis], reduced[:, :, 1:], 2)
-    return reduced[:, :, 0], projection
+    np.put_along_axis(
+        projection, np.concatenate((basis, rest), axis=1)[:, np.newaxis], reduced[:, :, surface:], 2
+    )
+    return reduced[:, :, :surface], projection

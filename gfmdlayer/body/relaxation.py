@@ -164,6 +164,18 @@ class VectorSpectrum:
         return "" if (self.times > 0).all() else "times: must be > 0"
 
 
+@dataclass(frozen=True)
+class TractionSpectrum:
+    """Relaxing modes of a surface under tractions in all directions, at wavevectors.
+
+    Along the unit vector n of a wave the surface moves by i U n, across it by V, and down by W. The tractions
+    on the body are i T n, S and the pressure p. (W, U) and (p, T) couple; V and S do not couple with them.
+    """
+
+    in_plane: VectorSpectrum  # K over (W, U), real
+    across: Spectrum  # K_t over V
+
+
 def relaxation_spectrum(layer: LayeredHalfspace, material: Material, q: ArrayLike) -> Spectrum:
     """Relaxing modes of a viscoelastic layer on an elastic halfspace.
 

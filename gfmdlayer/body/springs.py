@@ -77,6 +77,17 @@ def surface_springs(x: FloatArray, poisson: float) -> tuple[Springs, FloatArray]
     return _stacked(strains, stiffness), free
 
 
+def shear_springs(x: FloatArray) -> Springs:
+    """Three springs of a layer in shear across the wave, over the displacements (V_t, V_b) of its faces.
+
+    Its tractions are coth(x) V_t - V_b/sinh(x) and so on, in units of q.
+    """
+    x = np.minimum(x, HALFSPACE_DEPTH)
+    between = 2 * np.exp(-x) / -np.expm1(-2 * x)
+    each, one, none = np.tanh(x / 2), np.ones(x.shape), np.zeros(x.shape)
+    return _stacked(((one, -one), (one, none), (none, one)), (between, each, each))
+
+
 def halfspace_springs(count: int, poisson: float) -> Springs:
     """Two springs of a halfspace at `count` wavenumbers, over (W, U) of its surface."""
     m, e_1 = 1 - poisson, 1 - 2 * poisson

@@ -18,13 +18,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from gfmdlayer.arrays import FloatArray, IntArray
 from gfmdlayer.body.materials import Material
-from gfmdlayer.body.network import InternalVariables, Member, Network, assemble, singular_values
-from gfmdlayer.body.relaxation import NEGLIGIBLE, Spectrum, distinct_branches
+from gfmdlayer.body.network import (
+    InternalVariables,
+    Member,
+    Network,
+    assemble,
+    singular_values,
+    vector_spectrum,
+)
+from gfmdlayer.body.relaxation import (
+    NEGLIGIBLE,
+    Spectrum,
+    TractionSpectrum,
+    VectorSpectrum,
+    distinct_branches,
+)
 from gfmdlayer.body.springs import (
+    Springs,
     halfspace_minors,
     halfspace_springs,
     layer_springs,
     minors,
+    shear_springs,
     surface_springs,
 )
 from gfmdlayer.body.wavevectors import Wavevectors
@@ -190,6 +205,22 @@ class LayerStack:
         finite = sum(math.isfinite(layer.thickness) for layer in self.present)
         return assemble(members, free * q, q, 2 * (finite + (not self.rigid)) - 1)
 
+    def traction_spectrum(self, waves: Wavevectors | ArrayLike) -> TractionSpectrum:
+        """Return the relaxing modes under tractions in all directions, at wavevectors of any shape.
+
+        The modes are those of the network of `spectrum` in which the surface keeps both of its displacements.
+        Where the uppermost layer is deep, they are the branches of its material on a halfspace. The mean of
+        a tangential displacement is fixed but on a rigid base, where the layers are sheared in series.
+        """
+        q = np.asarray(waves, dtype=float)
+        different, where = np.unique(q, return_inverse=True)
+        plane, across = _traction_spectrum(self, different.tobytes())
+        at = where.reshape(q.shape)
+        return TractionSpectrum(
+            VectorSpectrum(plane.relaxed[at], plane.vectors[:, at], plane.times[:, at]),
+            Spectrum(across.relaxed[at, 0, 0], across.vectors[:, at, 0] ** 2, across.times[:, at]),
+        )
+
     def internal_variables(self, waves: Wavevectors | ArrayLike) -> InternalVariables:
         """Return the internal variables of all layers at the wavevectors, of any shape."""
         q = np.ravel(np.asarray(waves, dtype=float))
@@ -220,19 +251,36 @@ class LayerStack:
             free, force, projection, network.spring, network.roots, network.times, network.layer
         ), numbers
 
+    def _traction_network(self, q: FloatArray, *, in_plane: bool) -> Network:
+        """Return the network in which the surface moves by (W, U), or across the wave by V."""
+        members, ways = [], 2 if in_plane else 1
+        positive = np.where(q > 0, q, 1.0)
+        for i, layer in enumerate(self.present):
+            if math.isinf(layer.thickness):
+                springs = _deep_springs(layer, q.size, in_plane=in_plane)
+            else:
+                x = positive * layer.thickness
+                springs = layer_springs(x, layer.poisson) if in_plane else shear_springs(x)
+            sheared = layer.thickness if self.rigid else 0.0
+            uniform = (self._confined_compliance(layer), sheared) if in_plane else (sheared,)
+            members.append(Member(springs, layer.material, ways * i, uniform))
+        moving = sum(math.isfinite(layer.thickness) for layer in self.present) + (not self.rigid)
+        return assemble(members, np.zeros(q.size), q, ways * moving, surface=ways, interface=ways)
+
     def _members(self, q: FloatArray) -> tuple[list[Member], FloatArray]:
         """Springs of each layer, and the stiffness in units of q of the uppermost layer alone."""
         top, *others = self.present
         if math.isinf(top.thickness):
             return [], np.full(q.shape, 1 / (1 - top.poisson))
         springs, free = surface_springs(q * top.thickness, top.poisson)
-        members = [Member(springs, top.material, 0, self._confined_compliance(top))]
+        members = [Member(springs, top.material, 0, (self._confined_compliance(top),))]
         for i, layer in enumerate(others, 1):
             if math.isinf(layer.thickness):
                 springs = halfspace_springs(q.size, layer.poisson)
             else:
                 springs = layer_springs(q * layer.thickness, layer.poisson)
-            members.append(Member(springs, layer.material, 2 * i - 1, self._confined_compliance(layer)))
+            uniform = (self._confined_compliance(layer),)
+            members.append(Member(springs, layer.material, 2 * i - 1, uniform))
         return members, free
 
     @cached_property
@@ -277,3 +325,50 @@ def _spectrum(body: LayerStack, wavenumbers: bytes) -> Spectrum:
     own_rows = np.repeat(own_times[:, np.newaxis], q.size, axis=1)
     weights = np.concatenate((np.concatenate(own, axis=1), all_weights))
     return Spectrum(relaxed, weights, np.vstack((own_rows, all_times)), error)
+
+
+# Times its thickness the wavenumber above which a layer is a halfspace for tractions: (1 + x)^2 exp(-2x) is
+# 1e-18 of the stiffness.
+_DEEP = 24.0
+
+
+@lru_cache(maxsize=4)
+def _traction_spectrum(body: LayerStack, wavenumbers: bytes) -> tuple[VectorSpectrum, VectorSpectrum]:
+    """Return the modes over (W, U) and over V at different wavenumbers."""
+    q = np.frombuffer(wavenumbers)
+    return _traction_modes(body, q, in_plane=True), _traction_modes(body, q, in_plane=False)
+
+
+def _traction_modes(body: LayerStack, q: FloatArray, *, in_plane: bool) -> VectorSpectrum:
+    """Join the modes of the network with those of waves that only the uppermost layer feels."""
+    top, ways = body.present[0], 2 if in_plane else 1
+    deep = np.ones(q.size, dtype=bool) if math.isinf(top.thickness) else q * top.thickness > _DEEP
+    springs = _deep_springs(top, 1, in_plane=in_plane)
+    rows = np.sqrt(springs.stiffness[0])[:, np.newaxis] * springs.strains[0]
+    moduli, times = distinct_branches(top.material)
+    relaxed = np.multiply.outer(q * top.material.relaxed, rows.T @ rows)
+    own = np.sqrt(np.multiply.outer(moduli, q[deep]))[:, np.newaxis, :, np.newaxis] * rows[:, np.newaxis]
+    own_times = np.repeat(times, ways)[:, np.newaxis]
+    parts = [(np.flatnonzero(deep), own.reshape(own_times.size, np.count_nonzero(deep), ways), own_times)]
+    shallow = np.flatnonzero(~deep)
+    for start in range(0, shallow.size, _CHUNK):
+        some = shallow[start : start + _CHUNK]
+        network = body._traction_network(q[some], in_plane=in_plane)
+        force = network.force if in_plane else network.force[..., np.newaxis]
+        found = vector_spectrum(force, network.coupling, network.times)
+        relaxed[some] = found.relaxed
+        parts.append((some, found.vectors, found.times))
+    count = max(len(each) for _, each, _ in parts)
+    vectors, all_times = np.zeros((count, q.size, ways)), np.ones((count, q.size))
+    for at, each, of_modes in parts:
+        vectors[: len(each), at], all_times[: len(each), at] = each, of_modes
+    limit = NEGLIGIBLE * np.trace(relaxed, axis1=1, axis2=2)
+    felt = ((vectors**2).sum(axis=2) > limit).any(axis=1)
+    return VectorSpectrum(relaxed, vectors[felt], all_times[felt])
+
+
+def _deep_springs(layer: Layer, count: int, *, in_plane: bool) -> Springs:
+    """Springs of a halfspace over (W, U) of its surface, or over V."""
+    if in_plane:
+        return halfspace_springs(count, layer.poisson)
+    return Springs(np.ones((count, 1, 1)), np.ones((count, 1)))

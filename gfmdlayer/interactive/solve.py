@@ -18,6 +18,7 @@ from gfmdlayer.contact.problem import why_not_converged
 from gfmdlayer.contact.reach import Reach
 from gfmdlayer.files.tables import TableError
 from gfmdlayer.grid.grid import Grid
+from gfmdlayer.interactive.frictional import FRICTIONAL, with_friction
 from gfmdlayer.interface.interface import Interface
 from gfmdlayer.interface.law import HARD_WALL, Interaction
 from gfmdlayer.model import ConvergenceError
@@ -53,6 +54,10 @@ class Options(TypedDict, total=False):
     method: str
     tolerance: float
     max_iterations: int
+    friction: float | Mapping[str, float]
+    tangential_force: float | Sequence[float]
+    tangential_displacement: float | Sequence[float]
+    previous: xarray.Dataset
 
 
 def solve(
@@ -92,6 +97,11 @@ def solve(
         contact has no periodic images; it must be narrower than some 0.4 periods. datum : of an isolated
         line on a halfspace, the distance at which the surface counts as at rest. method, tolerance,
         max_iterations : of the solver, as in a configuration.
+        friction : coefficient of friction, or a mapping with `coefficient` mu, `strength` tau_0 (pressure)
+        or both: the shear traction of a point is at most the smaller of mu p and tau_0.
+        tangential_force, tangential_displacement : with friction, one of them: of the punch along x, or along
+        x and y, over the cell (per length for a line) and from its place before the first contact. By default
+        the punch keeps its place. previous : with friction, the result from which this step starts.
 
     Returns
     -------
@@ -104,6 +114,11 @@ def solve(
         area_interpolated and area_error (of a line, of the width) in place of parts and means of the cell,
         and displacement and gap are NaN where they are not known, further from a point in contact than the
         reach.
+
+        With friction also shear_x (traction of the punch on the body), slip_x (of the body against the
+        punch, in this step; NaN out of contact), displacement_x, stick, stick_area, tangential_force_x and
+        tangential_displacement_x, and on surfaces the same along y. `transforms` counts each component, and
+        half of the pairs in single precision.
 
     Raises
     ------
@@ -161,8 +176,17 @@ def solve(
     >>> spring = 2 * 0.75 / (0.5 * 0.0005)
     >>> abs(float(found.force / (4 / 3 * spring * 0.005**1.5 * 2**0.5)) - 1) < (0.0005 / 0.1) ** 2
     True
+
+    Cattaneo: under a tangential force Q < mu F the edge of the contact of a cylinder slips, and the middle
+    sticks over the part (1 - Q/(mu F))^(1/2) of the contact.
+
+    >>> found = gfmdlayer.solve(gfmdlayer.halfspace(1.0), gfmdlayer.Parabola(radius=0.25), force=0.01,
+    ...                         points=1024, friction=0.4, tangential_force=0.003)
+    >>> abs(float(found.stick_area / found.contact_area) - (1 - 0.003 / (0.4 * 0.01)) ** 0.5) < 0.01
+    True
     """
     check_body(body, "mean_stiffness", "spectrum")
+    frictional = {name: options.pop(name) for name in FRICTIONAL if name in options}  # type: ignore[misc]
     instantaneous, alone = options.pop("instantaneous", False), options.pop("isolated", False)
     datum = options.pop("datum", None)
     given: dict[str, Any] = {"punch": punch} if isinstance(punch, Mapping | str) else {}
@@ -171,6 +195,8 @@ def solve(
     config = _config({"points": _points(punch, points), "period": period}, options, given)
     grid = Grid(config.grid.points, config.grid.period)
     law: Interaction = Programme(config).interface if "interface" in given else interface  # type: ignore[assignment]
+    if frictional:
+        _check_friction(frictional, plain=not alone and law is HARD_WALL and config.hardness is None)
     if mean_pressure is not None and alone:
         raise ConfigError(["mean_pressure: given with isolated=True; must be depth or force"])
     if config.hardness is not None and alone:
@@ -188,6 +214,10 @@ def solve(
     heights = _heights(config.punch if isinstance(punch, Mapping) else punch, grid)
     if control == "depth" and (message := too_deep(target, float(heights.mean()), response.mean_stiffness)):
         raise ConfigError([f"depth: {message}"])
+    if frictional:
+        return with_friction(
+            body, grid, heights, (control, target), glassy=instantaneous, solver=options, **frictional
+        )
     loading = CONTROLS[control](heights, Constant(target), law)
     spectrum = response.spectrum(grid.waves)
     kappa = np.ravel(spectrum.glassy if instantaneous else spectrum.relaxed)
@@ -247,6 +277,14 @@ def _prescribed(
     if name == "depth":
         return "depth", number
     return "load", number / (area if name == "force" else 1.0)
+
+
+def _check_friction(given: Mapping[str, object], *, plain: bool) -> None:
+    """Check that friction is given, and nothing that does not go with it."""
+    if "friction" not in given:
+        raise ConfigError([f"{name}: only with friction; remove it" for name in given])
+    if not plain:
+        raise ConfigError(["friction: not with isolated=True, attraction or hardness; remove one"])
 
 
 def _heights(punch: ArrayLike | Callable[..., ArrayLike] | Shape, grid: Grid) -> FloatArray:

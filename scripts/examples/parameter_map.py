@@ -12,7 +12,7 @@ for a sweep over two keys, such as
 cells, marked by `# %%`, also run one by one in Jupyter, Spyder or VS Code.
 """
 
-# %% The results, along two swept keys and time.
+# %% The results, along two swept keys and time, or rows where cases have time steps of their own.
 import sys
 from pathlib import Path
 
@@ -27,7 +27,9 @@ results = gfmdlayer.open_results(folder)
 
 # %% How much larger the pressure was at its peak than it is in the end.
 pressure = results["mean_pressure"]
-overshoot = pressure.max("time") / pressure.isel(time=-1)
+along = "time" if "time" in pressure.dims else "row"
+end = pressure.notnull().sum(along) - 1
+overshoot = pressure.max(along) / pressure.isel({along: end})
 print(overshoot.to_series().rename("overshoot").to_string())
 
 # %% One colour for each pair of values.

@@ -109,8 +109,9 @@ def test_random_rough_problems_are_solved(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 500, 50))
-def test_five_hundred_random_rough_problems_are_solved(first: int) -> None:
+@pytest.mark.parametrize("first", range(0, 200, 50))
+def test_two_hundred_random_rough_problems_are_solved(first: int) -> None:
+    """`scripts/soak.py` makes more."""
     for seed in range(first, first + 50):
         check(*problem_of(seed))
 

@@ -76,7 +76,9 @@ def test_ranks_have_the_results_of_one_process(run_here: Callable[..., Any], tex
     assert set(one.variables) == set(three.variables)
     # Solved to 1e-10, the first residual above it and the last below differ between orders of summation.
     for name in set(one.data_vars) - {"residual", "iterations", "transforms"}:
-        scale = float(np.abs(one[name]).max()) or 1.0
+        # The residual of the balance is a difference of energies, which agree to 1e-9 of the work.
+        of = one["work"] if name == "energy_residual" else one[name]
+        scale = float(np.abs(of).max()) or 1.0
         np.testing.assert_allclose(three[name], one[name], rtol=0, atol=1e-9 * scale, err_msg=name)
     assert three.attrs["digest"] == one.attrs["digest"]
     assert sorted(path.name for path in Path("three/cases").iterdir()) == [".lock", "0000.h5", "0000.xdmf"]

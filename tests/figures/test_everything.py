@@ -116,6 +116,17 @@ def is_contact(artist: Any) -> bool:
     return artist.get_label() == "contact"
 
 
+def curves(figure: Figure) -> list[int]:
+    """The number of curves in each panel that has lines; a colour bar has none."""
+    panels = [axes.lines for axes in figure.axes if axes.axison and axes.lines]
+    drawn = [[np.isfinite(np.asarray(line.get_ydata(), float)).sum() > 1 for line in each] for each in panels]
+    return [sum(each) for each in drawn]
+
+
+# More cases are thinned out, which the picture says.
+SHOWN = 32
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("everything")
@@ -126,6 +137,7 @@ def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
     path = SCRIPT["run"](name, folder)
     found: list[str] = []
     in_units = "\nunits:" in (path / "config.yaml").read_text()
+    complete = len(list((path / "cases").glob("*.h5")))
     for title, draw, style in SCRIPT["pictures"](path):
         with styled(style), warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # a layout that collapses, a letter that is missing
@@ -136,6 +148,9 @@ def test_every_picture_is_legible_and_complete(name: str, folder: Path) -> None:
             assert contacts(figure) <= {CONTACT}
             named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
             assert bool(contacts(figure)) == ("contact" in named)
+        if title.endswith(("one column", "talk")) or "columns" in title:
+            assert 1 <= min(curves(figure)) <= max(curves(figure)) <= complete, title
+            assert max(curves(figure)) == complete or complete > SHOWN, title
         empty = [axes for axes in figure.axes if axes.axison and not axes.has_data()]
         found += [f"{title}: an empty panel" for _ in empty]
     assert found == []

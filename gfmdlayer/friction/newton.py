@@ -1,0 +1,440 @@
+"""One semismooth Newton method for pressure and shear traction together.
+
+A step splits the points near the contact: apart (p = t = 0), stick (no slip), slip (|t| = b(p) along the
+direction n of t - s). The linear system on the free unknowns, p in contact, t where it sticks and its part
+across n where it slips, is solved by flexible GMRES in single precision, preconditioned by the stiffness
+without the coupling of p and t. Its vectors have only the free unknowns. Full steps are taken; where they do
+not come closer, steps from the best state are damped (proximal, C + theta).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.friction.problem import Problem, State, admissible, assess, in_disks, norms
+from gfmdlayer.friction.response import Operator
+
+# Part of its right side that a linear system may leave: least on a line and on a surface, and most.
+_LEAST_INEXACT, _INEXACT = (0.03, 0.06), 0.3
+_INNER = 20  # iterations of GMRES, at most
+_FAILURES = 3  # full steps that may fail before damping
+_AWAY = 10  # steps away from the best state
+_DAMPING = 0.05, 4.0, 30.0  # first, factor, largest
+
+# Error of a response in single precision, over the largest change of traction: 2^-24 and some additions.
+_SINGLE = 5e-7
+
+
+class Sets:
+    """Which points are in contact, stick and slip, and the unknowns that are free on them."""
+
+    def __init__(self, problem: Problem, at: State, damping: float) -> None:
+        rho = 1 / (1 + damping)
+        touching = at.p > rho * at.gap
+        if not touching.any():
+            touching = at.p > 0 if (at.p > 0).any() else at.gap <= at.gap.min()
+        chosen = np.flatnonzero(touching)
+        self.points: NDArray[Any] = at.near[chosen]
+        self.p, self.t, gap = at.p[chosen], at.t[:, chosen], at.gap[chosen]
+        self.size, self.axes = chosen.size, len(at.t) if problem.has_shear else 0
+        self.law, self._p_s = problem.law.at(self.points), at.p_s
+        self.stick = self.slip = np.zeros(0, dtype=np.intp)
+        self.n = np.zeros((self.axes, 0))
+        self.delay = np.zeros(0)  # lambda of each point that slips
+        if not self.axes:
+            return
+        self.bound = self._bounds(np.where(self.p > 0, self.p, np.maximum(-gap, 0.0)))
+        y = self.t - rho * at.slip[:, chosen]
+        length = norms(y)
+        sticks = length <= self.bound
+        if problem.force_is_given and not sticks.any() and self._is_parallel(y, length):
+            part = (length + 1e-300) / np.maximum(self.bound, 1e-100)
+            sticks = part <= 1.05 * part.min()
+        self.stick, self.slip = np.flatnonzero(sticks), np.flatnonzero(~sticks)
+        length, bound = length[self.slip], self.bound[self.slip]
+        self.n = y[:, self.slip] / np.where(length > 0, length, 1.0)
+        self.delay = np.minimum((length / np.where(bound > 0, bound, 1e-300) - 1) / rho, 1e6)
+        self.slope = self.law.slope(self.p * self._p_s)[self.slip]
+        self.across = np.stack((-self.n[1], self.n[0])) if self.axes == 2 else np.zeros((0, 0))
+
+    def _bounds(self, p: FloatArray) -> FloatArray:
+        """Bounds under a pressure in units of p_s, of points in contact, linear where p < 0."""
+        return self.law.bound(p * self._p_s, np.ones(p.shape, dtype=bool)) / self._p_s
+
+    def _is_parallel(self, y: FloatArray, length: FloatArray) -> bool:
+        """Whether all slip has one direction; else no point needs to stick."""
+        if self.axes == 1:
+            return True
+        along = self.bound * y / np.maximum(length, 1e-300)
+        return bool(np.linalg.norm(along.sum(axis=1)) > 0.95 * self.bound.sum())
+
+    @property
+    def base(self) -> FloatArray:
+        """Tractions that satisfy the conditions of the sets, from those of the state."""
+        found = np.vstack((self.p[np.newaxis], self.t)) if self.axes else self.p[np.newaxis].copy()
+        if self.axes:
+            slipping = self._bounds(self.p)[self.slip] * self.n
+            if self.axes == 2:
+                slipping += self.across * (self.across * self.t[:, self.slip]).sum(axis=0)
+            found[1:, self.slip] = slipping
+        return found
+
+    @property
+    def free(self) -> int:
+        """Number of free unknowns."""
+        return self.size + self.axes * self.stick.size + (self.slip.size if self.axes == 2 else 0)
+
+    def expanded(self, v: NDArray[Any]) -> NDArray[Any]:
+        """Fields at the points in contact of free unknowns."""
+        found = np.zeros((1 + self.axes, self.size), dtype=v.dtype)
+        found[0] = v[: self.size]
+        if self.axes:
+            end = self.size + self.axes * self.stick.size
+            found[1:, self.stick] = v[self.size : end].reshape(self.axes, -1)
+            if self.axes == 2:
+                found[1:, self.slip] = self.across * v[end:]
+        return found
+
+    def moved(self, fields: NDArray[Any]) -> NDArray[Any]:
+        """Add to fields of free unknowns the shear that follows the pressure where the points slip."""
+        if self.axes:
+            fields[1:, self.slip] += self.slope * fields[0, self.slip] * self.n
+        return fields
+
+    def compressed(self, fields: NDArray[Any]) -> NDArray[Any]:
+        """Equations that apply, of fields of displacements: the transpose of `expanded`."""
+        if not self.axes:
+            return np.asarray(fields[0])
+        parts = [fields[0], fields[1:, self.stick].ravel()]
+        if self.axes == 2:
+            parts.append((self.across * fields[1:, self.slip]).sum(axis=0))
+        return np.concatenate(parts)
+
+    def to_single(self) -> None:
+        """Keep the directions in single precision from here on, for the linear system."""
+        self.n = self.n.astype(np.float32)
+        if self.axes:
+            self.slope = self.slope.astype(np.float32)
+            self.across = self.across.astype(np.float32)
+
+
+@dataclass
+class Ones:
+    """Response of the stiffness to ones on the free unknowns, from one step to the next."""
+
+    fields: dict[int, NDArray[Any]]  # multiplier: fields at all points
+    touching: BoolArray
+    sticking: BoolArray
+
+
+class LinearSystem:
+    """The equations of one Newton step, scaled by p_s and W_s."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        sets: Sets,
+        at: State,
+        damping: float,
+        C: Operator,
+        K: Operator,
+        kept: Ones | None,
+    ) -> None:
+        self.sets, self.C, self.K = sets, C, K
+        self.unit = at.W_s / at.p_s
+        axes, size = sets.axes, sets.size
+        self.which = [0] if problem.load is not None else []
+        self.which += list(range(1, 1 + axes)) if problem.force_is_given else []
+        goal = [problem.load] if problem.load is not None else []
+        goal += list(problem.force) if problem.force_is_given else []  # type: ignore[arg-type]
+        self.goal = np.array(goal, dtype=float) * (C.size / at.p_s)
+        delay, shift = np.zeros((1 + axes, size)), np.full(1 + axes, damping)
+        if axes:
+            delay[1:, sets.slip] = sets.delay
+        point = np.array([C.point[0], *[C.point[1]] * axes])[:, np.newaxis]
+        self.share = (1 / np.sqrt(1 + (delay + shift[:, np.newaxis]) * self.unit / point)).astype(np.float32)
+        self.shift = np.full(sets.free, damping, dtype=np.float32)
+        if axes == 2:
+            self.shift[size + 2 * sets.stick.size :] += sets.delay.astype(np.float32)
+        self.kept = self._ones(kept)
+        self.ones = [sets.compressed(self.kept.fields[i][:, sets.points]) for i in self.which]
+        self.sums_of_ones = np.array([self._sums(one) for one in self.ones]).T
+
+    def _ones(self, kept: Ones | None) -> Ones:
+        """Return K 1 on the sets; the last one where these have hardly changed."""
+        sets, size = self.sets, self.C.size
+        touching, sticking = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
+        touching[sets.points] = True
+        sticking[sets.points[sets.stick]] = True
+        if kept is not None and kept.touching.size == size:
+            changed = np.count_nonzero(kept.touching ^ touching) > 0.2 * sets.size
+            changed |= np.count_nonzero(kept.sticking ^ sticking) > 0.2 * sets.stick.size
+            if not changed and all(i in kept.fields for i in self.which):
+                return kept
+        fields: dict[int, NDArray[Any]] = {}
+        for i in self.which:
+            ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
+            ones[i] = 1.0
+            found = np.zeros((1 + sets.axes, size), dtype=np.float32)
+            found[:, sets.points] = sets.expanded(self.softened(sets.compressed(ones)))
+            fields[i] = found
+        return Ones(fields, touching, sticking)
+
+    def _sums(self, v: NDArray[Any]) -> FloatArray:
+        """Sums of the tractions of free unknowns, those that are given."""
+        fields = self.sets.moved(self.sets.expanded(v))
+        return np.array([fields[i].sum(dtype=np.float64) for i in self.which])
+
+    def softened(self, v: NDArray[Any]) -> NDArray[Any]:
+        """Return the preconditioner without multipliers: S K S on the free unknowns."""
+        sets = self.sets
+        fields = self.K.among(sets.points, self.share * sets.expanded(v))
+        return np.asarray(sets.compressed(self.share * fields) * np.float32(self.unit))
+
+    def precondition(self, v: NDArray[Any]) -> NDArray[Any]:
+        """Return tractions, and multipliers from the sums of forces, for the right side v."""
+        free, count = self.sets.free, len(self.which)
+        z: NDArray[Any] = self.softened(v[:free])
+        if not count:
+            return z
+        root = math.sqrt(self.sets.size)
+        lack = v[free:].astype(float) * root - self._sums(z)
+        c = np.linalg.lstsq(self.sums_of_ones, lack, rcond=None)[0]
+        for part, one in zip(c, self.ones, strict=True):
+            z = z + np.float32(part) * one
+        return np.concatenate((z, c.astype(np.float32)))
+
+    def apply(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return the left side: displacements less the multipliers, and the sums of forces."""
+        sets, free = self.sets, self.sets.free
+        v = z[:free]
+        found: NDArray[Any] = sets.compressed(self.C.among(sets.points, sets.moved(sets.expanded(v))))
+        found = found * np.float32(1 / self.unit) + self.shift * v
+        if not self.which:
+            return found
+        ones = np.zeros((1 + sets.axes, sets.size), dtype=np.float32)
+        for i, c in zip(self.which, z[free:], strict=True):
+            ones[i] = c
+        sums = self._sums(v) / math.sqrt(sets.size)
+        return np.concatenate((found - sets.compressed(ones), sums.astype(np.float32)))
+
+    def right_side(self, gap: FloatArray, slip: FloatArray, base: FloatArray) -> NDArray[Any]:
+        """Return what the tractions `base` leave, whose gap and slip at the points in contact are given."""
+        sets = self.sets
+        fields = np.vstack((gap[np.newaxis], slip)) if sets.axes else gap[np.newaxis]
+        found = -sets.compressed(fields)
+        if sets.axes == 2:
+            tail = sets.size + 2 * sets.stick.size
+            found[tail:] -= sets.delay * (sets.across * base[1:, sets.slip]).sum(axis=0)
+        if not self.which:
+            return found
+        sums = np.array([base[i].sum() for i in self.which])
+        return np.concatenate((found, (self.goal - sums) / math.sqrt(sets.size)))
+
+
+def gmres(
+    apply: Callable[[NDArray[Any]], NDArray[Any]],
+    precondition: Callable[[NDArray[Any]], NDArray[Any]],
+    b: NDArray[Any],
+    inexact: float,
+    most: int,
+) -> tuple[NDArray[Any], int]:
+    """Solve by flexible, right-preconditioned GMRES in single precision; return the solution, iterations."""
+    size = float(np.linalg.norm(b))
+    if not (size > 0 and math.isfinite(size)):
+        return np.zeros(b.size), 0
+    V, Z = np.empty((most + 1, b.size), dtype=np.float32), np.empty((most, b.size), dtype=np.float32)
+    H = np.zeros((most + 1, most))
+    V[0] = b / size
+    aim = np.zeros(most + 1)
+    aim[0] = 1.0
+    y: NDArray[Any] = np.zeros(0)
+    k = 0
+    for k in range(most):
+        Z[k] = precondition(V[k])
+        w = apply(Z[k])
+        for _ in range(2 if k else 1):  # twice is enough for orthogonality to rounding
+            h = V[: k + 1] @ w
+            H[: k + 1, k] += h
+            w = w - h @ V[: k + 1]
+        H[k + 1, k] = np.linalg.norm(w)
+        if not np.isfinite(H[: k + 2, k]).all():
+            return np.full(b.size, np.nan), k + 1
+        y = np.linalg.lstsq(H[: k + 2, : k + 1], aim[: k + 2], rcond=None)[0]
+        left = float(np.linalg.norm(H[: k + 2, : k + 1] @ y - aim[: k + 2]))
+        if left <= inexact or not H[k + 1, k] > 1e-6 * np.abs(H[: k + 1, k]).max():
+            break
+        V[k + 1] = w / np.float32(H[k + 1, k])
+    return size * (y @ Z[: y.size].astype(np.float64)), k + 1
+
+
+class Newton:
+    """The method for problems with one response on one grid."""
+
+    def __init__(self, C: Operator, K: Operator) -> None:
+        self._C, self._K = C, K
+        self._ones: Ones | None = None
+
+    def solve(self, problem: Problem, x: FloatArray, tolerance: float, limit: int) -> tuple[State, int]:
+        """Return the state that was reached from a guess of the tractions, and the steps."""
+        self._ones = None
+        way = _Way(self, problem)
+        at = self.state(problem, admissible(problem, x))
+        way.best = at
+        for step in range(limit + 1):
+            if at.residual < tolerance:
+                at = self._exact(problem, at, tolerance)
+            if at.residual < tolerance or step == limit:
+                break
+            at = way.next(at, tolerance)
+        if not at.residual < tolerance and way.best.residual < at.residual:
+            at = way.best
+        return at, step
+
+    def state(self, problem: Problem, x: FloatArray) -> State:
+        """Return the state of tractions, with their displacements in double precision."""
+        return assess(problem, x, self.displacements(problem, x))
+
+    def displacements(self, problem: Problem, x: FloatArray, *, single: bool = False) -> FloatArray:
+        """Return W, u_x[, u_y] under tractions; the last ones zero where there is no shear."""
+        if problem.has_shear:
+            return self._C(x, single=single)
+        found = np.zeros_like(x)
+        found[:1] = self._C(x[:1], single=single)
+        return found
+
+    def _exact(self, problem: Problem, at: State, tolerance: float) -> State:
+        """Return the state with the inequalities satisfied exactly and displacements in double precision."""
+        x = admissible(problem, at.x)
+        if at.drift > 0.01 * tolerance or np.abs(x - at.x).max() > 1e-13 * at.p_s:
+            return self.state(problem, x)
+        return replace(at, x=x)
+
+    def step(
+        self, problem: Problem, at: State, damping: float, tolerance: float
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return the tractions after one linear system, and its path."""
+        sets = Sets(problem, at, damping)
+        base = sets.base
+        C, points = self._C, sets.points
+        change = at.x[: 1 + sets.axes] * (-1 / at.p_s)
+        change[:, points] += base
+        chosen = np.flatnonzero((np.abs(change) > 0.01 * min(tolerance, 1.0)).any(axis=0))
+        W = at.Cx[: 1 + sets.axes, points] / at.W_s
+        if chosen.size:
+            W = W + C.among(chosen, change[:, chosen], points) * (at.p_s / at.W_s)
+        gap = (problem.gap_at_rest[points] - at.depth) / at.W_s + W[0]
+        slip = (
+            (problem.slip_at_rest[:, points] - at.path[:, np.newaxis]) / at.W_s + W[1:]
+            if sets.axes
+            else W[1:]
+        )
+        sets.to_single()
+        system = LinearSystem(problem, sets, at, damping, C, self._K, self._ones)
+        self._ones = system.kept
+        b = system.right_side(gap, slip, base)
+        size = float(np.linalg.norm(b)) / math.sqrt(sets.size)
+        least = _LEAST_INEXACT[len(at.t) - 1]
+        inexact = min(_INEXACT, max(0.3 * tolerance / max(size, 1e-300), least))
+        found, _ = gmres(system.apply, system.precondition, b, inexact, _INNER)
+        moved = base + sets.moved(sets.expanded(found[: sets.free]))
+        if sets.axes == 2:  # a direction of slip that has turned far: back to the circle
+            p = moved[0, sets.slip]
+            limit = sets.law.at(sets.slip).bound(np.maximum(p, 0) * at.p_s) / at.p_s
+            moved[1:, sets.slip] = in_disks(moved[1:, sets.slip], limit)
+        x = np.zeros_like(at.x)
+        x[: 1 + sets.axes, points] = moved * at.p_s
+        path = at.path + found[-sets.axes :] * at.W_s if problem.force_is_given else None
+        return x, path
+
+    def moved(self, problem: Problem, at: State, x: FloatArray) -> tuple[FloatArray, float]:
+        """Return the displacements under new tractions, and their drift."""
+        change = x - at.x
+        drift = at.drift + _SINGLE * float(np.abs(change).max()) / at.p_s
+        if drift < 0.003 * at.residual:
+            return at.Cx + self.displacements(problem, change, single=True), drift
+        return self.displacements(problem, x), 0.0
+
+
+class _Way:
+    """The globalisation of one solve: full steps, and damped ones from the best state where they fail."""
+
+    def __init__(self, newton: Newton, problem: Problem) -> None:
+        self._newton, self._problem = newton, problem
+        self.best: State
+        self._damping, self._failures, self._away = 0.0, 0, 0
+        self._balance_only = False
+        self._first = True
+
+    def next(self, at: State, tolerance: float) -> State:
+        """Return the state after a step."""
+        # A guess that was interpolated has no points on the wrong side of its edges: no state that
+        # follows is as good, until the edges are right on the finer grid.
+        enough = math.inf if self._first else (0.9 if self._damping == 0 else 0.95) * self.best.merit
+        self._first = False
+        new = self._tried(at, tolerance, enough)
+        if new is not None and (new.merit < enough or new.residual < tolerance):
+            self.best, self._failures, self._away = new, 0, 0
+            self._damping = self._damping / 4 if self._damping > _DAMPING[0] else 0.0
+            return new
+        self._away += 1
+        if new is None:
+            self._failures += 10
+        elif not new.merit < 0.7 * at.merit or self._away > _AWAY:
+            self._failures += 1
+        if new is not None and self._failures <= (_FAILURES if self._damping == 0 else 0):
+            return new
+        self._failures = self._away = 0
+        first, factor, largest = _DAMPING
+        if self._damping < largest:
+            self._balance_only = not self._balance_only if self._damping > 0.01 else True
+            self._damping = max(factor * self._damping, first)
+        else:
+            self.best = new if new is not None else self.best
+            self._damping = 1.0
+        best = self.best
+        self.best = assess(self._problem, best.x, best.Cx, best.drift, balance_only=self._balance_only)
+        return self.best
+
+    def _tried(self, at: State, tolerance: float, enough: float) -> State | None:
+        """Return the state after a step, or a part of it that is better; None where it is not finite."""
+        problem, newton = self._problem, self._newton
+        with np.errstate(over="ignore", invalid="ignore"):
+            x, path = newton.step(problem, at, self._damping, tolerance)
+        if not np.isfinite(x).all() or np.abs(x - at.x).max() > 1e6 * at.p_s:
+            return None
+        if problem.load is not None and not x[0].max() > 0:
+            return None
+        Cx, drift = newton.moved(problem, at, x)
+        new = self._part(at, x, Cx, drift, path, 1.0)
+        for part in (0.5, 0.25) if self._damping > 0 else ():
+            if new.merit < enough:
+                break
+            new = min(new, self._part(at, x, Cx, drift, path, part), key=lambda state: state.merit)
+        if new.drift > 0.1 * new.residual:
+            again = assess(
+                problem,
+                new.x,
+                newton.displacements(problem, new.x),
+                0.0,
+                new.path if path is not None else None,
+                balance_only=self._balance_only,
+            )
+            new = again
+        return new
+
+    def _part(
+        self, at: State, x: FloatArray, Cx: FloatArray, drift: float, path: FloatArray | None, part: float
+    ) -> State:
+        """Return the state after a part of a step."""
+        if part < 1:
+            x, Cx = at.x + part * (x - at.x), at.Cx + part * (Cx - at.Cx)
+            path = None if path is None else at.path + part * (path - at.path)
+        return assess(self._problem, x, Cx, drift, path, balance_only=self._balance_only)

@@ -1,0 +1,417 @@
+"""The frictional contact of one step: its data, its residual, and its solution.
+
+Unknown are the pressure p and the shear traction t on the surface of the body at each point, and two rigid
+displacements: the depth d of the punch and its tangential path D in the step, where the load or the
+tangential force is given. With the displacements W (into the body) and u, the response to the tractions and
+the offset by the past,
+
+    gap  g = h + W - d:          g >= 0,  p >= 0,  p g = 0
+    slip s = u - u_before - D:   |t| <= b(p),  s = -lambda t,  lambda >= 0,  lambda (b(p) - |t|) = 0
+
+The bound b(p) is the law of friction: mu p, a shear strength tau_0 on the contact, or the smaller one.
+
+The residual, of which there is this one definition, measures pressures in the largest pressure p_s, lengths
+in the largest displacement W_s under the tractions, and shear in t_s, the largest bound or p_s:
+
+    |min(p/p_s, g/W_s)|,   |t - P(t - s p_s/W_s)|/t_s,   |mean t - Q|/mean min(b, p),
+
+where P is the nearest point in the disk of radius b(max(p, 0)); it is the largest value over the points.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import BoolArray, FloatArray
+from gfmdlayer.friction.response import Response
+
+
+@dataclass(frozen=True)
+class Law:
+    """Largest shear traction min(mu p, tau_0) of a point in contact.
+
+    Both infinite: the surfaces stick where they touch. The coefficient may differ from point to point.
+    """
+
+    coefficient: float | FloatArray = math.inf  # mu >= 0
+    strength: float = math.inf  # tau_0 >= 0, pressure
+
+    def __post_init__(self) -> None:
+        lowest = float(np.min(self.coefficient))
+        if not lowest >= 0:
+            raise ValueError(f"coefficient of friction: got {lowest!r}; must be >= 0")
+        if not self.strength >= 0:
+            raise ValueError(f"shear strength: got {self.strength!r}; must be >= 0")
+
+    @property
+    def is_frictionless(self) -> bool:
+        """Whether the bound is zero everywhere."""
+        return self.strength == 0 or not np.any(self.coefficient)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether no traction is too large."""
+        return math.isinf(self.strength) and bool(np.isinf(self.coefficient).all())
+
+    def at(self, points: NDArray[Any]) -> Law:
+        """Law of some points."""
+        return self if np.ndim(self.coefficient) == 0 else replace(self, coefficient=self.coefficient[points])  # type: ignore[index]
+
+    def bound(self, pressure: FloatArray, touching: BoolArray | None = None) -> FloatArray:
+        """Largest traction under a pressure, at points that touch: by default where it is positive."""
+        touching = pressure > 0 if touching is None else touching
+        with np.errstate(invalid="ignore"):
+            cone = np.where(touching, self.coefficient * pressure, 0.0)
+        if np.isinf(self.coefficient).any():
+            cone = np.where(touching & np.isinf(self.coefficient), np.inf, cone)
+        return np.minimum(cone, np.where(touching, self.strength, 0.0))
+
+    def slope(self, pressure: FloatArray) -> FloatArray:
+        """Derivative of the bound in the pressure, at points that touch."""
+        with np.errstate(invalid="ignore"):
+            on_cone = np.isfinite(self.coefficient) & (self.coefficient * pressure < self.strength)
+        return np.where(on_cone, self.coefficient, 0.0)
+
+    def scaled(self, part: float) -> Law:
+        """Law of the same shape with a part of the bound."""
+        return Law(
+            self.coefficient * part, self.strength * part if math.isfinite(self.strength) else math.inf
+        )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The frictional contact of one step, in flat arrays over the points.
+
+    Of load and depth, and of force and path, one is given.
+    """
+
+    response: Response  # to tractions of this step
+    heights: FloatArray  # h of the punch above its lowest point; length
+    law: Law
+    load: float | None = None  # mean pressure
+    depth: float = 0.0  # of the punch below its first touch, where no load is given
+    force: FloatArray | None = None  # mean shear traction on the body, a component an axis
+    path: FloatArray | None = None  # tangential displacement of the punch in the step; by default none
+    offset: FloatArray | None = None  # W, u_x[, u_y] without tractions, by the past; by default none
+    before: FloatArray | None = None  # u_x[, u_y] at the end of the step before; by default none
+
+    @cached_property
+    def slip_at_rest(self) -> FloatArray:
+        """Slip without tractions and without a path, of shape (axes, points)."""
+        axes = self.response.normal.ndim
+        found = np.zeros((axes, self.heights.size))
+        if self.offset is not None:
+            found += self.offset[1:]
+        return found if self.before is None else found - self.before
+
+    @cached_property
+    def gap_at_rest(self) -> FloatArray:
+        """Gap without tractions at zero depth."""
+        return self.heights if self.offset is None else self.heights + self.offset[0]
+
+    @cached_property
+    def has_shear(self) -> bool:
+        """Whether there are tangential unknowns."""
+        return not self.law.is_frictionless
+
+    @property
+    def force_is_given(self) -> bool:
+        """Whether the tangential path is an unknown."""
+        return self.force is not None and self.has_shear
+
+    def why_not_solvable(self) -> str:
+        """Return why no state satisfies the conditions: the punch slides away; else nothing."""
+        if self.force is None:
+            return ""
+        size = float(np.linalg.norm(self.force))
+        if self.has_shear and self.load is not None and np.ndim(self.law.coefficient) == 0:
+            most = min(float(self.law.coefficient) * self.load, self.law.strength)
+            if size < most:
+                return ""
+            found = f"the tangential force per area, {size:.6g}, is not below the largest one, {most:.6g}"
+            return f"{found}: the punch slides away"
+        if not self.has_shear and size > 0:
+            return "a tangential force without friction: the punch slides away"
+        return ""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """State of a step; fields have the shape (components, points) or (points,)."""
+
+    pressure: FloatArray  # p >= 0
+    traction: FloatArray  # t_x[, t_y] on the body, |t| <= b(p)
+    displacement: FloatArray  # W into the body, u_x[, u_y], with the offset of the past
+    gap: FloatArray  # h + W - d
+    slip: FloatArray  # u - u_before - D at all points; relative motion of the surfaces where they touch
+    depth: float
+    path: FloatArray
+    stick: BoolArray  # points in contact whose traction is below the bound
+    residual: float
+    pairs: float  # each component counts; those in single precision count half
+    iterations: int  # Newton steps
+    converged: bool
+    reason: str = ""  # why not
+
+    @property
+    def tractions(self) -> FloatArray:
+        """Pressure and shear, (p, t_x[, t_y]): the start of the next step."""
+        return np.vstack((self.pressure[np.newaxis], self.traction))
+
+    @property
+    def contact(self) -> BoolArray:
+        """Points in contact."""
+        return np.asarray(self.pressure > 0)
+
+
+def norms(vectors: FloatArray) -> FloatArray:
+    """Lengths of vectors, of shape (components, points)."""
+    return np.asarray(np.abs(vectors[0]) if len(vectors) == 1 else np.sqrt((vectors**2).sum(axis=0)))
+
+
+def in_disks(vectors: FloatArray, radii: FloatArray) -> FloatArray:
+    """Return the nearest vectors within the radii."""
+    if len(vectors) == 1:
+        return np.asarray(np.clip(vectors, -radii, radii))
+    length = norms(vectors)
+    outside = length > radii
+    return np.asarray(vectors * np.where(outside, radii / np.where(outside, length, 1.0), 1.0))
+
+
+def admissible(problem: Problem, x: FloatArray) -> FloatArray:
+    """Return the tractions with p >= 0 of the given mean and |t| <= b(p)."""
+    p = np.maximum(x[0], 0.0)
+    if problem.load is not None:
+        p = p * (problem.load / p.mean()) if p.max() > 0 else np.full(p.shape, problem.load)
+    return np.vstack((p[np.newaxis], in_disks(x[1:], problem.law.bound(p))))
+
+
+# Depth and path as multipliers: the values for which the projected tractions carry the given forces.
+
+
+def balanced_depth(y: FloatArray, total: float) -> float:
+    """Return d of sum max(y + d, 0) = total: convex and rising, so Newton's method falls to it from above."""
+    d = total - float(y.max())
+    for _ in range(200):
+        y = y[y + d > 0]
+        change = (total - float((y + d).sum())) / y.size
+        d += change
+        if not abs(change) > 1e-14 * (abs(d) + 1):
+            break
+    return d
+
+
+def balanced_path(y: FloatArray, radii: FloatArray, total: FloatArray, start: FloatArray) -> FloatArray:
+    """Return D of sum P(y + D) = total, with disks of given radii: the gradient of a convex function of D."""
+    return (
+        _on_line(y[0], radii, float(total[0]), float(start[0]))
+        if len(y) == 1
+        else _in_plane(y, radii, total, start)
+    )
+
+
+def _on_line(y: FloatArray, radii: FloatArray, total: float, D: float) -> FloatArray:
+    """Newton's method within an interval that holds the root."""
+    if np.isinf(radii).any():
+        return np.array([(total - y.sum()) / y.size])
+    low, high = float((-y - radii).min()), float((radii - y).max())
+    for _ in range(200):
+        moved = y + D
+        excess = float(np.clip(moved, -radii, radii).sum()) - total
+        low, high = (D, high) if excess < 0 else (low, D)
+        free = np.count_nonzero(np.abs(moved) < radii)
+        new = D - excess / free if free else math.inf
+        new = new if low < new < high else 0.5 * (low + high)
+        if abs(new - D) <= 1e-14 * (abs(new) + 1):
+            break
+        D = new
+    return np.array([D])
+
+
+def _in_plane(y: FloatArray, radii: FloatArray, total: FloatArray, D: FloatArray) -> FloatArray:
+    """Newton's method down the convex function: sum of |z|^2/2 in the disks, linear outside, less total D."""
+    largest = float(np.minimum(radii, norms(y)).sum()) + float(np.linalg.norm(total))
+
+    def looked_at(D: FloatArray) -> tuple[FloatArray, float]:
+        z = y + D[:, np.newaxis]
+        size = norms(z)
+        inside = np.minimum(size, radii)
+        value = float((inside * (size - 0.5 * inside)).sum() - total @ D)
+        return np.asarray(in_disks(z, radii).sum(axis=1) - total), value
+
+    off, value = looked_at(D)
+    for _ in range(100):
+        z = y + D[:, np.newaxis]
+        length = np.maximum(norms(z), 1e-300)
+        outside = length > radii
+        share = np.where(outside, radii / np.where(outside, length, 1.0), 1.0)
+        n = z / length
+        slope = np.eye(2) * share.sum() - (n * np.where(outside, share, 0.0)) @ n.T
+        change = -np.linalg.solve(slope + 1e-9 * np.eye(2) * (share.sum() + 1e-30), off)
+        farthest = 2 * float(np.minimum(radii, length).max() + length.max())
+        change *= min(1.0, farthest / max(float(np.linalg.norm(change)), 1e-300))
+        size, part = float(np.linalg.norm(off)), 1.0
+        while part > 1e-6:
+            new, lower = looked_at(D + part * change)
+            left = float(np.linalg.norm(new))
+            close = left < 1e-6 * largest  # where the values differ by rounding
+            if (close and left <= size) or lower <= value + 1e-4 * part * float(off @ change):
+                break
+            part /= 2
+        else:
+            break
+        D, off, value = D + part * change, new, lower
+        if part * np.linalg.norm(change) <= 1e-14 * (np.linalg.norm(D) + 1) or left < 1e-14 * largest:
+            break
+    return D
+
+
+@dataclass(frozen=True)
+class State:
+    """Tractions, their displacements and multipliers, and how far they are from a solution.
+
+    Values at the points `near`, which carry tractions or overlap the punch, are in units of p_s and W_s.
+    """
+
+    x: FloatArray  # p, t_x[, t_y]
+    Cx: FloatArray  # W, u_x[, u_y] under them
+    drift: float  # bound on the error of Cx by single precision, over that by rounding in units of W_s
+    p_s: float
+    W_s: float
+    depth: float
+    path: FloatArray
+    near: NDArray[Any]
+    p: FloatArray
+    gap: FloatArray
+    t: FloatArray
+    slip: FloatArray
+    residual: float
+    merit: float  # rms over the contact of what the residual is the largest value of
+
+
+@dataclass(frozen=True)
+class Found:
+    """Depth and path of one state that may be tried."""
+
+    depth: float | None = None
+    path: FloatArray | None = None
+
+
+def assess(
+    problem: Problem,
+    x: FloatArray,
+    Cx: FloatArray,
+    drift: float = 0.0,
+    linear: FloatArray | None = None,
+    *,
+    balance_only: bool = False,
+) -> State:
+    """Return the state with the multipliers that leave the least merit.
+
+    Tried are those of balance, the means of gap and slip over contact and stick, the path of a linear system,
+    and mixtures: each alone fails on some problems.
+    """
+    p = x[0]
+    p_s, W_s = _scales(problem, p, Cx[0])
+    carried = problem.gap_at_rest + Cx[0]
+    on = np.flatnonzero(p > 0)
+    depths = [problem.depth]
+    if problem.load is not None:
+        depths = [balanced_depth(p / p_s - carried / W_s, problem.load * p.size / p_s) * W_s]
+        if not balance_only and on.size:
+            depths.append(float(carried[on].mean()))
+    near = np.flatnonzero((carried < max(depths)) | (x != 0).any(axis=0))
+    view = _View(problem, x, Cx, near, p_s, W_s)
+    depth_choices = [view.normal(carried[near], depth) for depth in depths]
+    paths: list[FloatArray] = [np.zeros(len(x) - 1) if problem.path is None else problem.path]
+    if problem.force_is_given and view.on.any():
+        paths = [view.balanced(problem.force)]  # type: ignore[arg-type]
+        if not balance_only:
+            stuck = view.stuck
+            if stuck.any():
+                paths.append(view.slip[:, stuck].mean(axis=1) * W_s)
+            if linear is not None:
+                paths.append(linear)
+    normal = min(depth_choices, key=lambda each: each[1])
+    depth, off, worst, gap = normal[0], normal[1], normal[2], normal[3]
+    path, slip = paths[0], view.slip
+    if problem.has_shear:
+        path, across, most, slip = min((view.tangential(each) for each in paths), key=lambda each: each[1])
+        off, worst = off + across, max(worst, most)
+        if problem.force_is_given:
+            lack = view.lack(problem.force)  # type: ignore[arg-type]
+            off, worst = off + lack**2, max(worst, lack)
+    else:
+        slip = view.slip - path[:, np.newaxis] / W_s
+    if not math.isfinite(off):
+        worst = off = math.inf
+    parts = view.p, gap, view.t, slip
+    return State(x, Cx, drift, p_s, W_s, depth, path, near, *parts, worst, math.sqrt(off))
+
+
+def _scales(problem: Problem, p: FloatArray, W: FloatArray) -> tuple[float, float]:
+    """Units of pressure and of length: the largest ones of a state, or those of an overlap."""
+    softest = float(problem.response.normal.max())
+    largest = float(p.max())
+    if largest > 0:
+        return largest, max(float(W.max()), 1e-3 * largest * softest)
+    length = max(float((problem.depth - problem.gap_at_rest - W).max()), 1e-300)
+    return length / softest, length
+
+
+class _View:
+    """A state at the points near the contact, in units of pressure and length."""
+
+    def __init__(
+        self, problem: Problem, x: FloatArray, Cx: FloatArray, near: NDArray[Any], p_s: float, W_s: float
+    ) -> None:
+        self.p, self.t = x[0, near] / p_s, x[1:, near] / p_s
+        self.on = self.p > 0
+        self.count = max(int(np.count_nonzero(self.on)), 1)
+        self._p_s, self._W_s = p_s, W_s
+        self.slip = (
+            (problem.slip_at_rest[:, near] + Cx[1:, near]) / W_s
+            if problem.has_shear
+            else np.zeros_like(self.t)
+        )
+        law = problem.law.at(near)
+        self.bound = law.bound(np.maximum(self.p, 0) * p_s) / p_s
+        self.scale = min(float(self.bound.max(initial=0.0)), 1.0) or 1.0
+        self._size = p_s * self.p.size / x[0].size
+        self._points = x[0].size
+
+    @property
+    def stuck(self) -> BoolArray:
+        """Points in contact with a traction below the bound."""
+        return np.asarray(self.on & (norms(self.t) < 0.999 * self.bound))
+
+    def normal(self, carried: FloatArray, depth: float) -> tuple[float, float, float, FloatArray]:
+        """Return the depth with its sum of squares and its largest residual, and the gap."""
+        gap = (carried - depth) / self._W_s
+        off = np.minimum(self.p, gap)
+        return depth, float((off**2).sum()) / self.count, float(np.abs(off).max(initial=0.0)), gap
+
+    def tangential(self, path: FloatArray) -> tuple[FloatArray, float, float, FloatArray]:
+        """Return the path with its sum of squares and its largest residual, and the slip."""
+        slip = self.slip - path[:, np.newaxis] / self._W_s
+        off = norms(self.t - in_disks(self.t - slip, self.bound)) / self.scale
+        return path, float((off**2).sum()) / self.count, float(off.max(initial=0.0)), slip
+
+    def balanced(self, force: FloatArray) -> FloatArray:
+        """Return the path for which the projected tractions carry the force."""
+        y, total = (self.t - self.slip)[:, self.on], force * (self._points / self._p_s)
+        start = self.slip[:, self.on].mean(axis=1)
+        return balanced_path(y, self.bound[self.on], total, start) * self._W_s
+
+    def lack(self, force: FloatArray) -> float:
+        """Return the part of the tangential force that the tractions do not carry."""
+        total = force * (self._points / self._p_s)
+        largest = float(np.minimum(self.bound, np.maximum(self.p, 0.0)).sum())
+        return float(np.linalg.norm(self.t.sum(axis=1) - total)) / max(largest, 1e-300)

@@ -1,0 +1,251 @@
+"""The solver of `Problem`: Newton's method from a guess or from nothing, by coarser grids."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import FloatArray
+from gfmdlayer.friction.newton import Newton
+from gfmdlayer.friction.problem import Law, Problem, Solution, State, norms
+from gfmdlayer.friction.response import Operator, Response, Spent
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from gfmdlayer.resumable import Stateless
+
+_COARSEST = 16  # points of an axis
+_COARSE_TOLERANCE = 1e-4
+_LIMIT = 60  # Newton steps
+_FIRST_PART, _LEAST_PART = 0.25, 1 / 64  # of the friction that is raised, where Newton's method fails
+# Coarser grids improve a guess on a line down to these points, and to these points in contact an edge.
+_FEWEST, _APART = 64, 64
+
+
+class FrictionSolver(Stateless):
+    """Frictional contact of the steps of a run on one grid.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of one or two axes.
+    transforms : Transforms
+        Plans for its shape, in double precision.
+    """
+
+    def __init__(self, grid: Grid, transforms: Transforms) -> None:
+        self._spent = Spent()
+        self._levels = [_Level(grid, transforms, self._spent, 1.0)]
+        while (coarser := self._levels[-1].coarser()) is not None:
+            self._levels.append(coarser)
+
+    def solve(
+        self,
+        problem: Problem,
+        start: FloatArray | None = None,
+        *,
+        tolerance: float = 1e-7,
+        limit: int = _LIMIT,
+    ) -> Solution:
+        """Solve from a guess of the tractions (p, t_x[, t_y]), or from nothing."""
+        self._spent.pairs = 0.0
+        if reason := problem.why_not_solvable():
+            raise ValueError(reason)
+        last = len(self._levels) - 1
+        if start is not None:
+            deepest = _levels_of(start, self._levels[0].grid)
+            at, steps = self._solve(problem, start, 0, deepest, tolerance, limit)
+        if start is None or not at.residual < tolerance:
+            at, steps = self._solve(problem, None, 0, last, tolerance, limit)
+        if not at.residual < tolerance and problem.has_shear and not problem.law.sticks:
+            at, steps = self._gradually(problem, at, tolerance, limit)
+        return _solution(problem, at, steps, self._spent.pairs, tolerance)
+
+    def _gradually(self, problem: Problem, failed: State, tolerance: float, limit: int) -> tuple[State, int]:
+        """Raise friction and force from zero, in steps that are halved where one fails."""
+        x, part, step, steps = None, 0.0, 0.0, 0
+        while part < 1 or x is None:
+            aim = min(1.0, part + step)
+            force = None if problem.force is None else aim * problem.force
+            some = replace(problem, law=problem.law.scaled(aim), force=force)
+            enough = tolerance if aim == 1 else _COARSE_TOLERANCE
+            deepest = len(self._levels) - 1 if x is None else 0
+            at, more = self._solve(some, x, 0, deepest, enough, limit)
+            steps += more
+            if at.residual < enough:
+                x, part, step = at.x, aim, 2 * step or _FIRST_PART
+            elif x is None or step <= _LEAST_PART:
+                return failed, steps
+            else:
+                step /= 2
+        return at, steps
+
+    def _solve(
+        self,
+        problem: Problem,
+        start: FloatArray | None,
+        number: int,
+        deepest: int,
+        tolerance: float,
+        limit: int,
+    ) -> tuple[State, int]:
+        """Solve on a grid, with a guess from the next coarser one down to the `deepest`."""
+        level = self._levels[number]
+        newton = level.newton(problem.response)
+        if number == deepest:
+            guess = _rough_guess(problem) if start is None else start
+        else:
+            coarser = self._levels[number + 1]
+            shapes = level.grid.points, coarser.grid.points
+            below, _ = self._solve(
+                _coarser(problem, level, coarser),
+                None if start is None else _halved(start, *shapes),
+                number + 1,
+                deepest,
+                _COARSE_TOLERANCE,
+                limit,
+            )
+            guess = _finer(below.x, *shapes[::-1])
+        return newton.solve(problem, guess, tolerance, limit)
+
+
+class _Level:
+    """One of the nested grids; keeps the operators of the last response."""
+
+    def __init__(self, grid: Grid, transforms: Transforms, spent: Spent, share: float) -> None:
+        self.grid, self.transforms = grid, transforms
+        self._spent, self._share = spent, share
+        self._plans = {False: transforms, True: transforms.of_shape(grid.points, single=True)}
+        self._finer: Response | None = None
+        self._response: Response | None = None
+        self._newton: Newton | None = None
+
+    def newton(self, response: Response) -> Newton:
+        """Return Newton's method for a response."""
+        if self._newton is None or response is not self._response:
+            C, K = (
+                Operator(self.grid, each, self._plans, self._spent, self._share)
+                for each in (response, response.inverse(self.grid))
+            )
+            self._response, self._newton = response, Newton(C, K)
+        return self._newton
+
+    def restricted(self, response: Response, finer: _Level) -> Response:
+        """Return the response of the next finer grid at the modes of this one."""
+        if self._response is None or response is not self._finer:
+            self._finer, found = response, response.on(finer.transforms, self.transforms)
+            self.newton(found)
+            return found
+        return self._response
+
+    def coarser(self) -> _Level | None:
+        """Return the level with half of the points of each long axis."""
+        points = tuple(n // 2 if n > _COARSEST and n % 2 == 0 else n for n in self.grid.points)
+        if points == self.grid.points:
+            return None
+        grid = replace(self.grid, points=points)
+        share = self._share * grid.size / self.grid.size
+        return _Level(grid, self.transforms.of_shape(points), self._spent, share)
+
+
+def _levels_of(start: FloatArray, grid: Grid) -> int:
+    """Return the number of coarser grids that improve a guess: edges far apart move by many points a step."""
+    if len(grid.points) > 1:
+        return 0
+    pressed = start[0] > 0
+    edges = max(int(np.count_nonzero(pressed[1:] != pressed[:-1])), 1)
+    points, levels = grid.points[0], 0
+    while points % 2 == 0 and points > _FEWEST and np.count_nonzero(pressed) > _APART * edges * 2**levels:
+        points, levels = points // 2, levels + 1
+    return levels
+
+
+def _rough_guess(problem: Problem) -> FloatArray:
+    """Return a pressure in proportion to the overlap with the lowest third, and shear in proportion to it."""
+    h = problem.gap_at_rest
+    p = np.maximum(np.quantile(h, 0.3) - h, 0.0) + 1e-12 * (np.ptp(h) + 1e-300)
+    axes = problem.response.normal.ndim
+    softest = float(problem.response.normal.max())
+    p *= (
+        problem.load if problem.load is not None else 1e-3 * max(problem.depth - h.min(), 0) / softest
+    ) / p.mean()
+    x = np.zeros((1 + axes, h.size))
+    x[0] = p
+    if problem.force_is_given and problem.load:
+        x[1:] = (problem.force / problem.load)[:, np.newaxis] * p  # type: ignore[operator,index]
+    return x
+
+
+def _halved(field: FloatArray, fine: tuple[int, ...], coarse: tuple[int, ...]) -> FloatArray:
+    """Return a field on a coarser grid, with weights 1/4, 1/2, 1/4 along each axis that is halved."""
+    found = field.reshape(*field.shape[:-1], *fine)
+    first = found.ndim - len(fine)
+    for axis, (many, few) in enumerate(zip(fine, coarse, strict=True), first):
+        if many != few:
+            found = 0.5 * found + 0.25 * (np.roll(found, 1, axis) + np.roll(found, -1, axis))
+            found = np.take(found, np.arange(0, many, 2), axis)
+    return np.ascontiguousarray(found).reshape(*field.shape[:-1], -1)
+
+
+def _finer(field: FloatArray, coarse: tuple[int, ...], fine: tuple[int, ...]) -> FloatArray:
+    """Return a field on a finer grid, interpolated linearly along each axis that is doubled."""
+    found = field.reshape(*field.shape[:-1], *coarse)
+    first = found.ndim - len(coarse)
+    for axis, (few, many) in enumerate(zip(coarse, fine, strict=True), first):
+        if many != few:
+            doubled = np.repeat(found, 2, axis)
+            between: list[Any] = [slice(None)] * found.ndim
+            between[axis] = slice(1, None, 2)
+            doubled[tuple(between)] = 0.5 * (found + np.roll(found, -1, axis))
+            found = doubled
+    return found.reshape(*field.shape[:-1], -1)
+
+
+def _coarser(problem: Problem, fine: _Level, coarse: _Level) -> Problem:
+    """Return the problem on a coarser grid."""
+
+    def on(field: NDArray[Any] | None) -> FloatArray | None:
+        return None if field is None else _halved(field, fine.grid.points, coarse.grid.points)
+
+    law = problem.law
+    if np.ndim(law.coefficient):
+        law = Law(on(law.coefficient), law.strength)  # type: ignore[arg-type]
+    return replace(
+        problem,
+        response=coarse.restricted(problem.response, fine),
+        heights=on(problem.heights),  # type: ignore[arg-type]
+        law=law,
+        offset=on(problem.offset),
+        before=on(problem.before),
+    )
+
+
+def _solution(problem: Problem, at: State, steps: int, pairs: float, tolerance: float) -> Solution:
+    """Return a state as a solution."""
+    Cx = at.Cx if problem.offset is None else at.Cx + problem.offset
+    slip = problem.slip_at_rest + at.Cx[1:] - at.path[:, np.newaxis]
+    traction = at.x[1:]
+    stick = (at.x[0] > 0) & (norms(traction) < problem.law.bound(at.x[0]) * (1 - 1e-9))
+    converged = at.residual < tolerance
+    reason = (
+        ""
+        if converged
+        else f"residual {at.residual:.2e} after {steps} steps; the tolerance is {tolerance:.2e}"
+    )
+    return Solution(
+        pressure=at.x[0],
+        traction=traction,
+        displacement=Cx,
+        gap=problem.gap_at_rest + at.Cx[0] - at.depth,
+        slip=slip,
+        depth=at.depth,
+        path=at.path,
+        stick=stick,
+        residual=at.residual,
+        pairs=pairs,
+        iterations=steps,
+        converged=converged,
+        reason=reason,
+    )

@@ -1,0 +1,270 @@
+"""The history of a surface under tractions in all directions: relaxing modes of several components.
+
+With K(s) = K_0 + sum_j v_j v_j^H s theta_j/(1 + s theta_j) of `VectorSpectrum` each mode j is a unit spring
+in series with a dashpot theta_j, and the displacements x of the surface stretch both by v_j^H x. The stretch
+y_j of the spring is the internal variable, one number a mode and wave:
+
+    d y_j/dt + y_j/theta_j = v_j^H dx/dt,        traction = K_0 x + sum_j v_j y_j.
+
+Each stretch changes and each dashpot heats in a step as in `modes`, with v_j^H x in place of u and w_j = 1.
+At the end of the step traction = kappa x - b, with the matrix and the vector
+
+    kappa = K_0 + sum_j gain_j v_j v_j^H,        b = sum_j v_j (gain_j v_j^H x_0 - decay_j y_j).
+
+Per wavevector of unit vector n the surface moves by W into the body, by i U n along n and by V across it:
+(W, U) have modes of two components, V of one. On a line there is no V.
+
+At the largest wavenumber of an even axis +q and -q share a mode of the grid. Each has its own history, and
+half of the traction; the sum of both displacements is seen. So what is odd along the axis vanishes at the
+points, as in `friction.response`, and yet relaxes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gfmdlayer.arrays import ComplexArray, FloatArray
+from gfmdlayer.body.relaxation import TractionSpectrum, VectorSpectrum
+from gfmdlayer.friction.response import Response
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.history.modes import RELEVANT, Factors, Scheme, exponential
+from gfmdlayer.resumable import CompositeState, State
+
+_NYQUIST = 1 - 1e-9  # part of the largest wavenumber of an axis, for rounding
+
+
+class VectorModes:
+    """Relaxing modes of n components at waves: their history, stiffness and energy.
+
+    Parameters
+    ----------
+    spectrum : VectorSpectrum
+        Modes at waves of shape (nq,).
+    scheme : Scheme
+        `exponential` or `backward_euler` of `modes`.
+    weights : ndarray, shape (nq,), optional
+        Of the waves in a mean over the surface; by default one.
+    """
+
+    def __init__(
+        self, spectrum: VectorSpectrum, scheme: Scheme = exponential, weights: FloatArray | None = None
+    ) -> None:
+        self._spectrum, self._scheme = spectrum, scheme
+        count, components = spectrum.relaxed.shape[:2]
+        self._weights = np.ones(count) if weights is None else weights
+        self.step = math.nan
+        self.x = np.zeros((count, components), dtype=np.complex128)
+        self._stretch = np.zeros(spectrum.times.shape, dtype=np.complex128)
+        self.stored = self.dissipated = 0.0
+
+    @property
+    def shortest_time(self) -> float:
+        """Shortest relevant relaxation time; infinite for an elastic body."""
+        glassy = np.trace(self._spectrum.glassy, axis1=-2, axis2=-1).real
+        relevant = (np.abs(self._spectrum.vectors) ** 2).sum(axis=-1) > RELEVANT * glassy
+        return float(self._spectrum.times[relevant].min(initial=math.inf))
+
+    def terms(self, step: float) -> tuple[NDArray[Any], ComplexArray]:
+        """Return kappa, (nq, n, n), and b, (nq, n), at the end of a step."""
+        self._prepare(step)
+        f = self._factors
+        return self._stiffness, self._pull(f.gain * self._drive(self.x) - f.decay * self._stretch)
+
+    def curvature_stress(self, curvature: ComplexArray) -> ComplexArray:
+        """Return the part of the traction at the end of the step that is due to dt^2 x''/2."""
+        return self._pull(self._factors.curvature_gain * self._drive(curvature))
+
+    def advance(self, x: ComplexArray, curvature: ComplexArray | None = None) -> None:
+        """Advance the history over the step of the last `terms` to the displacements x, (nq, n)."""
+        f, before, moved = self._factors, self._stretch, self._drive(x - self.x)
+        after = f.decay * before + f.gain * moved
+        heat = f.loss * _square(before + f.lead * moved) + f.remainder * _square(moved)
+        if curvature is not None:
+            c = self._drive(curvature)
+            heat += f.curvature_loss * _square(c) - f.curvature_gain * ((before + after) * c.conj()).real
+            after = after + f.curvature_gain * c
+        self.x, self._stretch = x.copy(), after
+        elastic = np.einsum("qa,qab,qb->q", x.conj(), self._spectrum.relaxed, x).real
+        self.stored = float(self._weights @ (elastic + _square(after).sum(axis=0))) / 2
+        self.dissipated += float(self._weights @ heat.sum(axis=0))
+
+    def turn(self, phases: ComplexArray) -> None:
+        """Multiply what is held at each wave by a phase: the material moves past the grid."""
+        self.x, self._stretch = self.x * phases[:, np.newaxis], self._stretch * phases
+
+    def state(self) -> State:
+        """Return displacements, stretches and energies."""
+        energies = {"stored": self.stored, "dissipated": self.dissipated}
+        return {"x": self.x, "stretch": self._stretch, **energies}
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self.x[:], self._stretch[:] = state["x"], state["stretch"]
+        self.stored, self.dissipated = float(state["stored"]), float(state["dissipated"])
+
+    def _prepare(self, step: float) -> None:
+        """Compute the stiffness and the factors for the length of a step."""
+        if step == self.step:
+            return
+        self.step, times, v = step, self._spectrum.times, self._spectrum.vectors
+        self._factors = Factors(*(each.reshape(times.shape) for each in self._scheme(step / times.ravel())))
+        gained = np.einsum("jq,jqa,jqb->qab", self._factors.gain, v, v.conj())
+        self._stiffness = self._spectrum.relaxed + gained
+
+    def _drive(self, x: ComplexArray) -> ComplexArray:
+        """Return v_j^H x, (modes, nq)."""
+        return np.asarray(np.einsum("jqa,qa->jq", self._spectrum.vectors.conj(), x))
+
+    def _pull(self, stretch: ComplexArray) -> ComplexArray:
+        """Return sum_j v_j y_j, (nq, n)."""
+        return np.asarray(np.einsum("jqa,jq->qa", self._spectrum.vectors, stretch))
+
+
+class TractionModes:
+    """The history of a surface on a grid, from tractions (p, t_x[, t_y]) to displacements (W, u_x[, u_y]).
+
+    Both are transforms of shape (1 + axes, modes), one row below the other. A step of length dt has
+
+        displacements = C tractions + offset
+
+    with the compliance C and the offset of `terms`, which are those of a `friction.problem.Problem`. Energies
+    are means over the surface: stored + dissipated is the work of the tractions.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of one or two axes.
+    spectrum : TractionSpectrum
+        Of the body at the wavenumbers of the grid.
+    scheme : Scheme
+        `exponential` or `backward_euler` of `modes`.
+    """
+
+    def __init__(self, grid: Grid, spectrum: TractionSpectrum, scheme: Scheme = exponential) -> None:
+        self._grid, self._axes = grid, len(grid.points)
+        self._vectors, self._mode, self._share = _waves(grid)
+        length = np.sqrt((self._vectors**2).sum(axis=0))
+        still = length == 0  # the mean has no direction
+        self._along = np.where(still, 0.0, self._vectors / np.where(still, 1.0, length))
+        self._along[0, still] = 1.0
+        weights = np.ravel(grid.parseval_weights)[self._mode] / self._share
+        parts = [spectrum.in_plane, VectorSpectrum.of(spectrum.across)]
+        self._parts = [VectorModes(_at(each, self._mode), scheme, weights) for each in parts[: self._axes]]
+        self._state = CompositeState(**dict(zip(("in_plane", "across"), self._parts, strict=False)))
+
+    @property
+    def stored(self) -> float:
+        """Elastic energy per area after the last step."""
+        return sum(part.stored for part in self._parts)
+
+    @property
+    def dissipated(self) -> float:
+        """Heat of relaxation per area since the start."""
+        return sum(part.dissipated for part in self._parts)
+
+    @property
+    def shortest_time(self) -> float:
+        """Shortest relevant relaxation time; infinite for an elastic body."""
+        return min(part.shortest_time for part in self._parts)
+
+    @property
+    def displacement(self) -> ComplexArray:
+        """Transforms of W, u_x[, u_y] after the last step, carried with the material."""
+        return self._seen([part.x for part in self._parts])
+
+    def terms(self, step: float) -> tuple[Response, ComplexArray]:
+        """Return the response to tractions at the end of a step, and the displacements without tractions."""
+        found = [part.terms(step) for part in self._parts]
+        count, shape = math.prod(self._grid.spectral_shape), self._grid.spectral_shape
+        in_plane, across = (kappa[:count] for kappa, _ in (found[0], found[-1]))
+        self._response = Response.of_stiffness(
+            in_plane.reshape(*shape, 2, 2), across[:, -1, -1].reshape(shape)
+        )
+        self._b = [b for _, b in found]
+        return self._response, self._seen(self._moved(self._b))
+
+    def advance(self, tractions: ComplexArray) -> None:
+        """Advance the history over the step of the last `terms`, at whose end these tractions act."""
+        of_modes = tractions[:, self._mode] * self._share
+        n = self._along
+        along = -1j * (n * of_modes[1:]).sum(axis=0)
+        loads = [np.stack((of_modes[0], along), axis=1)]
+        if self._axes == 2:
+            loads.append((n[0] * of_modes[2] - n[1] * of_modes[1])[:, np.newaxis])
+        moved = self._moved([b + load for b, load in zip(self._b, loads, strict=True)])
+        for part, x in zip(self._parts, moved, strict=True):
+            part.advance(x)
+
+    def carry(self, *distance: float) -> None:
+        """Move the contact along the surface: what lies at x + distance in the material is then at x."""
+        phases = np.exp(1j * (np.array(distance)[:, np.newaxis] * self._vectors).sum(axis=0))
+        for part in self._parts:
+            part.turn(phases)
+
+    def state(self) -> State:
+        """Return the states of all modes."""
+        return self._state.state()
+
+    def restore(self, state: State) -> None:
+        """Continue from a state."""
+        self._state.restore(state)
+
+    def _moved(self, loads: list[ComplexArray]) -> list[ComplexArray]:
+        """Return the displacements of the waves under loads, (W, U) and V."""
+        of = self._response
+        normal, coupling, along, across = (
+            np.ravel(part)[self._mode] for part in (of.normal, of.coupling, of.along, of.across)
+        )
+        p, T = loads[0].T
+        found = [np.stack((normal * p + coupling * T, coupling * p + along * T), axis=1)]
+        return found if self._axes == 1 else [*found, across[:, np.newaxis] * loads[1]]
+
+    def _seen(self, parts: list[ComplexArray]) -> ComplexArray:
+        """Return transforms of W, u_x[, u_y] at the modes of the grid, sums over the waves of each."""
+        W, U = parts[0].T
+        n = self._along
+        waves = np.concatenate((W[np.newaxis], 1j * n * U))
+        if self._axes == 2:
+            waves[1:] += np.stack((-n[1], n[0])) * parts[1][:, 0]
+        count = math.prod(self._grid.spectral_shape)
+        found = waves[:, :count].copy()
+        for component, of_waves in zip(found, waves, strict=True):
+            np.add.at(component, self._mode[count:], of_waves[count:])
+        return found
+
+
+def _waves(grid: Grid) -> tuple[FloatArray, NDArray[np.intp], FloatArray]:
+    """Return wavevectors, (axes, waves), with the mode of the grid and the share in it of each.
+
+    The first waves are the modes in their order.
+    """
+    vectors = np.array([np.broadcast_to(q, grid.spectral_shape).ravel() for q in grid.wavevectors])
+    mode, share = np.arange(vectors.shape[1]), np.ones(vectors.shape[1])
+    for axis, (points, period) in enumerate(zip(grid.points, grid.period, strict=True)):
+        if points % 2:
+            continue
+        shared = np.flatnonzero(np.abs(vectors[axis]) > _NYQUIST * np.pi * points / period)
+        share[shared] /= 2
+        others = vectors[:, shared]
+        others[axis] *= -1
+        vectors = np.concatenate((vectors, others), axis=1)
+        mode, share = np.append(mode, mode[shared]), np.append(share, share[shared])
+    return vectors, mode, share
+
+
+def _at(spectrum: VectorSpectrum, mode: NDArray[np.intp]) -> VectorSpectrum:
+    """Return the modes at waves, by the flat number of the wavevector of each."""
+    n = spectrum.relaxed.shape[-1]
+    return VectorSpectrum(
+        spectrum.relaxed.reshape(-1, n, n)[mode],
+        spectrum.vectors.reshape(len(spectrum.vectors), -1, n)[:, mode],
+        spectrum.times.reshape(len(spectrum.times), -1)[:, mode],
+    )
+
+
+def _square(values: ComplexArray) -> FloatArray:
+    return np.asarray(values.real**2 + values.imag**2)

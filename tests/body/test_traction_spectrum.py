@@ -1,0 +1,199 @@
+"""Tractions in all directions: closed forms, the equations of elasticity, the normal response."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from gfmdlayer.body.body import bonded_layer
+from gfmdlayer.body.materials import Prony, Zener
+from gfmdlayer.body.stack import Layer, LayerStack
+
+Floats = NDArray[np.float64]
+
+# Of K: some tens of roundings in each of the layers, times the condition of the modes, (Ginf/G0)^(1/2).
+ROUNDING = 1e-11
+
+LAYERS = (
+    Layer(0.1, 0.45, Prony(1.0, [(4.0, 0.1), (20.0, 2.0)])),
+    Layer(0.03, 0.2, Prony(30.0, [(10.0, 0.5)])),
+    Layer(0.2, 0.5, Zener()),
+)
+BASE = Layer(math.inf, 0.3, Prony(5.0, [(2.0, 0.05)]))
+STACKS = {
+    "halfspace": LayerStack((*LAYERS, BASE)),
+    "rigid": LayerStack(LAYERS, rigid=True),
+    "free": LayerStack(LAYERS),
+    "bare": LayerStack((BASE,)),
+    "one": LayerStack(LAYERS[:1], rigid=True),
+}
+Q = np.array([0.4, 3.0, 12.0, 60.0, 239.0, 241.0, 5e3])
+FREQUENCIES = (0.0, 1e-3, 0.3, 10.0, 1e4)
+
+
+def through(layer: Layer, q: float, G: float, below: NDArray[Any]) -> NDArray[Any]:
+    """Carry states (W, U, sigma_zz/i, tau) from the lower face of a layer to its upper face."""
+    modulus = 2 * G * (1 - layer.poisson) / (1 - 2 * layer.poisson)  # lambda + 2 G
+    lame, ratio = modulus - 2 * G, layer.poisson / (1 - layer.poisson)
+    plate = modulus - lame * ratio  # sigma_xx of U where sigma_zz = 0
+    equations = np.array(
+        [
+            [0, ratio * q, 1 / modulus, 0],
+            [-q, 0, 0, 1 / G],
+            [0, 0, 0, q],
+            [0, plate * q**2, -ratio * q, 0],
+        ]
+    )
+    return np.asarray(expm(-layer.thickness * equations) @ below)
+
+
+@pytest.mark.parametrize("q", [0.5, 4.0, 15.0])
+@pytest.mark.parametrize("s", [0.0, 0.7, 1e3])
+def test_two_layers_obey_the_equations_of_elasticity(q: float, s: float) -> None:
+    """Matrix exponentials carry the states of the rigid base, which bears any stress, to the surface."""
+    layers = (LAYERS[0], LAYERS[1])
+    states = np.vstack((np.zeros((2, 2)), np.eye(2)))
+    for layer in reversed(layers):
+        states = through(layer, q, float(layer.material.laplace(s)), states)
+    exact = -states[2:] @ np.linalg.inv(states[:2])
+    found = LayerStack(layers, rigid=True).traction_spectrum([q]).in_plane.stiffness(s)[0]
+    np.testing.assert_allclose(found, exact, rtol=1e-9)  # exp of up to 2 q d = 4 in the states
+    G, d = zip(*((float(each.material.laplace(s)), each.thickness) for each in layers), strict=True)
+    below = G[1] * q / math.tanh(q * d[1])
+    across = G[0] * q * (below + G[0] * q * math.tanh(q * d[0])) / (G[0] * q + below * math.tanh(q * d[0]))
+    assert LayerStack(layers, rigid=True).traction_spectrum([q]).across.stiffness(s)[0] == pytest.approx(
+        across
+    )
+
+
+@pytest.mark.parametrize("stack", STACKS.values(), ids=STACKS)
+def test_without_shear_it_is_the_normal_response(stack: LayerStack) -> None:
+    spectrum = stack.traction_spectrum(Q).in_plane
+    for s in FREQUENCIES:
+        K = spectrum.stiffness(s)
+        normal = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]
+        np.testing.assert_allclose(normal, stack.stiffness(Q, s), rtol=ROUNDING)
+
+
+def test_a_halfspace_has_the_closed_form() -> None:
+    found, (nu, q, s) = STACKS["bare"].traction_spectrum(Q), (0.3, Q, 3.0)
+    G = float(BASE.material.laplace(s))
+    C = np.array([[2 * (1 - nu), 1 - 2 * nu], [1 - 2 * nu, 2 * (1 - nu)]]) / 2
+    expected = np.multiply.outer(1 / (G * q), C)
+    np.testing.assert_allclose(np.linalg.inv(found.in_plane.stiffness(s)), expected, rtol=1e-13)
+    np.testing.assert_allclose(found.across.stiffness(s), G * q, rtol=1e-13)
+
+
+def test_a_layer_like_the_halfspace_below_it_vanishes() -> None:
+    found = LayerStack((Layer(0.07, 0.3, BASE.material), BASE)).traction_spectrum(Q)
+    bare = STACKS["bare"].traction_spectrum(Q)
+    for s in FREQUENCIES:
+        for one, other in ((found.in_plane, bare.in_plane), (found.across, bare.across)):
+            expected = other.stiffness(s)
+            np.testing.assert_allclose(one.stiffness(s), expected, rtol=0, atol=ROUNDING * expected.max())
+
+
+def test_a_deep_wave_feels_the_uppermost_layer_alone_and_continuously() -> None:
+    """The modes are found in another way from q d = 24 on."""
+    d = LAYERS[0].thickness
+    q = np.array([24 - 1e-9, 24 + 1e-9]) / d
+    for stack in (STACKS["halfspace"], STACKS["one"]):
+        found = stack.traction_spectrum(q)
+        for s in FREQUENCIES:
+            for K in (found.in_plane.stiffness(s), found.across.stiffness(s)):
+                np.testing.assert_allclose(K[0], K[1], rtol=1e-9)
+
+
+def test_the_mean_is_sheared_in_series_on_a_rigid_base_and_fixed_elsewhere() -> None:
+    """A uniform pressure and a uniform shear do not couple."""
+    stack, s = LayerStack((LAYERS[0], LAYERS[1]), rigid=True), 0.7
+    found = stack.traction_spectrum([0.0])
+    shear = 1 / sum(each.thickness / float(each.material.laplace(s)) for each in stack.layers)
+    K = found.in_plane.stiffness(s)[0]
+    expected = np.diag([float(stack.stiffness(0.0, s)), shear])
+    np.testing.assert_allclose(K, expected, rtol=ROUNDING, atol=ROUNDING)
+    assert found.across.stiffness(s)[0] == pytest.approx(shear, rel=ROUNDING)
+    for fixed in (STACKS["halfspace"], STACKS["free"], STACKS["bare"]):
+        mean = fixed.traction_spectrum([0.0])
+        assert not mean.in_plane.stiffness(s).any()
+        assert not mean.across.stiffness(s).any()
+
+
+def test_modes_are_positive_and_one_for_each_wave_of_any_shape() -> None:
+    q = np.array([[3.0, 60.0], [3.0, 1e3]])
+    found = STACKS["halfspace"].traction_spectrum(q)
+    assert found.in_plane.fault() == ""
+    assert (found.across.weights >= 0).all()
+    assert found.in_plane.relaxed.shape == (2, 2, 2, 2)
+    np.testing.assert_array_equal(found.in_plane.vectors[:, 0, 0], found.in_plane.vectors[:, 1, 0])
+    assert (np.linalg.eigvalsh(found.in_plane.glassy) > np.linalg.eigvalsh(found.in_plane.relaxed)).all()
+    assert np.shape(found.across.times)[1:] == (2, 2)
+
+
+@pytest.mark.parametrize(("base", "thickness"), [(2.0, 0.05), (math.inf, 0.05), (0.0, math.inf)])
+def test_the_layer_of_the_paper_is_a_stack(base: float, thickness: float) -> None:
+    body = bonded_layer(thickness, Zener(), poisson=0.4, base=base, base_poisson=0.3)
+    K = body.traction_spectrum(Q).in_plane.stiffness(0.5)
+    normal = K[:, 0, 0] - K[:, 0, 1] ** 2 / K[:, 1, 1]
+    np.testing.assert_allclose(normal, body.stiffness(Q, 0.5), rtol=ROUNDING)
+
+
+def random_stack(random: np.random.Generator) -> LayerStack:
+    """Return one to five layers whose moduli, times and thicknesses differ by orders of magnitude."""
+
+    def layer(thickness: float) -> Layer:
+        branches = [tuple(10 ** random.uniform(-3, 3, 2)) for _ in range(random.integers(3))]
+        poisson = random.choice([0.5, 0.4999, random.uniform(-0.5, 0.5)])
+        return Layer(thickness, float(poisson), Prony(10 ** random.uniform(-3, 3), branches))
+
+    layers = [layer(10 ** random.uniform(-2.5, 0.5)) for _ in range(random.integers(1, 6))]
+    base = random.integers(3)
+    return LayerStack((*layers, layer(math.inf)) if base == 0 else tuple(layers), rigid=bool(base == 1))
+
+
+def exact(stack: LayerStack, q: float, s: complex) -> NDArray[Any]:
+    """Return K over (W, U) to 60 digits: series of the matrix exponentials of the equations of elasticity."""
+    q, s, layers = mp.mpf(q), mp.mpmathify(s), list(stack.layers)
+    states = mp.matrix([[0, 0], [0, 0], [1, 0], [0, 1]] if stack.rigid else [[1, 0], [0, 1], [0, 0], [0, 0]])
+
+    def modulus(material: Prony) -> Any:
+        branches = zip(material.branch_moduli, material.branch_times, strict=True)
+        return mp.mpf(material.relaxed) + sum(mp.mpf(g) * s * t / (1 + s * t) for g, t in branches)
+
+    if math.isinf(layers[-1].thickness):
+        base = layers.pop()
+        nu, G = mp.mpf(base.poisson), modulus(base.material)
+        C = mp.matrix([[2 - 2 * nu, 1 - 2 * nu], [1 - 2 * nu, 2 - 2 * nu]]) / (2 * G * q)
+        states[2:, :] = -(C**-1)
+    for layer in reversed(layers):
+        nu, G = mp.mpf(layer.poisson), modulus(layer.material)
+        ratio, give = nu / (1 - nu), (1 - 2 * nu) / (2 * G * (1 - nu))  # give is 0 where incompressible
+        equations = [
+            [0, ratio * q, give, 0],
+            [-q, 0, 0, 1 / G],
+            [0, 0, 0, q],
+            [0, 2 * G / (1 - nu) * q**2, -ratio * q, 0],
+        ]
+        states = mp.expm(-mp.mpf(layer.thickness) * mp.matrix(equations), method="taylor") * states
+    return np.array((-states[2:, :] * states[:2, :] ** -1).tolist()).astype(complex)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_stacks_obey_the_equations_of_elasticity(seed: int) -> None:
+    """Incompressible layers and complex frequencies too, at any ratio of moduli."""
+    random = np.random.default_rng(seed)
+    stack = random_stack(random)
+    depth = sum(layer.thickness for layer in stack.layers if math.isfinite(layer.thickness))
+    q = np.array([0.02, 0.5, 10.0]) / depth
+    with mp.workdps(60):
+        for s in (0.0, 10 ** random.uniform(-3, 3) * 1j):
+            found = stack.traction_spectrum(q).in_plane.stiffness(s)
+            for K, one in zip(found, q, strict=True):
+                expected = exact(stack, one, s)
+                np.testing.assert_allclose(K, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())

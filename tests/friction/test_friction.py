@@ -1,0 +1,219 @@
+"""Frictional contact of one step: closed forms, symmetries, limits, Coulomb's conditions at each point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gfmdlayer.friction.problem import Law, Problem, Solution, norms
+from gfmdlayer.friction.response import Response
+from gfmdlayer.friction.solver import FrictionSolver
+from gfmdlayer.grid.grid import Grid
+from gfmdlayer.grid.transforms import Transforms
+from tests.friction.cases import random_problem, rough
+
+
+def setting(
+    points: tuple[int, ...], period: float = 1.0, poisson: float = 0.5
+) -> tuple[Grid, Response, FrictionSolver]:
+    grid = Grid(points, (period,) * len(points))
+    return grid, Response.of_halfspace(grid, 1.0, poisson), FrictionSolver(grid, Transforms(points))
+
+
+def parabola(grid: Grid, radius: float) -> np.ndarray:
+    return np.asarray(sum(x**2 for x in np.meshgrid(*grid.coordinates, indexing="ij")) / (2 * radius)).ravel()
+
+
+def obeys_coulomb(problem: Problem, found: Solution, tolerance: float) -> bool:
+    """Whether each point separates, sticks, or slips against its traction, to the residual's meaning.
+
+    Inequalities of the tractions hold to rounding. Gaps and slips hold to the tolerance in the largest
+    displacement, or where the traction can make up for it: |slip| <= 2 tolerance on a point that sticks.
+    """
+    p, t, bound = found.pressure, found.traction, problem.law.bound(found.pressure)
+    softest = float(problem.response.normal.max())
+    Cx = found.displacement - (0 if problem.offset is None else problem.offset)
+    length = max(float(Cx[0].max()), 1e-3 * float(p.max()) * softest)
+    touching, size = p > 0, norms(t)
+    sure = touching & (p > 2 * tolerance * p.max())
+    sticks = sure & (size < bound - 2 * tolerance * bound.max())
+    slipping = found.slip * (norms(found.slip) > 2 * tolerance * length * max(bound.max() / p.max(), 1))
+    return bool(
+        (p >= 0).all()
+        and (size <= bound * (1 + 1e-12)).all()
+        and (found.gap >= -2 * tolerance * length).all()
+        and (np.abs(found.gap[sure]) <= 2 * tolerance * length).all()
+        and not slipping[:, sticks].any()
+        and ((t * slipping).sum(axis=0)[sure] <= 0).all()
+    )
+
+
+@pytest.mark.parametrize("shape", ["parabola", "rough"])
+def test_shear_of_a_line_is_the_difference_of_two_pressures(shape: str) -> None:
+    """Cattaneo, Mindlin, Jaeger, Ciavarella: t = mu (p(P) - p(P - Q/mu)), where both responses are equal.
+
+    Each solution has the residual 1e-9. The pressure between the points of a rough contact amplifies it by
+    some 100, since a displacement of the longest wave is n/2 times softer than one of the shortest.
+    """
+    grid, response, solver = setting((1024,))
+    h = parabola(grid, 0.25) if shape == "parabola" else rough(grid, np.random.default_rng(5), 0.8) * 0.003
+    mu, load = 0.4, 0.002 if shape == "parabola" else 0.02
+    whole = Problem(response, h - h.min(), Law(mu), load=load, force=np.array([0.5 * mu * load]))
+    found = solver.solve(whole, tolerance=1e-9)
+    pressed = [
+        solver.solve(replace(whole, law=Law(0.0), load=part * load, force=None), tolerance=1e-9).pressure
+        for part in (1.0, 0.5)
+    ]
+    np.testing.assert_allclose(
+        found.traction[0], mu * (pressed[0] - pressed[1]), rtol=0, atol=1e-6 * mu * pressed[0].max()
+    )
+    if shape == "parabola":  # c/a = (1 - Q/(mu P))^(1/2), but for a spacing at each edge, of 103
+        assert found.stick.sum() / found.contact.sum() == pytest.approx(0.5**0.5, abs=2 / 103)
+
+
+def test_a_sphere_has_the_numbers_of_contact() -> None:
+    """Vollebregt's CONTACT: contact radius 1, stick radius 0.5, p_max 4.390, shift 8.172e-3.
+
+    The two bodies are equal: their coupling cancels. The cell of 12 radii adds a uniform displacement,
+    3.9003/(2 pi L) times the force and the mean of C_UU q and C_VV q; it is taken off. Its next term is
+    (a/L)^3, 0.06 %. Radii have half a spacing, 0.05.
+    """
+    period, mu, radius, load = 12.0, 0.4, 50.0, 9.1954
+    force = 7 / 8 * mu * load
+    grid = Grid((128, 128), (period, period))
+    one = Response.of_halfspace(grid, 200.0, 0.42)
+    both = Response(2 * one.normal, 0 * one.coupling, 2 * one.along, 2 * one.across)
+    given = {"load": load / period**2, "force": np.array([force, 0.0]) / period**2}
+    solver = FrictionSolver(grid, Transforms(grid.points))
+    found = solver.solve(Problem(both, parabola(grid, radius), Law(mu), **given))
+    spacing = period / 128
+    radii = [np.sqrt(points.sum() / np.pi) * spacing for points in (found.contact, found.stick)]
+    assert radii == pytest.approx([1.0, 0.5], abs=spacing / 2)
+    assert found.pressure.max() == pytest.approx(4.390, rel=0.002)
+    images = 3.900265 / (2 * np.pi * period) * force * (2 - 0.42) / 200.0
+    assert found.path[0] + images == pytest.approx(8.172e-3, rel=0.002)
+
+
+def test_a_sliding_cylinder_moves_its_contact_back() -> None:
+    """The edges are -a - x0 and a - x0, x0 = 2 gamma a, tan(pi gamma) = mu (1 - 2 nu)/(2 (1 - nu)); Johnson.
+
+    The cell is 55 half-widths wide; a spacing is 0.12 x0.
+    """
+    nu, mu, period, n = 0.2, 0.5, 2.0, 4096
+    grid, response, solver = setting((n,), period, nu)
+    problem = Problem(response, parabola(grid, 0.25), Law(mu), load=0.01 / period, path=np.array([0.5]))
+    found = solver.solve(problem)
+    np.testing.assert_allclose(found.traction[0], mu * found.pressure, rtol=0, atol=1e-9)
+    x, spacing = grid.coordinates[0][found.contact], period / n
+    a = 0.5 * (x[-1] - x[0] + spacing)
+    expected = 2 * a * np.arctan(mu * (1 - 2 * nu) / (2 * (1 - nu))) / np.pi
+    assert -0.5 * (x[0] + x[-1]) == pytest.approx(expected, abs=spacing)
+
+
+@pytest.fixture(scope="module")
+def on_a_surface() -> tuple[FrictionSolver, Problem, Solution]:
+    grid, response, solver = setting((64, 64), poisson=0.2)
+    h = rough(grid, np.random.default_rng(1), 0.8) * 0.01
+    problem = Problem(response, h - h.min(), Law(0.6), load=0.02, force=np.array([0.006, 0.0]))
+    return solver, problem, solver.solve(problem, tolerance=1e-9)
+
+
+@pytest.mark.parametrize("symmetry", ["mirror", "quarter turn"])
+def test_a_turned_surface_has_the_turned_solution(
+    symmetry: str, on_a_surface: tuple[FrictionSolver, Problem, Solution]
+) -> None:
+    """Both solutions have the residual 1e-9, which the pressures between points amplify by some 30."""
+    solver, problem, found = on_a_surface
+    assert found.converged
+    h = problem.heights.reshape(64, 64)
+    if symmetry == "mirror":  # along x; the force is reversed
+        turned, force, sign = h[::-1], np.array([-0.006, 0.0]), -1.0
+        expected = [field.reshape(64, 64)[::-1] for field in (found.pressure, *found.traction)]
+        expected[1] = sign * expected[1]
+    else:  # x becomes y
+        turned, force = h.T, np.array([0.0, 0.006])
+        p, tx, ty = (field.reshape(64, 64).T for field in (found.pressure, *found.traction))
+        expected = [p, ty, tx]
+    other = solver.solve(replace(problem, heights=turned.ravel(), force=force), tolerance=1e-9)
+    np.testing.assert_allclose(
+        other.tractions, np.array(expected).reshape(3, -1), rtol=0, atol=1e-6 * found.pressure.max()
+    )
+
+
+def test_a_surface_that_is_a_line_has_the_solution_of_the_line() -> None:
+    line, response, solver = setting((128,), poisson=0.1)
+    h = rough(line, np.random.default_rng(3), 0.8) * 0.01
+    problem = Problem(response, h - h.min(), Law(0.7), load=0.03, path=np.array([0.002]))
+    found = solver.solve(problem, tolerance=1e-9)
+    _, response, solver = setting((128, 32), poisson=0.1)
+    wide = np.repeat(problem.heights, 32)
+    other = solver.solve(
+        replace(problem, response=response, heights=wide, path=np.array([0.002, 0.0])), tolerance=1e-9
+    )
+    expected = np.repeat(np.vstack((found.tractions, np.zeros((1, 128)))), 32, axis=1)
+    np.testing.assert_allclose(other.tractions, expected, rtol=0, atol=1e-6 * found.pressure.max())
+
+
+def test_limits_of_the_coefficient(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+    """Without friction nothing depends on the path; with unlimited friction nothing slips.
+
+    A step without slip need not have a solution if shear moves the surface up and down: here it does not.
+    """
+    solver, problem, _ = on_a_surface
+    response = replace(problem.response, coupling=0 * problem.response.coupling)
+    moved = replace(problem, force=None, path=np.array([0.01, 0.0]), response=response)
+    smooth, stuck = (solver.solve(replace(moved, law=law)) for law in (Law(0.0), Law()))
+    assert not smooth.traction.any()
+    assert smooth.pressure.mean() == pytest.approx(0.02, rel=1e-12)
+    assert smooth.converged
+    assert stuck.converged
+    assert stuck.stick.sum() == stuck.contact.sum()
+    assert np.abs(stuck.slip[:, stuck.contact]).max() < 1e-7 * stuck.displacement[0].max() * 2
+
+
+def test_a_shear_strength_ends_the_traction(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+    """At full slip the traction is min(mu p, tau_0) in the direction of the path."""
+    solver, problem, _ = on_a_surface
+    law = Law(0.6, 0.05)
+    found = solver.solve(replace(problem, law=law, force=None, path=np.array([0.0, 0.5])))
+    assert found.converged
+    bound = law.bound(found.pressure)
+    assert 0.1 < (bound[found.contact] == 0.05).mean() < 0.9
+    np.testing.assert_allclose(norms(found.traction), bound, rtol=1e-12)
+    assert obeys_coulomb(replace(problem, law=law), found, 1e-7)
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+@pytest.mark.parametrize("seed", [10, 27, 144])
+def test_random_steps_obey_coulomb(axes: int, seed: int) -> None:
+    """Rough, smooth and noisy punches, any past, coefficients up to 2, all four combinations of control.
+
+    Case 10 of the surfaces is a point that carries nearly all of a light load.
+    """
+    grid, problem = random_problem(seed, axes)
+    found = FrictionSolver(grid, Transforms(grid.points)).solve(problem)
+    assert found.converged
+    assert found.residual < 1e-7
+    assert obeys_coulomb(problem, found, 1e-7)
+    if problem.force is not None:
+        np.testing.assert_allclose(
+            found.traction.mean(axis=1), problem.force, atol=1e-6 * found.pressure.mean()
+        )
+
+
+def test_impossible_friction_is_refused(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+    solver, problem, _ = on_a_surface
+    with pytest.raises(ValueError, match="slides away"):
+        solver.solve(replace(problem, force=np.array([0.01, 0.0074])))  # 0.0124 > 0.6 * 0.02
+    with pytest.raises(ValueError, match=r"coefficient of friction: got -0\.1; must be >= 0"):
+        Law(-0.1)
+
+
+def test_a_solve_that_does_not_end_says_so(on_a_surface: tuple[FrictionSolver, Problem, Solution]) -> None:
+    solver, problem, _ = on_a_surface
+    found = solver.solve(problem, limit=1)
+    assert not found.converged
+    assert found.residual > 1e-7
+    assert "residual" in found.reason
